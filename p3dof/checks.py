@@ -1,0 +1,139 @@
+"""Checks of arguments that several modules share; each names what was expected and what came."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from p3dof.errors import InputError, P3dofError
+
+FloatArray = NDArray[np.float64]
+"""An array of double-precision numbers."""
+
+
+def as_floats(name: str, value: Any, error: type[P3dofError] = InputError) -> FloatArray:
+    """Return `value` as an array of real numbers, of any shape, NaN and infinity included.
+
+    Parameters
+    ----------
+    name : str
+        What to call the argument in an error.
+    value : array-like
+        The argument.
+    error : type of P3dofError
+        The error to raise.
+
+    Returns
+    -------
+    ndarray of float64
+
+    Raises
+    ------
+    P3dofError
+        The given `error`, if `value` is ragged, complex, text, or not numbers at all.
+    """
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind not in "fiu":
+            raise TypeError(f"got {array.dtype.name}")
+        floats: FloatArray = array.astype(np.float64, copy=False)
+    except (TypeError, ValueError) as problem:
+        raise error(f"{name}: expected real numbers ({problem})") from problem
+    return floats
+
+
+def frozen_array(
+    name: str, value: Any, shape: tuple[int | str, ...], error: type[P3dofError] = InputError
+) -> FloatArray:
+    """Return a read-only copy of `value` after checking its shape and that every entry is finite.
+
+    Parameters
+    ----------
+    name : str
+        What to call the argument in an error.
+    value : array-like
+        The argument.
+    shape : tuple of int or str
+        The expected shape; a letter stands for any length.
+    error : type of P3dofError
+        The error to raise.
+
+    Returns
+    -------
+    ndarray of float64
+        A copy that cannot be written to.
+
+    Raises
+    ------
+    P3dofError
+        The given `error`, on any mismatch.
+    """
+    array = as_floats(name, value, error).copy()
+    expected = "(" + ", ".join(str(n) for n in shape) + ("," if len(shape) == 1 else "") + ")"
+    fits = array.ndim == len(shape) and all(
+        isinstance(n, str) or n == m for n, m in zip(shape, array.shape, strict=True)
+    )
+    if not fits:
+        raise error(f"{name}: expected shape {expected}, got {array.shape}")
+    bad = np.argwhere(~np.isfinite(array))
+    if len(bad):
+        index = tuple(int(i) for i in bad[0])
+        raise error(f"{name}: expected finite numbers, got {array[index]} at index {list(index)}")
+    array.setflags(write=False)
+    return array
+
+
+def batch_of(name: str, value: Any, length: int) -> FloatArray:
+    """Return `value` as an array whose last axis has the given length; leading axes are a batch.
+
+    Parameters
+    ----------
+    name : str
+        What to call the argument in an error.
+    value : array-like, shape (..., length)
+        The argument; it may hold NaN.
+    length : int
+        The expected length of the last axis.
+
+    Returns
+    -------
+    ndarray of float64, shape (..., length)
+
+    Raises
+    ------
+    InputError
+        If the shape or the type does not fit.
+    """
+    array = as_floats(name, value)
+    if array.ndim == 0 or array.shape[-1] != length:
+        raise InputError(f"{name}: expected shape (..., {length}), got {array.shape}")
+    return array
+
+
+def positive(name: str, value: Any, error: type[P3dofError]) -> float:
+    """Return `value` as a positive finite number.
+
+    Parameters
+    ----------
+    name : str
+        What to call the argument in an error.
+    value : float
+        The argument.
+    error : type of P3dofError
+        The error to raise.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    P3dofError
+        The given `error`, if `value` is not a number, not finite, or not positive.
+    """
+    number = float(frozen_array(name, value, (), error))
+    if number <= 0:
+        raise error(f"{name}: expected a positive number, got {number:g}")
+    return number

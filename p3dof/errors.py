@@ -1,0 +1,101 @@
+"""Every error that p3dof raises on purpose.
+
+One root, `P3dofError`, so that ``except p3dof.P3dofError`` catches them all; each subclass is also the
+built-in error that a Python programmer would expect (`ValueError`, `RuntimeError`, `OSError`).
+"""
+
+from __future__ import annotations
+
+
+class P3dofError(Exception):
+    """Root of all errors raised by p3dof."""
+
+
+class InputError(P3dofError, ValueError):
+    """An argument has the wrong shape, type or range, or is not finite."""
+
+
+class ParameterError(P3dofError, ValueError):
+    """A geometric, inertial or limit parameter is not physical, is missing or is unknown."""
+
+
+class MotionError(P3dofError, ValueError):
+    """A motion is malformed: shapes, times, finite values, or velocities that its poses contradict."""
+
+
+class ModelError(P3dofError, ValueError):
+    """A robot description (URDF or sidecar) is malformed or names something that does not exist."""
+
+
+class FileError(P3dofError, OSError):
+    """A file cannot be read or written."""
+
+
+class SampleError(P3dofError, ValueError):
+    """Some samples of a batch are invalid; the message names the first one.
+
+    Parameters
+    ----------
+    message : str
+        The sentence shown to the user.
+    index : tuple of int
+        Index of the first bad sample in the leading batch dimensions; empty for a single sample.
+    count : int
+        How many samples of the batch are bad.
+    """
+
+    def __init__(self, message: str, index: tuple[int, ...] = (), count: int = 1) -> None:
+        super().__init__(message)
+        self.index = index
+        self.count = count
+
+
+class ReachError(SampleError):
+    """A pose (or a set of slider positions) is out of reach.
+
+    Parameters
+    ----------
+    message : str
+        The sentence shown to the user.
+    leg : str
+        The offending leg: ``"a"``, ``"b"`` or ``"c"``.
+    margin : float
+        Reach margin of that leg [m]; negative or zero when out of reach.
+    index, count
+        See `SampleError`.
+    """
+
+    def __init__(
+        self, message: str, leg: str, margin: float, index: tuple[int, ...] = (), count: int = 1
+    ) -> None:
+        super().__init__(message, index, count)
+        self.leg = leg
+        self.margin = margin
+
+
+class SingularityError(SampleError):
+    """The actuators cannot hold the mechanism: their forces are unbounded at this configuration."""
+
+
+class AssemblyError(P3dofError, RuntimeError):
+    """The loops of a mechanism do not close at the requested target.
+
+    Parameters
+    ----------
+    message : str
+        The sentence shown to the user.
+    gap : float
+        The largest closure or target error that is left [m or rad].
+    """
+
+    def __init__(self, message: str, gap: float = float("nan")) -> None:
+        super().__init__(message)
+        self.gap = gap
+
+
+class DynamicsError(P3dofError, RuntimeError):
+    """A dynamics problem has no solution, or the solver did not reach the accuracy asked for."""
+
+
+class MissingExtraError(P3dofError, ImportError):
+    """An optional dependency is not installed; the message says which extra brings it."""

@@ -1,0 +1,30 @@
+"""What the machine is: geometry, bodies, limits, gravity; the paper's values and those of solid steel.
+
+`PAPER` holds the printed numbers, completed by the mass centres that the paper leaves out; `SOLIDS` computes
+every body from the solids that reproduce the printed masses. All classes are frozen and check what they are
+given; `dataclasses.replace` makes variants.
+"""
+
+from p3dof.parameters.body import Body
+from p3dof.parameters.machine import Bodies, Geometry, Limits, Parameters
+from p3dof.parameters.named import PAPER, SOLIDS, of_solids
+from p3dof.parameters.serialization import read_parameters, write_parameters
+from p3dof.parameters.solids import STEEL_DENSITY, Dimensions, box, cylinder, rounded_plate
+
+__all__ = [
+    "PAPER",
+    "SOLIDS",
+    "STEEL_DENSITY",
+    "Bodies",
+    "Body",
+    "Dimensions",
+    "Geometry",
+    "Limits",
+    "Parameters",
+    "box",
+    "cylinder",
+    "of_solids",
+    "read_parameters",
+    "rounded_plate",
+    "write_parameters",
+]

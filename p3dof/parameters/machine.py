@@ -1,0 +1,198 @@
+"""`Geometry`, `Bodies`, `Limits` and `Parameters`: one machine of the paper's kind."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields
+
+from p3dof.checks import FloatArray, frozen_array, positive
+from p3dof.errors import ParameterError
+from p3dof.parameters.body import Body
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """Lengths of the mechanism [m]; the defaults are the paper's.
+
+    Parameters
+    ----------
+    r : float
+        Size of the platform: distance from P to each of its joints A3, B3, C5.
+    R : float
+        Size of the base: distance from O to each guide-way.
+    L : float
+        Length of the legs and of the rods of the parallelogram.
+    b : float
+        Half width of the parallelogram. The paper does not give it, and no force depends on it.
+
+    Raises
+    ------
+    ParameterError
+        Unless 0 < r < R, L > R - r and b > 0.
+    """
+
+    r: float = 0.1
+    R: float = 0.25
+    L: float = 0.4
+    b: float = 0.05
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = positive(item.name, getattr(self, item.name), ParameterError)
+            object.__setattr__(self, item.name, value)
+        if self.r >= self.R:
+            raise ParameterError(
+                f"r, R: expected r < R (every pose is singular at r = R), got r = {self.r:g}, R = {self.R:g} m"
+            )
+        if not self.R - self.r < self.L:
+            raise ParameterError(
+                f"L: expected more than R - r = {self.R - self.r:g} m to reach the platform, got {self.L:g} m"
+            )
+
+    @property
+    def h(self) -> float:
+        """Depth of the platform below the sliders at home, h = √(L² - (R-r)²) [m] (paper, eq. 7)."""
+        width = self.R - self.r
+        return math.sqrt((self.L - width) * (self.L + width))
+
+
+@dataclass(frozen=True, eq=False)
+class Bodies:
+    """The ten moving bodies, one `Body` a link.
+
+    Parameters
+    ----------
+    slider_a, leg_a, slider_b, leg_b, slider_c : Body
+        Sliders (T1) and legs (T2) of the legs A and B, slider of leg C.
+    crossbar_upper, rod_left, crossbar_lower, platform, rod_right : Body
+        T2, T3, T4, T5 and T6 of leg C. Only the cross-bars may be massless.
+
+    Raises
+    ------
+    ParameterError
+        If a field is not a `Body`, or a body other than a cross-bar has no mass.
+    """
+
+    slider_a: Body
+    leg_a: Body
+    slider_b: Body
+    leg_b: Body
+    slider_c: Body
+    crossbar_upper: Body
+    rod_left: Body
+    crossbar_lower: Body
+    platform: Body
+    rod_right: Body
+
+    def __post_init__(self) -> None:
+        for name, body in self.items():
+            if not isinstance(body, Body):
+                raise ParameterError(f"{name}: expected a Body, got {type(body).__name__}")
+            if body.mass == 0 and not name.startswith("crossbar"):
+                raise ParameterError(f"{name}: expected a positive mass, got 0 kg")
+
+    @classmethod
+    def alike(cls, *, slider: Body, leg: Body, crossbar: Body, platform: Body) -> Bodies:
+        """Make the usual set: equal sliders, equal legs and rods, equal cross-bars.
+
+        Parameters
+        ----------
+        slider, leg, crossbar, platform : Body
+            One body of each kind.
+
+        Returns
+        -------
+        Bodies
+        """
+        return cls(
+            slider_a=slider,
+            leg_a=leg,
+            slider_b=slider,
+            leg_b=leg,
+            slider_c=slider,
+            crossbar_upper=crossbar,
+            rod_left=leg,
+            crossbar_lower=crossbar,
+            platform=platform,
+            rod_right=leg,
+        )
+
+    def items(self) -> Iterator[tuple[str, Body]]:
+        """Iterate over (link name, body)."""
+        return ((item.name, getattr(self, item.name)) for item in fields(self))
+
+    @property
+    def mass(self) -> float:
+        """Total moving mass [kg]."""
+        return sum(body.mass for _, body in self.items())
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the actuators can do, and how far the platform may turn; the paper gives none of these.
+
+    Parameters
+    ----------
+    travel : tuple of float
+        Lowest and highest slider position [m]; home (0) lies between.
+    speed : float
+        Largest slider speed [m/s].
+    force : float
+        Largest actuator force [N].
+    tilt : tuple of float
+        Smallest and largest platform rotation θ [rad]; home (0) lies between.
+
+    Raises
+    ------
+    ParameterError
+        If a number is not finite, not positive where it must be, or a range does not hold home.
+    """
+
+    travel: tuple[float, float] = (-0.2, 0.2)
+    speed: float = 2.0
+    force: float = 500.0
+    tilt: tuple[float, float] = (-math.pi / 4, math.pi / 4)
+
+    def __post_init__(self) -> None:
+        for name in ("travel", "tilt"):
+            low, high = (float(end) for end in frozen_array(name, getattr(self, name), (2,), ParameterError))
+            if not low < 0 < high:
+                raise ParameterError(f"{name}: expected a range around 0 (home), got [{low:g}, {high:g}]")
+            object.__setattr__(self, name, (low, high))
+        for name in ("speed", "force"):
+            object.__setattr__(self, name, positive(name, getattr(self, name), ParameterError))
+
+
+@dataclass(frozen=True, eq=False)
+class Parameters:
+    """One machine: geometry, bodies, limits and gravity.
+
+    Parameters
+    ----------
+    geometry : Geometry
+        Lengths.
+    bodies : Bodies
+        Inertial parameters.
+    limits : Limits
+        Actuator limits.
+    gravity : array-like, shape (3,)
+        Acceleration of gravity in the fixed frame [m/s²].
+
+    Raises
+    ------
+    ParameterError
+        If a field has the wrong type, or gravity is not three finite numbers.
+    """
+
+    geometry: Geometry
+    bodies: Bodies
+    limits: Limits = field(default_factory=Limits)
+    gravity: FloatArray = (0.0, 0.0, -9.806)  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        for name, kind in (("geometry", Geometry), ("bodies", Bodies), ("limits", Limits)):
+            if not isinstance(getattr(self, name), kind):
+                got = type(getattr(self, name)).__name__
+                raise ParameterError(f"{name}: expected {kind.__name__}, got {got}")
+        object.__setattr__(self, "gravity", frozen_array("gravity", self.gravity, (3,), ParameterError))

@@ -1,0 +1,92 @@
+"""The named parameter sets: `PAPER` and `SOLIDS`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from p3dof.parameters.body import Body
+from p3dof.parameters.machine import Bodies, Geometry, Limits, Parameters
+from p3dof.parameters.solids import STEEL_DENSITY, Dimensions, box, cylinder, rounded_plate
+
+
+def of_solids(
+    geometry: Geometry | None = None,
+    dimensions: Dimensions | None = None,
+    density: float = STEEL_DENSITY,
+    limits: Limits | None = None,
+) -> Parameters:
+    """Compute every body from its solid: cubes, round rods and the rounded plate.
+
+    Parameters
+    ----------
+    geometry : Geometry, optional
+        Lengths; the paper's by default.
+    dimensions : Dimensions, optional
+        Sizes of the solids; those of the paper, scaled to the geometry, by default.
+    density : float
+        Density of all solids [kg/m³].
+    limits : Limits, optional
+        Actuator limits.
+
+    Returns
+    -------
+    parameters : Parameters
+    """
+    geometry = geometry or Geometry()
+    size = dimensions or Dimensions.scaled(geometry)
+    edge = size.slider_edge
+    bodies = Bodies.alike(
+        slider=box((edge, edge, edge), density),
+        leg=cylinder(size.rod_radius, geometry.L, density=density),
+        crossbar=cylinder(size.rod_radius, 2 * geometry.b, axis=1, start=-geometry.b, density=density),
+        platform=rounded_plate(platform_corners(geometry), size.corner_radius, size.plate_thickness, density),
+    )
+    return Parameters(geometry, bodies, limits or Limits())
+
+
+def platform_corners(geometry: Geometry) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    """Return the platform's joints A3, B3, C5 in its plane, in the platform frame, counter-clockwise.
+
+    Parameters
+    ----------
+    geometry : Geometry
+        The lengths of the mechanism.
+
+    Returns
+    -------
+    ndarray, shape (3, 2)
+        x and y of A3, B3 and C5 [m].
+    """
+    r = geometry.r
+    return np.array([[0.0, -r], [0.0, r], [-r, 0.0]])
+
+
+def _paper() -> Parameters:
+    """Return the printed numbers, with the mass centres and axes that the paper leaves to the reader.
+
+    The printed J2 is about the leg's upper joint, x along the leg. The printed J3 = diag(.0269, .0658, .0501)
+    is about C5 in the axes of T5 (x0, -z0, y0). Mass centres are those of the solids, which reproduce the
+    printed masses; sliders only translate, so that the inertia of the cube stands in for the one not given.
+    """
+    geometry = Geometry()
+    solids = of_solids(geometry).bodies
+    slider_mass, leg_mass, platform_mass = 0.9751, 0.9803, 8.1573
+    bodies = Bodies.alike(
+        slider=Body(slider_mass, np.zeros(3), np.full(3, slider_mass * Dimensions().slider_edge ** 2 / 6)),
+        leg=Body.about(np.zeros(3), leg_mass, solids.leg_a.com, np.array([0.0006, 0.0524, 0.0524])),
+        crossbar=Body.massless(),
+        platform=Body.about(
+            np.array([-geometry.r, 0.0, 0.0]),
+            platform_mass,
+            solids.platform.com,
+            np.array([0.0269, 0.0501, 0.0658]),
+        ),
+    )
+    return Parameters(geometry, bodies)
+
+
+PAPER = _paper()
+"""The printed numbers of the paper, completed by the reconstructed mass centres; massless cross-bars."""
+
+SOLIDS = of_solids()
+"""Every body computed from its steel solid; its masses round to the paper's."""

@@ -1,0 +1,192 @@
+"""Parameter files: YAML in and out.
+
+The form::
+
+    geometry: {r: 0.1, R: 0.25, L: 0.4, b: 0.05}        # m
+    bodies:
+      slider:   {mass: 0.9751, com: [0, 0, 0], inertia: [4.1e-4, 4.1e-4, 4.1e-4]}   # kg, m, kg m² about com
+      leg:      {...}
+      crossbar: {...}
+      platform: {...}
+    limits: {travel: [-0.2, 0.2], speed: 2, force: 500, tilt: [-0.785, 0.785]}      # optional: m, m/s, N, rad
+    gravity: [0, 0, -9.806]                                                         # optional: m/s²
+
+``bodies`` names either these four kinds or all ten links, each on its own. An inertia is a diagonal or a full
+matrix, about the mass centre; with ``about: [x, y, z]`` it is about that point instead.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, fields
+from typing import Any, TypeVar
+
+import yaml
+
+from p3dof.errors import ParameterError
+from p3dof.files import parse_yaml, read_text, write_atomic
+from p3dof.parameters.body import Body
+from p3dof.parameters.machine import Bodies, Geometry, Limits, Parameters
+
+_LINKS = tuple(item.name for item in fields(Bodies))
+_KINDS = ("slider", "leg", "crossbar", "platform")
+_T = TypeVar("_T")
+
+
+def read_parameters(path: str | os.PathLike[str]) -> Parameters:
+    """Read a parameter file.
+
+    Parameters
+    ----------
+    path : path-like
+        The YAML file.
+
+    Returns
+    -------
+    parameters : Parameters
+
+    Raises
+    ------
+    ParameterError
+        If a field is missing, unknown or not physical; the message names file and field.
+    FileError
+        If the file cannot be read.
+    """
+    return parse(read_text(path), str(path))
+
+
+def write_parameters(parameters: Parameters, path: str | os.PathLike[str]) -> None:
+    """Write a parameter file that `read_parameters` reads back to the same numbers.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        What to write.
+    path : path-like
+        The YAML file; replaced whole or not at all.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+    """
+    write_atomic(path, dump(parameters))
+
+
+def parse(text: str, source: str = "parameters") -> Parameters:
+    """Read parameters from YAML text.
+
+    Parameters
+    ----------
+    text : str
+        The YAML text.
+    source : str
+        What to call it in an error: usually the file name.
+
+    Returns
+    -------
+    parameters : Parameters
+
+    Raises
+    ------
+    ParameterError
+        If a field is missing, unknown or not physical; the message names `source` and the field.
+    """
+    data = _mapping(
+        parse_yaml(text, source, ParameterError),
+        source,
+        required=("geometry", "bodies"),
+        optional=("limits", "gravity"),
+    )
+    geometry = _record(data["geometry"], f"{source}: geometry", Geometry, required=("r", "R", "L"))
+    bodies = _bodies(data["bodies"], f"{source}: bodies")
+    rest: dict[str, Any] = {}
+    if "limits" in data:
+        rest["limits"] = _record(data["limits"], f"{source}: limits", Limits)
+    if "gravity" in data:
+        rest["gravity"] = _number(data["gravity"])
+    return _named(source, lambda: Parameters(geometry, bodies, **rest))
+
+
+def dump(parameters: Parameters) -> str:
+    """Return the YAML text of parameters; `parse` gives the same numbers back to the last bit.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        What to write.
+
+    Returns
+    -------
+    str
+    """
+    limits = {
+        key: list(value) if isinstance(value, tuple) else value
+        for key, value in asdict(parameters.limits).items()
+    }
+    data = {
+        "geometry": asdict(parameters.geometry),
+        "gravity": parameters.gravity.tolist(),
+        "limits": limits,
+        "bodies": {name: body.to_dict() for name, body in parameters.bodies.items()},
+    }
+    header = "# p3dof parameters: m, kg, kg m² about the mass centre, m/s, N, rad, m/s²\n"
+    return header + yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=110)
+
+
+def _bodies(data: Any, where: str) -> Bodies:
+    kinds = isinstance(data, Mapping) and not set(data) - set(_KINDS)
+    names = _KINDS if kinds else _LINKS
+    data = _mapping(data, where, required=names)
+    bodies = {name: _body(data[name], f"{where}.{name}") for name in names}
+    return _named(where, lambda: Bodies.alike(**bodies) if kinds else Bodies(**bodies))
+
+
+def _body(data: Any, where: str) -> Body:
+    data = _mapping(data, where, required=("mass", "com", "inertia"), optional=("about",))
+    values = {key: _number(value) for key, value in data.items()}
+    point = values.pop("about", None)
+    return _named(where, lambda: Body(**values) if point is None else Body.about(point, **values))
+
+
+def _record(data: Any, where: str, kind: Callable[..., _T], required: Iterable[str] = ()) -> _T:
+    """Make a flat dataclass from a mapping."""
+    known = [item.name for item in fields(kind)]  # type: ignore[arg-type]
+    data = _mapping(data, where, required, known)
+    return _named(where, lambda: kind(**{key: _number(value) for key, value in data.items()}))
+
+
+def _mapping(
+    data: Any, where: str, required: Iterable[str] = (), optional: Iterable[str] = ()
+) -> Mapping[str, Any]:
+    required, known = list(required), [*required, *optional]
+    if not isinstance(data, Mapping):
+        raise ParameterError(f"{where}: expected the fields {', '.join(known)}, got {data!r:.40}")
+    unknown = [str(key) for key in data if key not in known]
+    if unknown:
+        raise ParameterError(f"{where}: unknown field {unknown[0]!r}, expected {', '.join(known)}")
+    missing = [key for key in required if key not in data]
+    if missing:
+        raise ParameterError(f"{where}: the field {missing[0]!r} is missing")
+    return data
+
+
+def _number(value: Any) -> Any:
+    """Turn text such as 1e-3, which YAML 1.1 does not read as a number, into one; lists item by item."""
+    if isinstance(value, list):
+        return [_number(item) for item in value]
+    if isinstance(value, str):
+        try:
+            return float(value)
+        except ValueError:
+            return value
+    return value
+
+
+def _named(where: str, make: Callable[[], _T]) -> _T:
+    """Put the place in the file before the error of a constructor."""
+    try:
+        return make()
+    except ParameterError as error:
+        raise ParameterError(f"{where}: {error}") from error
