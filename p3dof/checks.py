@@ -38,7 +38,7 @@ def as_floats(name: str, value: Any, error: type[P3dofError] = InputError) -> Fl
         array = np.asarray(value)
         if array.dtype.kind not in "fiu":
             raise TypeError(f"got {array.dtype.name}")
-        floats: FloatArray = array.astype(np.float64, copy=False)
+        floats: FloatArray = np.asarray(array, dtype=np.float64)
     except (TypeError, ValueError) as problem:
         raise error(f"{name}: expected real numbers ({problem})") from problem
     return floats

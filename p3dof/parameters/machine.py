@@ -43,7 +43,7 @@ class Geometry:
             object.__setattr__(self, item.name, value)
         if self.r >= self.R:
             raise ParameterError(
-                f"r, R: expected r < R (every pose is singular at r = R), got r = {self.r:g}, R = {self.R:g} m"
+                f"r, R: expected r < R (r = R is singular everywhere), got r = {self.r:g}, R = {self.R:g} m"
             )
         if not self.R - self.r < self.L:
             raise ParameterError(
