@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from p3dof.checks import FloatArray
 from p3dof.parameters.body import Body
 from p3dof.parameters.machine import Bodies, Geometry, Limits, Parameters
 from p3dof.parameters.solids import STEEL_DENSITY, Dimensions, box, cylinder, rounded_plate
@@ -44,7 +45,7 @@ def of_solids(
     return Parameters(geometry, bodies, limits or Limits())
 
 
-def platform_corners(geometry: Geometry) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+def platform_corners(geometry: Geometry) -> FloatArray:
     """Return the platform's joints A3, B3, C5 in its plane, in the platform frame, counter-clockwise.
 
     Parameters

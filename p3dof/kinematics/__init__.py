@@ -1,0 +1,30 @@
+"""Closed-form kinematics of the mechanism, batched: sliders, poses, Jacobian, every joint and body.
+
+Neither Pinocchio nor the description is used here: what agrees with them agrees independently.
+"""
+
+from p3dof.kinematics.bodies import BodyMotion, MechanismMotion, closure_error, mechanism_motion
+from p3dof.kinematics.forward import forward_kinematics
+from p3dof.kinematics.inverse import (
+    InverseKinematics,
+    inverse_jacobian,
+    inverse_kinematics,
+    joint_coordinates,
+    singularity,
+)
+from p3dof.kinematics.validity import OnInvalid, Singularity
+
+__all__ = [
+    "BodyMotion",
+    "InverseKinematics",
+    "MechanismMotion",
+    "OnInvalid",
+    "Singularity",
+    "closure_error",
+    "forward_kinematics",
+    "inverse_jacobian",
+    "inverse_kinematics",
+    "joint_coordinates",
+    "mechanism_motion",
+    "singularity",
+]

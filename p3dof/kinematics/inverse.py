@@ -1,0 +1,197 @@
+"""Inverse kinematics on arrays: sliders, passive angles, Jacobian, singularities."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from p3dof.algebra import components, matrix_array, vector_array
+from p3dof.checks import FloatArray, batch_of
+from p3dof.kinematics.formulas import Configuration, Lengths, configuration, jacobian
+from p3dof.kinematics.validity import (
+    OnInvalid,
+    Singularity,
+    reach_margins,
+    reachable_poses,
+    reached,
+)
+from p3dof.parameters import Geometry
+
+
+@dataclass(frozen=True, eq=False)
+class InverseKinematics:
+    """Sliders and passive angles at poses.
+
+    Parameters
+    ----------
+    sliders : ndarray, shape (..., 3)
+        λ10 of A, B, C [m].
+    angles : dict of str to ndarray, shape (...)
+        The paper's relative angles φ, zero at home [rad]: ``phi21_a``, ``phi21_b``, ``phi21_c``,
+        ``phi32_c`` (= φ43 = φ62) and ``phi54_c``.
+    """
+
+    sliders: FloatArray
+    angles: Mapping[str, FloatArray]
+
+    @property
+    def joints(self) -> dict[str, FloatArray]:
+        """Every joint of the mechanism by its name in the URDF, positive about the URDF's axes [m, rad]."""
+        return joint_coordinates(self.sliders, *self.angles.values())
+
+
+def singularity(geometry: Geometry, pose: ArrayLike) -> Singularity:
+    """Return how far poses are from being out of reach and from being actuation-singular.
+
+    Parameters
+    ----------
+    geometry : Geometry
+        Lengths of the mechanism.
+    pose : array-like, shape (..., 3)
+        y [m], z [m], θ [rad]; a row with NaN or infinity has NaN margins.
+
+    Returns
+    -------
+    Singularity
+
+    Raises
+    ------
+    InputError
+        If the shape does not fit.
+    """
+    poses = batch_of("pose", pose, 3)
+    poses = np.where(np.isfinite(poses).all(axis=-1, keepdims=True), poses, np.nan)
+    serial = reach_margins(geometry, poses)
+    inside = np.where(reached(geometry, serial)[..., None], poses, np.nan)
+    lengths = Lengths.of(geometry)
+    x = configuration(lengths, components(inside), np)
+    J = jacobian(lengths, x)
+    determinant = J[2][2] * (J[0][0] - J[1][0])
+    return Singularity(serial, np.arcsin(np.clip(x.cos_54, -1, 1)), np.asarray(determinant))
+
+
+def inverse_kinematics(
+    geometry: Geometry, pose: ArrayLike, on_invalid: OnInvalid = "raise"
+) -> InverseKinematics:
+    """Return the sliders and passive angles at poses: the closed form of (6).
+
+    Parameters
+    ----------
+    geometry : Geometry
+        Lengths of the mechanism.
+    pose : array-like, shape (..., 3)
+        y [m], z [m], θ [rad].
+    on_invalid : {"raise", "nan"}
+        Raise for samples out of reach, or leave NaN in their rows.
+
+    Returns
+    -------
+    InverseKinematics
+
+    Raises
+    ------
+    ReachError
+        If a leg does not reach, naming the leg, its margin and the sample.
+    InputError
+        If the shape does not fit or a number is not finite.
+    """
+    poses = reachable_poses(geometry, pose, on_invalid)
+    x = configuration(Lengths.of(geometry), components(poses), np)
+    return InverseKinematics(
+        vector_array(x.sliders, poses.shape[:-1]), paper_angles(geometry, x, poses[..., 2])
+    )
+
+
+def inverse_jacobian(geometry: Geometry, pose: ArrayLike, on_invalid: OnInvalid = "raise") -> FloatArray:
+    """Return J = ∂(λA, λB, λC)/∂(y, z, θ): slider velocities are J times the pose's velocity (14).
+
+    Parameters
+    ----------
+    geometry : Geometry
+        Lengths of the mechanism.
+    pose : array-like, shape (..., 3)
+        y [m], z [m], θ [rad].
+    on_invalid : {"raise", "nan"}
+        Raise for samples out of reach, or leave NaN in their rows.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+        Rows A, B, C; columns y, z [1] and θ [m/rad].
+
+    Raises
+    ------
+    ReachError, InputError
+        As `inverse_kinematics`.
+    """
+    poses = reachable_poses(geometry, pose, on_invalid)
+    lengths = Lengths.of(geometry)
+    x = configuration(lengths, components(poses), np)
+    J = matrix_array(jacobian(lengths, x), poses.shape[:-1])
+    J[np.isnan(poses).any(axis=-1)] = np.nan
+    return J
+
+
+def joint_coordinates(
+    sliders: FloatArray,
+    phi21_a: FloatArray,
+    phi21_b: FloatArray,
+    phi21_c: FloatArray,
+    phi32_c: FloatArray,
+    phi54_c: FloatArray,
+) -> dict[str, FloatArray]:
+    """Name the paper's coordinates (or their rates) as the joints of the URDF, with the URDF's signs.
+
+    Parameters
+    ----------
+    sliders : ndarray, shape (..., 3)
+        λ10 of A, B, C.
+    phi21_a, phi21_b, phi21_c, phi32_c, phi54_c : ndarray, shape (...)
+        The relative angles; B's axis is -x0 and T2's -y0 in the paper, +x0 and +y0 in the URDF.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (...)
+    """
+    return {
+        "slide_a": sliders[..., 0],
+        "hinge_a": phi21_a,
+        "slide_b": sliders[..., 1],
+        "hinge_b": -phi21_b,
+        "slide_c": sliders[..., 2],
+        "hinge_c": -phi21_c,
+        "hinge_left": phi32_c,
+        "hinge_lower": -phi32_c,
+        "hinge_platform": phi54_c,
+        "hinge_right": phi32_c,
+    }
+
+
+def paper_angles(geometry: Geometry, x: Configuration, theta: FloatArray) -> dict[str, FloatArray]:
+    """Return the paper's relative angles φ, zero at home, in the order of `joint_coordinates`.
+
+    Parameters
+    ----------
+    geometry : Geometry
+        Lengths of the mechanism.
+    x : Configuration
+        Where the mechanism is.
+    theta : ndarray, shape (...)
+        Platform rotation [rad].
+
+    Returns
+    -------
+    dict of str to ndarray, shape (...)
+    """
+    home = np.arctan2(geometry.R - geometry.r, geometry.h)  # α of (7)
+    phi21_c = np.arctan2(x.sin_c, x.cos_c) - home
+    return {
+        "phi21_a": np.arctan2(x.sin_a, x.cos_a) - home,
+        "phi21_b": np.arctan2(x.sin_b, x.cos_b) - home,
+        "phi21_c": phi21_c,
+        "phi32_c": np.arctan2(x.sin_rod, x.cos_rod),
+        "phi54_c": theta + phi21_c,
+    }

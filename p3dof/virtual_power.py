@@ -1,0 +1,353 @@
+"""The paper's inverse dynamics: the virtual powers of all bodies give the actuator forces, (16)-(18).
+
+The virtual velocities are those of (14) for one slider moving at unit speed while the others rest. Every body
+is general: any mass centre and inertia, massive cross-bars, rods that differ. `actuator_forces` is the
+formula, on numbers, arrays or symbols; `forces` serves arrays, with checks. Neither Pinocchio nor the
+description is used: they share only the parameters with this module.
+
+References
+----------
+Staicu et al., "Dynamics of a three-degrees-of-freedom spatial parallel manipulator", (14)-(18), corrected
+where it is misprinted (see the notebook "The paper, equation by equation").
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from p3dof.algebra import (
+    U3,
+    ZERO,
+    Matrix,
+    Namespace,
+    Scalar,
+    Vector,
+    add,
+    apply,
+    apply_transposed,
+    components,
+    congruent,
+    cross,
+    dot,
+    matrix_sum,
+    scale,
+    steiner,
+    subtract,
+)
+from p3dof.checks import FloatArray, batch_of
+from p3dof.errors import InputError
+from p3dof.kinematics.formulas import (
+    Lengths,
+    Rates,
+    accelerations,
+    configuration,
+    jacobian,
+    platform_velocity,
+    velocities,
+)
+from p3dof.kinematics.inverse import singularity
+from p3dof.kinematics.recursion import Frame, body_axes, frames, rigid_acceleration
+from p3dof.kinematics.validity import (
+    ACTUATION_TOLERANCE,
+    OnInvalid,
+    raise_not_finite,
+    raise_singular,
+    reachable_states,
+)
+from p3dof.parameters import Bodies, Parameters
+
+BLOCK = 4096
+"""Samples that are computed at once: their intermediate arrays stay in the processor's cache."""
+
+
+class Inertial(NamedTuple):
+    """Mass, mass centre and inertia about it, in the `Body` axes: numbers or symbols."""
+
+    mass: Scalar
+    com: Vector
+    inertia: Matrix
+
+
+class Wrench(NamedTuple):
+    """An external force and moment on the platform at P, in the axes of the fixed frame [N, N m]."""
+
+    force: Vector
+    moment: Vector
+
+
+class _Load(NamedTuple):
+    """F_k and M_k of (18): what inertia and loads ask of the joint A_k, in the axes of T_k."""
+
+    force: Vector
+    moment: Vector
+
+
+NO_WRENCH = Wrench(ZERO, ZERO)
+
+
+def actuator_forces(
+    lengths: Lengths,
+    bodies: Mapping[str, Inertial],
+    gravity: Vector,
+    pose: Vector,
+    velocity: Vector,
+    acceleration: Vector,
+    xp: Namespace,
+    wrench: Wrench = NO_WRENCH,
+) -> Vector:
+    """Return the actuator forces (16)-(18), on numbers, arrays or symbols; nothing is checked.
+
+    Parameters
+    ----------
+    lengths : Lengths
+        Lengths of the mechanism [m].
+    bodies : mapping of str to Inertial
+        Every moving link by its name.
+    gravity : tuple
+        Acceleration of gravity in T_0 [m/s²].
+    pose, velocity, acceleration : tuple
+        Of (y, z, θ) [m, m, rad] and per second, per second².
+    xp : Namespace
+        Where sqrt, sin and cos come from: `numpy`, `casadi`, `sympy`.
+    wrench : Wrench
+        External wrench on the platform at P.
+
+    Returns
+    -------
+    tuple
+        f10 of A, B, C [N].
+    """
+    x = configuration(lengths, pose, xp)
+    v = velocities(lengths, x, velocity)
+    a = accelerations(lengths, x, v, velocity, acceleration)
+    T = frames(lengths, x, v, a)
+    axes = body_axes(lengths)
+    own = {name: _own_load(T[name], bodies[name], axes[name], gravity) for name in T}
+    own["platform"] = _with_wrench(own["platform"], T["platform"], wrench, (lengths.r, 0, 0))
+    load = _accumulate(T, own)
+    J = jacobian(lengths, x)
+    virtual = [
+        velocities(lengths, x, platform_velocity(J, unit)) for unit in ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+    ]
+    sliders = ("slider_a", "slider_b", "slider_c")
+    forces = [
+        load[slider].force[2] + _passive_power(load, w) for slider, w in zip(sliders, virtual, strict=True)
+    ]
+    return (forces[0], forces[1], forces[2])
+
+
+def forces(
+    parameters: Parameters,
+    pose: ArrayLike,
+    velocity: ArrayLike,
+    acceleration: ArrayLike,
+    wrench: ArrayLike | None = None,
+    on_invalid: OnInvalid = "raise",
+) -> FloatArray:
+    """Return the actuator forces by the paper's virtual-power method.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine.
+    pose, velocity, acceleration : array-like, shape (..., 3)
+        Of (y, z, θ): [m, m, rad] and per second, per second²; leading shapes broadcast.
+    wrench : array-like, shape (..., 6), optional
+        External force and moment on the platform at P, in the fixed frame [N, N m].
+    on_invalid : {"raise", "nan"}
+        Raise for samples that are not finite, out of reach or actuation-singular, or leave NaN in their rows.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        Forces of the actuators A, B, C on their sliders, positive along +z0 [N].
+
+    Raises
+    ------
+    ReachError, SingularityError
+        Naming the first bad sample and how many there are.
+    InputError
+        If shapes do not fit or a number is not finite.
+    """
+    states = holdable_states(parameters, pose, velocity, acceleration, on_invalid)
+    shape = states[0].shape[:-1]
+    loads = wrench_like(wrench, shape, on_invalid)
+    flat = [array.reshape(-1, array.shape[-1]) for array in (*states, loads)]
+    result = np.empty_like(flat[0])
+    lengths, bodies = Lengths.of(parameters.geometry), inertials(parameters.bodies)
+    gravity = tuple(float(g) or 0 for g in parameters.gravity)
+    for start in range(0, len(result), BLOCK):
+        block = slice(start, start + BLOCK)
+        q, v, a, w = (array[block] for array in flat)
+        external = Wrench(components(w[:, :3]), components(w[:, 3:])) if wrench is not None else NO_WRENCH
+        f = actuator_forces(
+            lengths,
+            bodies,
+            (gravity[0], gravity[1], gravity[2]),
+            components(q),
+            components(v),
+            components(a),
+            np,  # type: ignore[arg-type]  # its functions take more arguments than ours
+            external,
+        )
+        for leg in range(3):
+            result[block, leg] = f[leg]
+    return result.reshape(*shape, 3)
+
+
+def holdable_states(
+    parameters: Parameters,
+    pose: ArrayLike,
+    velocity: ArrayLike,
+    acceleration: ArrayLike,
+    on_invalid: OnInvalid,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return states with one shape, checked for reach and for the actuation singularity.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine.
+    pose, velocity, acceleration : array-like, shape (..., 3)
+        What the user gave.
+    on_invalid : {"raise", "nan"}
+        What to do with invalid samples.
+
+    Returns
+    -------
+    pose, velocity, acceleration : ndarray, shape (..., 3)
+        Invalid rows are NaN in all three.
+
+    Raises
+    ------
+    ReachError, SingularityError, InputError
+        As `forces`.
+    """
+    states = reachable_states(parameters.geometry, pose, velocity, acceleration, on_invalid)
+    actuation = singularity(parameters.geometry, states[0]).actuation
+    singular = np.abs(actuation) < ACTUATION_TOLERANCE
+    if on_invalid == "raise":
+        raise_singular(states[0], singular, actuation)
+        return states
+    poses, speeds, rates = np.where(singular[..., None], np.nan, np.stack(states))
+    return poses, speeds, rates
+
+
+def wrench_like(wrench: ArrayLike | None, shape: tuple[int, ...], on_invalid: OnInvalid) -> FloatArray:
+    """Return the external wrench for every sample of a batch.
+
+    Parameters
+    ----------
+    wrench : array-like, shape (..., 6), or None
+        What the user gave; None is no wrench.
+    shape : tuple of int
+        Leading shape of the batch.
+    on_invalid : {"raise", "nan"}
+        Raise for numbers that are not finite, or let them through as NaN.
+
+    Returns
+    -------
+    ndarray, shape (*shape, 6)
+
+    Raises
+    ------
+    InputError
+        If the shape does not fit the batch, or a number is not finite.
+    """
+    array = batch_of("wrench", np.zeros(6) if wrench is None else wrench, 6)
+    if on_invalid == "raise":
+        raise_not_finite("wrench", array)
+    array = np.where(np.isfinite(array).all(axis=-1, keepdims=True), array, np.nan)
+    try:
+        return np.broadcast_to(array, (*shape, 6))
+    except ValueError as error:
+        raise InputError(f"wrench: expected shape {(*shape, 6)} or (6,), got {array.shape}") from error
+
+
+def inertials(bodies: Bodies) -> dict[str, Inertial]:
+    """Return the numbers of bodies as components; exact zeros become structural ones and cost nothing.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        The bodies.
+
+    Returns
+    -------
+    dict of str to Inertial
+    """
+
+    def numbers(row: FloatArray) -> Vector:
+        return (float(row[0]) or 0, float(row[1]) or 0, float(row[2]) or 0)
+
+    return {
+        name: Inertial(
+            body.mass or 0,
+            numbers(body.com),
+            (numbers(body.inertia[0]), numbers(body.inertia[1]), numbers(body.inertia[2])),
+        )
+        for name, body in bodies.items()
+    }
+
+
+def _own_load(frame: Frame, body: Inertial, axes: tuple[Matrix, Vector], gravity: Vector) -> _Load:
+    """Return F_k0 and M_k0 of (18): inertia less weight of one body, about its joint A_k."""
+    to_frame, origin = axes
+    m = body.mass
+    com = add(origin, apply(to_frame, body.com))  # r_k^C in T_k
+    J = matrix_sum(congruent(to_frame, body.inertia), steiner(m, com))  # Ĵ_k about A_k
+    weight = scale(m, apply(frame.a0, gravity))  # f_k*
+    rigid = rigid_acceleration(frame, com)
+    force = subtract(scale(m, add(frame.acceleration, rigid)), weight)
+    moment = add(
+        scale(m, cross(com, frame.acceleration)),
+        apply(J, frame.epsilon),
+        cross(frame.omega, apply(J, frame.omega)),
+        scale(-1, cross(com, weight)),  # m_k*
+    )
+    return _Load(force, moment)
+
+
+def _with_wrench(load: _Load, frame: Frame, wrench: Wrench, r: Vector) -> _Load:
+    """Take the external wrench at P, which is at r in T_5, off the platform's load."""
+    force = apply(frame.a0, wrench.force)
+    moment = add(apply(frame.a0, wrench.moment), cross(r, force))
+    return _Load(subtract(load.force, force), subtract(load.moment, moment))
+
+
+def _accumulate(T: Mapping[str, Frame], own: Mapping[str, _Load]) -> dict[str, _Load]:
+    """Return F_k and M_k of (18): each body with all that it carries; T6 branches off at T2 of leg C."""
+    chains = (
+        ("leg_a", "slider_a"),
+        ("leg_b", "slider_b"),
+        ("platform", "crossbar_lower"),
+        ("crossbar_lower", "rod_left"),
+        ("rod_left", "crossbar_upper"),
+        ("rod_right", "crossbar_upper"),
+        ("crossbar_upper", "slider_c"),
+    )
+    load = dict(own)
+    for outer, inner in chains:
+        frame = T[outer]
+        force = apply_transposed(frame.a, load[outer].force)  # a_{k+1,k}ᵀ F_{k+1}
+        moment = add(apply_transposed(frame.a, load[outer].moment), cross(frame.r, force))
+        load[inner] = _Load(add(load[inner].force, force), add(load[inner].moment, moment))
+    return load
+
+
+def _passive_power(load: Mapping[str, _Load], w: Rates) -> Scalar:
+    """Return the brackets of (17) but F_1: the virtual powers of all passive joints."""
+    virtual = {
+        "leg_a": w.w21a,
+        "leg_b": w.w21b,
+        "crossbar_upper": w.w21c,
+        "rod_left": w.w32c,
+        "crossbar_lower": w.w32c,  # ω43 = ω32
+        "platform": w.w54c,
+        "rod_right": w.w32c,  # ω62 = ω32
+    }
+    return sum(rate * dot(U3, load[name].moment) for name, rate in virtual.items())
