@@ -20,6 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from p3dof.algebra import (
+    U1,
+    U2,
     U3,
     ZERO,
     Matrix,
@@ -130,9 +132,7 @@ def actuator_forces(
     own["platform"] = _with_wrench(own["platform"], T["platform"], wrench, (lengths.r, 0, 0))
     load = _accumulate(T, own)
     J = jacobian(lengths, x)
-    virtual = [
-        velocities(lengths, x, platform_velocity(J, unit)) for unit in ((1, 0, 0), (0, 1, 0), (0, 0, 1))
-    ]
+    virtual = [velocities(lengths, x, platform_velocity(J, unit)) for unit in (U1, U2, U3)]
     sliders = ("slider_a", "slider_b", "slider_c")
     forces = [
         load[slider].force[2] + _passive_power(load, w) for slider, w in zip(sliders, virtual, strict=True)
@@ -191,7 +191,7 @@ def forces(
             components(q),
             components(v),
             components(a),
-            np,  # type: ignore[arg-type]  # its functions take more arguments than ours
+            np,
             external,
         )
         for leg in range(3):

@@ -1,7 +1,8 @@
 """The paper's frames and its recursions (8)-(13): every body's motion, on components.
 
 Frames T_k are the paper's: `Frame.a` takes components from T_{k-1} to T_k, `Frame.a0` from T_0 to T_k.
-Motions are written in the axes of T_k, as in the paper. `body_axes` connects the frames of `p3dof.Body` with these.
+Motions are written in the axes of T_k, as in the paper; `body_axes` connects the frames of `p3dof.Body`
+with these.
 """
 
 from __future__ import annotations
@@ -37,8 +38,8 @@ class Frame(NamedTuple):
     """One frame T_k: where it is, and how it and its origin, the joint A_k, move.
 
     `a`, `r` are relative to T_{k-1}: its axes and the joint's position there. `a0` are its axes and
-    `position` the joint in T_0; `velocity`, `acceleration` of the joint and `omega`, `epsilon` of the body are absolute,
-    in the axes of T_k.
+    `position` the joint in T_0; `velocity`, `acceleration` of the joint and `omega`, `epsilon` of the body
+    are absolute, in the axes of T_k.
     """
 
     a: Matrix
