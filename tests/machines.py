@@ -1,0 +1,102 @@
+"""Random valid machines and states of motion for the tests, from a seed that hypothesis draws."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from hypothesis import strategies as st
+from lagrange import BODIES, cloud_body, random_cloud
+
+from p3dof import kinematics
+from p3dof.parameters import Bodies, Body, Geometry, Parameters
+
+SEEDS = st.integers(0, 2**32 - 1)
+FAR = {"drop": 0.1, "angle": 0.01}
+"""Kept from the singularities: S/L of every leg, and the angle from det J = 0 [rad]."""
+
+
+@dataclass(frozen=True)
+class States:
+    """Poses, velocities, accelerations and wrenches of a machine, shape (n, 3) and (n, 6)."""
+
+    pose: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    wrench: np.ndarray
+
+
+def random_geometry(rng):
+    scale = 10 ** rng.uniform(-1, 1)
+    R = scale * rng.uniform(0.2, 0.4)
+    r = R * rng.uniform(0.1, 0.9)
+    return Geometry(r=r, R=R, L=(R - r) * rng.uniform(1.2, 4) + 0.3 * r, b=R * rng.uniform(0.05, 0.5))
+
+
+def random_machine(seed):
+    """A machine without any symmetry, of any size; every third one has massless cross-bars."""
+    rng = np.random.default_rng(seed)
+    geometry = random_geometry(rng)
+    bodies = {}
+    for name in BODIES:
+        masses, positions = random_cloud(rng)
+        bodies[name] = cloud_body(masses, positions * geometry.L)
+    if seed % 3 == 0:
+        bodies["crossbar_upper"] = bodies["crossbar_lower"] = Body.massless()
+    return Parameters(geometry, Bodies(**bodies), gravity=rng.normal(0, 6, 3))
+
+
+def drops(geometry, pose):
+    """S/L of the legs A, B, C, from the geometry alone."""
+    y, theta = pose[..., 0], pose[..., 2]
+    L, d = geometry.L, geometry.R - geometry.r
+    squares = np.stack(
+        [
+            L**2 - (d + y) ** 2,
+            L**2 - (d - y) ** 2,
+            L**2 - y**2 - (geometry.R - geometry.r * np.cos(theta)) ** 2,
+        ],
+        axis=-1,
+    )
+    return np.sqrt(np.maximum(squares, 0)) / L
+
+
+def random_states(parameters, seed, count, drop=FAR["drop"], angle=FAR["angle"], near=None):
+    """Random states that keep a distance from the singularities; with `near`, none farther than that."""
+    rng = np.random.default_rng(seed)
+    geometry = parameters.geometry
+    reach = geometry.L - (geometry.R - geometry.r)
+    found = []
+    for _ in range(200):
+        pose = rng.uniform(-1, 1, (4 * count, 3)) * [reach, geometry.L, np.pi]
+        pose = pose[drops(geometry, pose).min(axis=-1) >= drop]
+        margin = np.abs(kinematics.singularity(geometry, pose).actuation)
+        keep = margin >= angle
+        if near is not None:
+            keep &= (margin <= near["angle"]) | (drops(geometry, pose).min(axis=-1) <= near["drop"])
+        found.extend(pose[keep])
+        if len(found) >= count:
+            break
+    pose = np.array(found[:count]).reshape(-1, 3)
+    n, size = len(pose), [geometry.L, geometry.L, 1]
+    return States(
+        pose,
+        rng.normal(0, 2, (n, 3)) * size,
+        rng.normal(0, 20, (n, 3)) * size,
+        rng.normal(0, 10, (n, 6)),
+    )
+
+
+def conditioning(geometry, pose):
+    """By how much rounding of the pose is amplified near the singularities (paper-notes' rule)."""
+    worst = 1 / drops(geometry, pose).min(axis=-1) ** 2
+    return np.maximum(
+        np.maximum(1, worst), 1 / np.abs(np.sin(kinematics.singularity(geometry, pose).actuation))
+    )
+
+
+def derivative(function, t, step):
+    """Central difference of order 4 of function(t): array."""
+    return (
+        8 * (function(t + step) - function(t - step)) - (function(t + 2 * step) - function(t - 2 * step))
+    ) / (12 * step)
