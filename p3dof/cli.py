@@ -1,0 +1,320 @@
+"""The command line: `p3dof compare`, `p3dof forces`, `p3dof urdf`.
+
+Exit codes: 0 done, 1 a check failed (methods disagree, files differ), 2 bad input (one line on stderr).
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import click
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from p3dof import __version__, description
+from p3dof.checks import FloatArray
+from p3dof.errors import MissingExtraError, P3dofError
+from p3dof.manipulator import METHODS, InverseDynamics, Manipulator, load
+from p3dof.manipulator.results import LEGS, write_table
+from p3dof.motion import Motion, paper_motion
+
+PARAMETERS = click.option(
+    "--parameters",
+    type=click.Path(path_type=Path),
+    help="Parameter file (YAML); the paper's machine without it.",
+)
+MOTION = click.option(
+    "--motion",
+    type=click.Path(path_type=Path),
+    help="Motion file (CSV: t,y,z,theta[,ydot,...]); the paper's without it.",
+)
+SAMPLES = click.option(
+    "--samples",
+    type=click.IntRange(2, 1_000_000),
+    default=1001,
+    show_default=True,
+    help="Samples of the paper's motion.",
+)
+ON_INVALID = click.option(
+    "--on-invalid",
+    type=click.Choice(("raise", "nan")),
+    default="raise",
+    show_default=True,
+    help="Stop at a sample that is out of reach or singular, or leave it NaN.",
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        The arguments; those of the process by default.
+
+    Returns
+    -------
+    int
+        The exit code.
+    """
+    try:
+        code = app(
+            args=None if arguments is None else list(arguments), standalone_mode=False, prog_name="p3dof"
+        )
+    except P3dofError as error:
+        return _fail(str(error))
+    except click.exceptions.Abort:
+        return _fail("interrupted", 130)
+    except click.ClickException as error:
+        return _fail(error.format_message())
+    except BrokenPipeError:
+        # The reader of our output has gone: nothing more to say, and nothing to say it to.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    return int(code or 0)
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, message="p3dof %(version)s")
+def app() -> None:
+    """Inverse dynamics of a 3-DOF spatial parallel manipulator, by Pinocchio and by virtual powers."""
+
+
+@app.command()
+@PARAMETERS
+@MOTION
+@SAMPLES
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default="out",
+    show_default=True,
+    help="Folder for forces.csv and the figure.",
+)
+@click.option(
+    "--tolerance",
+    type=click.FloatRange(min=0),
+    default=1e-10,
+    show_default=True,
+    help="Largest difference allowed, as a share of the largest force.",
+)
+@ON_INVALID
+@click.option("--plot/--no-plot", default=True, help="Draw the figure (needs the extra 'plot').")
+def compare(
+    parameters: Path | None,
+    motion: Path | None,
+    samples: int,
+    out: Path,
+    tolerance: float,
+    on_invalid: str,
+    plot: bool,
+) -> int:
+    """Compute the forces by both methods, compare them, and write forces.csv and a figure.
+
+    Exit code 1 when they disagree by more than the tolerance.
+    """
+    robot, given = load(parameters), _motion(motion, samples)
+    first, first_seconds = _timed(robot, given, "pinocchio", on_invalid)
+    second, second_seconds = _timed(robot, given, "virtual-power", on_invalid)
+    difference = np.abs(first.forces - second.forces)[first.valid & second.valid]
+    same_rows = np.array_equal(first.valid, second.valid)
+    largest = float(second.peak_forces.max())
+    worst = float(difference.max(initial=0))
+    agree = same_rows and worst <= tolerance * largest
+    console = Console()
+    console.print(_agreement_table(first, second, difference))
+    console.print(_evidence_table((first, first_seconds), (second, second_seconds)))
+    if first.valid.sum() < len(given):
+        console.print(
+            f"{len(given) - int(first.valid.sum())} of {len(given)} samples are invalid and left NaN"
+        )
+    _print_exceedances(console, robot, second)
+    written = [_write_both(out / "forces.csv", first, second)]
+    if plot:
+        written += _draw(out, (first, second))
+    for path in written:
+        _print_plain(console, f"wrote {path}")
+    verdict = "agree" if agree else "DISAGREE"
+    share = worst / largest if largest else 0.0
+    console.print(
+        f"the methods {verdict}: {worst:.1e} N, {share:.1e} of the largest force "
+        f"(tolerance {tolerance:.0e}), over {int(first.valid.sum())} samples",
+        style="bold green" if agree else "bold red",
+        highlight=False,
+    )
+    return 0 if agree else 1
+
+
+@app.command()
+@PARAMETERS
+@MOTION
+@SAMPLES
+@click.option(
+    "--method",
+    type=click.Choice(METHODS),
+    default=METHODS[0],
+    show_default=True,
+    help="How to compute.",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="CSV file for forces, sliders and the power balance.",
+)
+@click.option(
+    "--figure",
+    type=click.Path(path_type=Path),
+    help="Figure to draw (.png, .svg or .pdf; needs the extra 'plot').",
+)
+@ON_INVALID
+def forces(
+    parameters: Path | None,
+    motion: Path | None,
+    samples: int,
+    method: str,
+    out: Path | None,
+    figure: Path | None,
+    on_invalid: str,
+) -> None:
+    """Compute the forces over a motion by one method: peaks on the screen, all samples in a file."""
+    robot, given = load(parameters), _motion(motion, samples)
+    result, seconds = _timed(robot, given, method, on_invalid)
+    console = Console()
+    table = Table("actuator", "lowest [N]", "highest [N]", "RMS [N]", title=f"forces, {method}")
+    for leg, name in enumerate(LEGS):
+        values = result.forces[result.valid, leg]
+        low, high = (values.min(), values.max()) if len(values) else (np.nan, np.nan)
+        table.add_row(name, f"{low:.4f}", f"{high:.4f}", f"{result.rms_forces[leg]:.4f}")
+    console.print(table)
+    console.print(_evidence_table((result, seconds)))
+    _print_exceedances(console, robot, result)
+    if out is not None:
+        _print_plain(console, f"wrote {result.to_csv(out)}")
+    if figure is not None:
+        from p3dof import plots
+
+        _print_plain(console, f"wrote {plots.save(plots.forces_figure([result]), figure)}")
+
+
+@app.command()
+@PARAMETERS
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default="urdf",
+    show_default=True,
+    help="Folder of the generated files.",
+)
+@click.option("--check", is_flag=True, help="Write nothing; exit code 1 if the files there differ.")
+def urdf(parameters: Path | None, out: Path, check: bool) -> int:
+    """Write the URDF and its sidecar (loop closures, actuated joints), or check those in a folder."""
+    robot = load(parameters)
+    console = Console()
+    if not check:
+        for path in description.write(robot.parameters, out):
+            _print_plain(console, f"wrote {path}")
+        return 0
+    differences = description.check(robot.parameters, out)
+    for line in differences:
+        _print_plain(console, line)
+    if not differences:
+        _print_plain(console, f"{out}: up to date")
+    return 1 if differences else 0
+
+
+def _fail(message: str, code: int = 2) -> int:
+    line = " ".join(message.split())
+    sys.stderr.write(f"p3dof: error: {line}\n")
+    return code
+
+
+def _motion(path: Path | None, samples: int) -> Motion:
+    return paper_motion(samples) if path is None else Motion.from_csv(path)
+
+
+def _timed(robot: Manipulator, motion: Motion, method: str, on_invalid: str) -> tuple[InverseDynamics, float]:
+    """Solve with a progress bar; return the result and the seconds that it took."""
+    with _progress_bar(method, len(motion)) as progress:
+        start = time.perf_counter()
+        result = robot.inverse_dynamics(
+            motion,
+            method=method,  # type: ignore[arg-type]  # one of METHODS, as the options say
+            on_invalid=on_invalid,  # type: ignore[arg-type]  # likewise
+            progress=progress,
+        )
+        return result, time.perf_counter() - start
+
+
+@contextmanager
+def _progress_bar(name: str, total: int) -> Iterator[_Update]:
+    columns = (TextColumn(name), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        yield _Update(bar, total)
+
+
+class _Update:
+    """What `Manipulator.inverse_dynamics` calls while it works."""
+
+    def __init__(self, bar: Progress, total: int) -> None:
+        self._bar, self._task = bar, bar.add_task("", total=total)
+
+    def __call__(self, done: int, total: int) -> None:
+        self._bar.update(self._task, completed=done, total=total)
+
+
+def _agreement_table(first: InverseDynamics, second: InverseDynamics, difference: FloatArray) -> Table:
+    table = Table("actuator", "largest force [N]", "largest difference [N]", "of its largest force")
+    table.title = f"{first.method} against {second.method}"
+    worst = difference.max(axis=0, initial=0)
+    for leg, name in enumerate(LEGS):
+        peak = second.peak_forces[leg]
+        table.add_row(name, f"{peak:.6f}", f"{worst[leg]:.1e}", f"{worst[leg] / peak if peak else 0:.1e}")
+    return table
+
+
+def _evidence_table(*runs: tuple[InverseDynamics, float]) -> Table:
+    table = Table("method", "closure error [m]", "power residual", "time per sample")
+    for result, seconds in runs:
+        peak = np.abs(result.power[result.valid]).max(initial=0)
+        residual = np.abs(result.power_residual[result.valid]).max(initial=0)
+        share = f"{residual / peak:.1e} of {peak:.1f} W" if peak else f"{residual:.1e} W"
+        gap = result.closure_error[result.valid].max(initial=0)
+        micro = seconds / len(result.time) * 1e6
+        table.add_row(result.method, f"{gap:.1e}", share, f"{micro:.3g} µs")
+    return table
+
+
+def _print_exceedances(console: Console, robot: Manipulator, result: InverseDynamics) -> None:
+    for exceedance in result.exceedances(robot.parameters.limits):
+        console.print(f"limit exceeded: {exceedance}", style="yellow", highlight=False)
+
+
+def _print_plain(console: Console, text: str) -> None:
+    """Print without wrapping or markup: a path stays whole and can be copied."""
+    console.print(text, markup=False, highlight=False, soft_wrap=True)
+
+
+def _write_both(path: Path, first: InverseDynamics, second: InverseDynamics) -> Path:
+    header = ["t [s]"]
+    header += [f"f{leg} {result.method} [N]" for result in (first, second) for leg in LEGS]
+    header += [f"difference {leg} [N]" for leg in LEGS]
+    columns = (first.time, *first.forces.T, *second.forces.T, *(first.forces - second.forces).T)
+    return write_table(path, header, columns)
+
+
+def _draw(out: Path, results: tuple[InverseDynamics, InverseDynamics]) -> list[Path]:
+    from p3dof import plots
+
+    try:
+        figure = plots.forces_figure(results)
+    except MissingExtraError as error:
+        sys.stderr.write(f"p3dof: no figure: {error}\n")
+        return []
+    return [plots.save(figure, out / name) for name in ("forces.png", "forces.svg")]

@@ -1,0 +1,45 @@
+"""The machine as links, joints, loop closures and solids, and the files made from them.
+
+`describe` turns `Parameters` into one neutral `Mechanism`; `urdf` and `sidecar` write it as URDF and as the
+closures beside it; `write` and `check` keep the files of a folder up to date, in every format of `FORMATS`.
+"""
+
+from p3dof.description.files import FORMATS, check, texts, write
+from p3dof.description.mechanism import (
+    Box,
+    Closure,
+    Colour,
+    Cylinder,
+    Joint,
+    JointLimits,
+    Link,
+    Mechanism,
+    Placement,
+    Shape,
+    Solid,
+    Sphere,
+)
+from p3dof.description.tree import describe
+from p3dof.description.urdf_text import sidecar, urdf
+
+__all__ = [
+    "FORMATS",
+    "Box",
+    "Closure",
+    "Colour",
+    "Cylinder",
+    "Joint",
+    "JointLimits",
+    "Link",
+    "Mechanism",
+    "Placement",
+    "Shape",
+    "Solid",
+    "Sphere",
+    "check",
+    "describe",
+    "sidecar",
+    "texts",
+    "urdf",
+    "write",
+]

@@ -1,0 +1,130 @@
+"""The mechanism as a tree with three loops cut open.
+
+The cuts are where legs A and B meet the platform, and where the right rod of the parallelogram meets the
+lower cross-bar::
+
+    base_link ─ slide_a ─ slider_a ─ hinge_a ─ leg_a (leg_a_tip)
+              ─ slide_b ─ slider_b ─ hinge_b ─ leg_b (leg_b_tip)
+              ─ slide_c ─ slider_c ─ hinge_c ─ crossbar_upper
+                  ─ hinge_left  ─ rod_left ─ hinge_lower ─ crossbar_lower (crossbar_lower_right)
+                                    ─ hinge_platform ─ platform (platform_a, platform_b, platform_center)
+                  ─ hinge_right ─ rod_right (rod_right_tip)
+
+Home is y = z = θ = 0: all joints at 0, all loops closed. Link frames have their origin on the joint's axis.
+Those of sliders, cross-bars and platform are parallel to the fixed frame at home: a slider's at its pivot,
+the upper cross-bar's at its middle, the lower one's at its left pivot, the platform's at C5. A leg or rod has
+its frame at its upper joint, x along the rod and y along the hinge axis; a positive angle of the rods moves
+the platform toward +y0. Left is the side of +y0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from p3dof.checks import FloatArray
+from p3dof.description.mechanism import Closure, Joint, Link, Mechanism, Placement
+from p3dof.description.ranges import joint_limits
+from p3dof.description.shapes import Solids
+from p3dof.parameters import Body, Geometry, Parameters
+
+_Point = tuple[float, float, float]
+_ORIGIN: _Point = (0.0, 0.0, 0.0)
+_, _Y, _Z = np.eye(3)
+
+CLOSURES = (
+    Closure("loop_a", "leg_a_tip", "platform_a"),
+    Closure("loop_b", "leg_b_tip", "platform_b"),
+    Closure("loop_c", "rod_right_tip", "crossbar_lower_right"),
+)
+"""Where the tree was cut."""
+
+ACTUATED = ("slide_a", "slide_b", "slide_c")
+"""The joints with an actuator."""
+
+
+def describe(parameters: Parameters) -> Mechanism:
+    """Describe a machine as links, joints, loop closures and solids.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine.
+
+    Returns
+    -------
+    Mechanism
+        With the names and frames of this module's docstring.
+    """
+    geometry = parameters.geometry
+    bodies = dict(parameters.bodies.items())
+    # Where a body frame's origin lies in its link frame, where the two differ.
+    for name, origin in (("crossbar_lower", (0.0, -geometry.b, 0.0)), ("platform", (geometry.r, 0.0, 0.0))):
+        bodies[name] = _moved(bodies[name], origin)
+    solids = Solids(parameters)
+    joints = _joints(parameters)
+    links = tuple(
+        Link(name, bodies.get(name), solids.visuals.get(name, ()), solids.collisions.get(name, ()))
+        for name in ("base_link", *(joint.child for joint in joints))
+    )
+    return Mechanism("p3dof", links, joints, CLOSURES, ACTUATED, parameters.gravity)
+
+
+def _moved(body: Body, origin: _Point) -> Body:
+    """Return a body seen from a parallel frame in which its own frame is at `origin`."""
+    return replace(body, com=body.com + np.array(origin))
+
+
+def _joints(parameters: Parameters) -> tuple[Joint, ...]:
+    geometry, limits = parameters.geometry, joint_limits(parameters)
+    R, r, L, b = geometry.R, geometry.r, geometry.L, geometry.b
+    rod, n = _rod_axes(geometry)
+
+    def slide(name: str, child: str, place: _Point) -> Joint:
+        return Joint(name, "prismatic", "base_link", child, _at(place), _Z, limits[name])
+
+    def hinge(name: str, parent: str, child: str, place: Placement, axis: FloatArray = _Y) -> Joint:
+        return Joint(name, "revolute", parent, child, place, axis, limits[name])
+
+    return (
+        slide("slide_a", "slider_a", (0.0, -R, 0.0)),
+        hinge("hinge_a", "slider_a", "leg_a", _at(_ORIGIN, _leg_axes(geometry, +1))),
+        _marker("leg_a", "leg_a_tip", (L, 0.0, 0.0)),
+        slide("slide_b", "slider_b", (0.0, R, 0.0)),
+        hinge("hinge_b", "slider_b", "leg_b", _at(_ORIGIN, _leg_axes(geometry, -1))),
+        _marker("leg_b", "leg_b_tip", (L, 0.0, 0.0)),
+        slide("slide_c", "slider_c", (-R, 0.0, 0.0)),
+        hinge("hinge_c", "slider_c", "crossbar_upper", Placement()),
+        hinge("hinge_left", "crossbar_upper", "rod_left", _at((0.0, b, 0.0), rod)),
+        # The lower cross-bar undoes the rod's frame: at hinge_lower = -hinge_left it stays upright.
+        hinge("hinge_lower", "rod_left", "crossbar_lower", _at((L, 0.0, 0.0), rod.T), n),
+        _marker("crossbar_lower", "crossbar_lower_right", (0.0, -2 * b, 0.0)),
+        hinge("hinge_platform", "crossbar_lower", "platform", _at((0.0, -b, 0.0))),
+        _marker("platform", "platform_a", (r, -r, 0.0)),
+        _marker("platform", "platform_b", (r, r, 0.0)),
+        _marker("platform", "platform_center", (r, 0.0, 0.0)),
+        hinge("hinge_right", "crossbar_upper", "rod_right", _at((0.0, -b, 0.0), rod)),
+        _marker("rod_right", "rod_right_tip", (L, 0.0, 0.0)),
+    )
+
+
+def _at(place: _Point, rotation: FloatArray | None = None) -> Placement:
+    return Placement(np.array(place), np.eye(3) if rotation is None else rotation)
+
+
+def _marker(parent: str, name: str, place: _Point) -> Joint:
+    return Joint(f"{name}_fixed", "fixed", parent, name, _at(place))
+
+
+def _leg_axes(geometry: Geometry, side: int) -> FloatArray:
+    """Return the axes of a leg at home: x down the leg toward the side of +y0 or -y0, y = x0, z = x × y."""
+    s, c = side * (geometry.R - geometry.r) / geometry.L, geometry.h / geometry.L
+    return np.array([[0.0, 1.0, 0.0], [s, 0.0, -c], [-c, 0.0, -s]])
+
+
+def _rod_axes(geometry: Geometry) -> tuple[FloatArray, FloatArray]:
+    """Return the axes of a rod at home, x = e down the rod, y = n, z = e × n = -y0; and n, its hinge axis."""
+    s, c = (geometry.R - geometry.r) / geometry.L, geometry.h / geometry.L
+    n = np.array([c, 0.0, s])
+    return np.array([[s, c, 0.0], [0.0, 0.0, -1.0], [-c, s, 0.0]]), n

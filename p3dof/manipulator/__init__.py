@@ -1,0 +1,14 @@
+"""The facade: `Manipulator` puts parameters, description and both dynamics behind a few calls."""
+
+from p3dof.manipulator.facade import METHODS, Manipulator, Method, load
+from p3dof.manipulator.results import Exceedance, InverseDynamics, JointStates
+
+__all__ = [
+    "METHODS",
+    "Exceedance",
+    "InverseDynamics",
+    "JointStates",
+    "Manipulator",
+    "Method",
+    "load",
+]

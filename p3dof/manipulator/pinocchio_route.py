@@ -1,0 +1,118 @@
+"""Inverse dynamics by Pinocchio: the generated URDF, its loop closures, RNEA and the projection.
+
+Only the platform's motion is given, as the target of the frame ``platform_center``; every joint is found by
+closing the loops. No closed form of this mechanism is used: what agrees with `p3dof.virtual_power` agrees
+independently.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio as pin
+
+from p3dof.checks import FloatArray
+from p3dof.closed_loop import ClosedLoopModel, FrameTarget, State
+from p3dof.errors import AssemblyError, SampleError, SingularityError
+from p3dof.manipulator.results import JointStates, Solution
+
+PLATFORM = "platform_center"
+MASK = (False, True, True, False, True, False)
+"""What a pose prescribes of the platform's placement: y, z and the rotation about y0."""
+
+
+def solve(
+    loop: ClosedLoopModel,
+    depth: float,
+    pose: FloatArray,
+    velocity: FloatArray,
+    acceleration: FloatArray,
+    wrench: FloatArray | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Solution:
+    """Return forces and joints at every sample, each sample started from the one before.
+
+    Parameters
+    ----------
+    loop : ClosedLoopModel
+        The mechanism.
+    depth : float
+        h, depth of the platform below the sliders at home [m].
+    pose, velocity, acceleration : ndarray, shape (N, 3)
+        Motion of the platform; rows of NaN are left out.
+    wrench : ndarray, shape (N, 6), optional
+        External force and moment on the platform at P [N, N m].
+    progress : callable, optional
+        Called with (done, total) now and then.
+
+    Returns
+    -------
+    Solution
+
+    Raises
+    ------
+    SampleError
+        If a sample does not assemble, or the actuators cannot hold it; the message names the sample.
+    """
+    count, nv = len(pose), loop.model.nv
+    states = np.full((3, count, nv), np.nan)
+    forces = np.full((count, 3), np.nan)
+    gap, energy = np.full(count, np.nan), np.full(count, np.nan)
+    guess: FloatArray | None = None
+    every = max(1, count // 200)
+    for i in range(count):
+        if np.isfinite(pose[i]).all() and (wrench is None or np.isfinite(wrench[i]).all()):
+            try:
+                state = _complete(loop, target_of(pose[i], depth), velocity[i], acceleration[i], guess)
+                q, v, a = states[:, i] = state.q, state.v, state.a
+                guess = q
+                external = None if wrench is None else {PLATFORM: wrench[i]}
+                forces[i] = loop.inverse_dynamics(q, v, a, external=external).tau
+            except SingularityError as error:
+                raise SingularityError(f"sample {i}: {error}", (i,)) from error
+            except AssemblyError as error:
+                raise SampleError(f"sample {i}: {error}", (i,)) from error
+            gap[i] = np.linalg.norm(loop.closure_error(q).reshape(-1, 3), axis=-1).max()
+            energy[i] = loop.power(q, v, a)
+        if progress is not None and ((i + 1) % every == 0 or i + 1 == count):
+            progress(i + 1, count)
+    names = tuple(loop.model.names[1:])
+    return Solution(forces, JointStates(names, *states), gap, energy)
+
+
+def target_of(pose: FloatArray, depth: float) -> FrameTarget:
+    """Return the frame target of a pose: P at (0, y, z - h), turned by θ about y0.
+
+    Parameters
+    ----------
+    pose : ndarray, shape (3,)
+        y [m], z [m], θ [rad].
+    depth : float
+        h [m].
+
+    Returns
+    -------
+    FrameTarget
+    """
+    y, z, theta = (float(value) for value in pose)
+    rotation = pin.utils.rotate("y", theta)
+    return FrameTarget(PLATFORM, pin.SE3(rotation, np.array([0.0, y, z - depth])), MASK)
+
+
+def _complete(
+    loop: ClosedLoopModel,
+    target: FrameTarget,
+    velocity: FloatArray,
+    acceleration: FloatArray,
+    guess: FloatArray | None,
+) -> State:
+    """Complete a state from the sample before; where that leaves the working assembly, from home."""
+    if guess is not None:
+        try:
+            state = loop.complete(target, velocity, acceleration, guess=guess)
+            if state.same_assembly:
+                return state
+        except AssemblyError:
+            pass
+    return loop.complete(target, velocity, acceleration)

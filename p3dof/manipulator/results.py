@@ -1,0 +1,286 @@
+"""Named results of the inverse dynamics; they carry their own evidence."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from p3dof.checks import FloatArray
+from p3dof.files import write_atomic
+from p3dof.motion import Motion
+from p3dof.parameters import Limits
+
+LEGS = ("A", "B", "C")
+
+
+@dataclass(frozen=True, eq=False)
+class JointStates:
+    """Every joint of the mechanism over a motion, in the order of the URDF's joints in Pinocchio.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Joint names.
+    q, v, a : ndarray, shape (N, 10)
+        Positions [m or rad], velocities and accelerations.
+    """
+
+    names: tuple[str, ...]
+    q: FloatArray
+    v: FloatArray
+    a: FloatArray
+
+    @classmethod
+    def from_mappings(
+        cls,
+        names: tuple[str, ...],
+        q: Mapping[str, FloatArray],
+        v: Mapping[str, FloatArray],
+        a: Mapping[str, FloatArray],
+    ) -> JointStates:
+        """Stack values by joint name.
+
+        Parameters
+        ----------
+        names : tuple of str
+            The order of the columns.
+        q, v, a : mapping of str to ndarray, shape (N,)
+            Values of every joint.
+
+        Returns
+        -------
+        JointStates
+        """
+        return cls(names, *(np.stack([values[name] for name in names], axis=-1) for values in (q, v, a)))
+
+    def columns(self, names: tuple[str, ...]) -> JointStates:
+        """Return the states of some joints only, in the given order."""
+        index = [self.names.index(name) for name in names]
+        return JointStates(names, self.q[..., index], self.v[..., index], self.a[..., index])
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """What a method finds over samples, rows of NaN where a sample was invalid.
+
+    Parameters
+    ----------
+    forces : ndarray, shape (N, 3)
+        Actuator forces [N].
+    joints : JointStates
+        All joints.
+    closure_error : ndarray, shape (N,)
+        Largest gap of the loops [m].
+    energy_rate : ndarray, shape (N,)
+        Rate of change of kinetic and potential energy, summed body by body [W].
+    """
+
+    forces: FloatArray
+    joints: JointStates
+    closure_error: FloatArray
+    energy_rate: FloatArray
+
+
+@dataclass(frozen=True)
+class Exceedance:
+    """A limit that a motion exceeds.
+
+    Parameters
+    ----------
+    quantity : str
+        ``"travel"``, ``"speed"``, ``"force"`` or ``"tilt"``.
+    leg : str
+        ``"A"``, ``"B"``, ``"C"``, or ``"platform"`` for the tilt.
+    time : float
+        When it is exceeded the most [s].
+    value, limit : float
+        The value then, and the limit [m, m/s, N or rad].
+    """
+
+    quantity: str
+    leg: str
+    time: float
+    value: float
+    limit: float
+
+    _UNITS = {"travel": "m", "speed": "m/s", "force": "N", "tilt": "rad"}  # noqa: RUF012 - not a field
+
+    def __str__(self) -> str:
+        unit = self._UNITS[self.quantity]
+        who = self.leg if self.leg == "platform" else f"slider {self.leg}"
+        return (
+            f"{self.quantity} of {who}: {self.value:g} {unit} at t = {self.time:g} s, "
+            f"limit {self.limit:g} {unit}"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class InverseDynamics:
+    """Actuator forces over a motion, with the evidence that they are right.
+
+    Parameters
+    ----------
+    method : str
+        ``"pinocchio"`` or ``"virtual-power"``.
+    motion : Motion
+        The motion of the platform.
+    forces : ndarray, shape (N, 3)
+        Forces of the actuators A, B, C on their sliders, positive along +z0 [N].
+    joints : JointStates
+        Every joint, the sliders ``slide_a``, ``slide_b``, ``slide_c`` among them.
+    closure_error : ndarray, shape (N,)
+        Largest gap of the three loops [m].
+    power : ndarray, shape (N,)
+        Power of the actuators [W].
+    power_residual : ndarray, shape (N,)
+        Power of actuators and external wrench less the rate of change of kinetic and potential energy,
+        which is summed body by body, Σ v·m(a-g) + ω·(Iα + ω×Iω) [W].
+    """
+
+    method: str
+    motion: Motion
+    forces: FloatArray
+    joints: JointStates
+    closure_error: FloatArray
+    power: FloatArray
+    power_residual: FloatArray
+
+    @property
+    def time(self) -> FloatArray:
+        """Times, shape (N,) [s]."""
+        return self.motion.time
+
+    @property
+    def _slides(self) -> JointStates:
+        return self.joints.columns(("slide_a", "slide_b", "slide_c"))
+
+    @property
+    def sliders(self) -> FloatArray:
+        """Slider positions A, B, C, shape (N, 3) [m]."""
+        return self._slides.q
+
+    @property
+    def slider_velocities(self) -> FloatArray:
+        """Slider velocities, shape (N, 3) [m/s]."""
+        return self._slides.v
+
+    @property
+    def slider_accelerations(self) -> FloatArray:
+        """Slider accelerations, shape (N, 3) [m/s²]."""
+        return self._slides.a
+
+    @property
+    def valid(self) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+        """Which samples have forces, shape (N,); the others were invalid and are NaN."""
+        return np.asarray(np.isfinite(self.forces).all(axis=-1))
+
+    @property
+    def peak_forces(self) -> FloatArray:
+        """Largest magnitude of each actuator's force over the valid samples, shape (3,) [N]."""
+        return np.asarray(np.abs(self.forces[self.valid]).max(axis=0, initial=0))
+
+    @property
+    def rms_forces(self) -> FloatArray:
+        """Root mean square over time of each actuator's force over the valid samples, shape (3,) [N]."""
+        time, forces = self.time[self.valid], self.forces[self.valid]
+        if len(time) < 2:
+            return self.peak_forces
+        return np.asarray(np.sqrt(np.trapezoid(forces**2, time, axis=0) / (time[-1] - time[0])))
+
+    def exceedances(self, limits: Limits) -> list[Exceedance]:
+        """Return the limits that the motion exceeds, each at its worst sample.
+
+        Parameters
+        ----------
+        limits : Limits
+            What the actuators can do.
+
+        Returns
+        -------
+        list of Exceedance
+            Empty when the machine can do the motion.
+        """
+        found: list[Exceedance] = []
+        for leg, name in enumerate(LEGS):
+            found += self._outside("travel", name, self.sliders[:, leg], *limits.travel)
+            speed, force = self.slider_velocities[:, leg], self.forces[:, leg]
+            found += self._outside("speed", name, speed, -limits.speed, limits.speed)
+            found += self._outside("force", name, force, -limits.force, limits.force)
+        return found + self._outside("tilt", "platform", self.motion.pose[:, 2], *limits.tilt)
+
+    def _outside(
+        self, quantity: str, leg: str, values: FloatArray, low: float, high: float
+    ) -> list[Exceedance]:
+        excess = np.nan_to_num(np.maximum(values - high, low - values), nan=-np.inf)
+        worst = int(np.argmax(excess))
+        if excess[worst] <= 0:
+            return []
+        value = float(values[worst])
+        return [Exceedance(quantity, leg, float(self.time[worst]), value, high if value > high else low)]
+
+    def to_csv(self, path: str | os.PathLike[str]) -> Path:
+        """Write time, forces, sliders, closure error and power to a CSV file, 17 significant digits.
+
+        Parameters
+        ----------
+        path : path-like
+            The file; replaced whole or not at all.
+
+        Returns
+        -------
+        Path
+            The path written.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be written.
+        """
+        header = ["t [s]"]
+        header += [f"f{leg} [N]" for leg in LEGS]
+        header += [f"lambda{leg} [m]" for leg in LEGS]
+        header += ["closure_error [m]", "power [W]", "power_residual [W]"]
+        columns = (
+            self.time,
+            *self.forces.T,
+            *self.sliders.T,
+            self.closure_error,
+            self.power,
+            self.power_residual,
+        )
+        return write_table(path, header, columns)
+
+
+def write_table(path: str | os.PathLike[str], header: list[str], columns: tuple[FloatArray, ...]) -> Path:
+    """Write columns of numbers to a CSV file that reads back to the same bits.
+
+    Parameters
+    ----------
+    path : path-like
+        The file; replaced whole or not at all.
+    header : list of str
+        Names of the columns.
+    columns : tuple of ndarray, shape (N,)
+        The columns.
+
+    Returns
+    -------
+    Path
+        The path written.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+    """
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows([f"{value:.17g}" for value in row] for row in zip(*columns, strict=True))
+    return write_atomic(path, text.getvalue())

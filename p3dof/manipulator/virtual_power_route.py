@@ -1,0 +1,71 @@
+"""Inverse dynamics by the paper's method, with the evidence that a result carries."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from p3dof import kinematics, virtual_power
+from p3dof.checks import FloatArray
+from p3dof.kinematics import MechanismMotion
+from p3dof.manipulator.results import JointStates, Solution
+from p3dof.parameters import Parameters
+
+
+def solve(
+    parameters: Parameters,
+    pose: FloatArray,
+    velocity: FloatArray,
+    acceleration: FloatArray,
+    wrench: FloatArray | None = None,
+) -> Solution:
+    """Return forces, joints and bodies at every sample.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine.
+    pose, velocity, acceleration : ndarray, shape (N, 3)
+        Motion of the platform; rows of NaN give NaN.
+    wrench : ndarray, shape (N, 6), optional
+        External force and moment on the platform at P [N, N m].
+
+    Returns
+    -------
+    Solution
+    """
+    motion = kinematics.mechanism_motion(parameters.geometry, pose, velocity, acceleration, on_invalid="nan")
+    return Solution(
+        virtual_power.forces(parameters, pose, velocity, acceleration, wrench, on_invalid="nan"),
+        JointStates.from_mappings(
+            tuple(motion.position), motion.position, motion.velocity, motion.acceleration
+        ),
+        kinematics.closure_error(parameters.geometry, motion),
+        energy_rate(parameters, motion),
+    )
+
+
+def energy_rate(parameters: Parameters, motion: MechanismMotion) -> FloatArray:
+    """Return the rate of change of kinetic and potential energy, Σ v·m(a-g) + ω·(Iα + ω×Iω).
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine.
+    motion : MechanismMotion
+        The motion of its bodies.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        [W].
+    """
+    total: FloatArray = np.zeros(motion.sliders.shape[:-1])
+    for name, body in parameters.bodies.items():
+        moving = motion.bodies[name]
+        _, v, a = moving.at(body.com)
+        inertia = moving.rotation @ body.inertia @ np.swapaxes(moving.rotation, -1, -2)
+        spin = np.einsum("...ij,...j->...i", inertia, moving.omega)
+        turning = np.einsum("...ij,...j->...i", inertia, moving.epsilon) + np.cross(moving.omega, spin)
+        total = total + body.mass * np.sum(v * (a - parameters.gravity), axis=-1)
+        total = total + np.sum(moving.omega * turning, axis=-1)
+    return total
