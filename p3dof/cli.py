@@ -5,7 +5,6 @@ Exit codes: 0 done, 1 a check failed (methods disagree, files differ), 2 bad inp
 
 from __future__ import annotations
 
-import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -74,10 +73,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail("interrupted", 130)
     except click.ClickException as error:
         return _fail(error.format_message())
-    except BrokenPipeError:
-        # The reader of our output has gone: nothing more to say, and nothing to say it to.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
     return int(code or 0)
 
 
@@ -128,6 +123,9 @@ def compare(
     largest = float(second.peak_forces.max())
     worst = float(difference.max(initial=0))
     agree = same_rows and worst <= tolerance * largest
+    written = [_write_both(out / "forces.csv", first, second)]
+    if plot:
+        written += _draw(out, (first, second))
     console = Console()
     console.print(_agreement_table(first, second, difference))
     console.print(_evidence_table((first, first_seconds), (second, second_seconds)))
@@ -136,9 +134,6 @@ def compare(
             f"{len(given) - int(first.valid.sum())} of {len(given)} samples are invalid and left NaN"
         )
     _print_exceedances(console, robot, second)
-    written = [_write_both(out / "forces.csv", first, second)]
-    if plot:
-        written += _draw(out, (first, second))
     for path in written:
         _print_plain(console, f"wrote {path}")
     verdict = "agree" if agree else "DISAGREE"
@@ -186,6 +181,11 @@ def forces(
     """Compute the forces over a motion by one method: peaks on the screen, all samples in a file."""
     robot, given = load(parameters), _motion(motion, samples)
     result, seconds = _timed(robot, given, method, on_invalid)
+    written = [] if out is None else [result.to_csv(out)]
+    if figure is not None:
+        from p3dof import plots
+
+        written.append(plots.save(plots.forces_figure([result]), figure))
     console = Console()
     table = Table("actuator", "lowest [N]", "highest [N]", "RMS [N]", title=f"forces, {method}")
     for leg, name in enumerate(LEGS):
@@ -195,12 +195,8 @@ def forces(
     console.print(table)
     console.print(_evidence_table((result, seconds)))
     _print_exceedances(console, robot, result)
-    if out is not None:
-        _print_plain(console, f"wrote {result.to_csv(out)}")
-    if figure is not None:
-        from p3dof import plots
-
-        _print_plain(console, f"wrote {plots.save(plots.forces_figure([result]), figure)}")
+    for path in written:
+        _print_plain(console, f"wrote {path}")
 
 
 @app.command()
@@ -255,7 +251,8 @@ def _timed(robot: Manipulator, motion: Motion, method: str, on_invalid: str) -> 
 @contextmanager
 def _progress_bar(name: str, total: int) -> Iterator[_Update]:
     columns = (TextColumn(name), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         yield _Update(bar, total)
 
 

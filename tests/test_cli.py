@@ -1,0 +1,271 @@
+"""The command line as a user calls it: files, tables, exit codes, one line for every bad input."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import p3dof
+from p3dof.cli import main
+from p3dof.parameters import PAPER
+
+ROOT = Path(__file__).parents[1]
+
+
+def run(capsys, *arguments):
+    code = main([str(argument) for argument in arguments])
+    captured = capsys.readouterr()
+    return code, captured.out, captured.err
+
+
+def test_compare_on_the_papers_motion(tmp_path, capsys):
+    code, out, err = run(capsys, "compare", "--samples", 101, "--out", tmp_path / "ö ut")
+    assert code == 0
+    assert "the methods agree" in out
+    for word in ("pinocchio against virtual-power", "closure error", "power residual", "µs"):
+        assert word in out
+    table = np.genfromtxt(tmp_path / "ö ut" / "forces.csv", delimiter=",", skip_header=1)
+    assert table.shape == (101, 10)
+    expected = p3dof.load().inverse_dynamics(p3dof.paper_motion(101), "virtual-power").forces
+    np.testing.assert_array_equal(table[:, 4:7], expected)
+    np.testing.assert_allclose(table[:, 1:4], expected, atol=1e-11)
+    np.testing.assert_array_equal(table[:, 7:], table[:, 1:4] - table[:, 4:7])
+    assert (tmp_path / "ö ut" / "forces.png").read_bytes().startswith(b"\x89PNG")
+    assert "</svg>" in (tmp_path / "ö ut" / "forces.svg").read_text(encoding="utf-8")
+    assert f"wrote {tmp_path / 'ö ut' / 'forces.csv'}" in out
+    assert "Traceback" not in err
+
+
+def test_compare_fails_when_the_methods_disagree(tmp_path, capsys, monkeypatch):
+    from p3dof.manipulator import virtual_power_route
+
+    real = virtual_power_route.virtual_power.forces
+    monkeypatch.setattr(
+        virtual_power_route.virtual_power, "forces", lambda *a, **k: real(*a, **k) * (1 + 1e-9)
+    )
+    code, out, _ = run(capsys, "compare", "--samples", 11, "--out", tmp_path, "--no-plot")
+    assert code == 1
+    assert "the methods DISAGREE" in out
+    code, out, _ = run(
+        capsys, "compare", "--samples", 11, "--out", tmp_path, "--no-plot", "--tolerance", 1e-8
+    )
+    assert code == 0
+
+
+def test_compare_with_files_and_invalid_samples(tmp_path, capsys):
+    p3dof.write_parameters(p3dof.SOLIDS, tmp_path / "m.yaml")
+    time = np.linspace(0, 1, 21)
+    pose = np.column_stack([0.3 * time**2, 0 * time, 0 * time])
+    p3dof.Motion.from_poses(time, pose).to_csv(tmp_path / "m.csv")
+    arguments = ["compare", "--parameters", tmp_path / "m.yaml", "--motion", tmp_path / "m.csv"]
+    code, _, err = run(capsys, *arguments, "--out", tmp_path / "o")
+    assert code == 2
+    assert "leg A is too short" in err
+    code, out, _ = run(capsys, *arguments, "--out", tmp_path / "o", "--on-invalid", "nan", "--no-plot")
+    assert code == 0
+    assert "of 21 samples are invalid and left NaN" in " ".join(out.split())
+
+
+def test_limits_are_told(tmp_path, capsys):
+    text = (tmp_path / "m.yaml").write_text
+    machine = p3dof.parameters.serialization.dump(PAPER).replace("force: 500.0", "force: 100")
+    text(machine, encoding="utf-8")
+    code, out, _ = run(
+        capsys, "forces", "--method", "virtual-power", "--samples", 11, "--parameters", tmp_path / "m.yaml"
+    )
+    assert code == 0
+    assert "limit exceeded: force of slider A: 118.498 N at t = 1 s, limit 100 N" in " ".join(out.split())
+
+
+@pytest.mark.parametrize("method", ["pinocchio", "virtual-power"])
+def test_forces(tmp_path, capsys, method):
+    code, out, _ = run(
+        capsys, "forces", "--method", method, "--samples", 51,
+        "--out", tmp_path / "f.csv", "--figure", tmp_path / "f.pdf",
+    )  # fmt: skip
+    assert code == 0
+    assert "118.4980" in out
+    table = np.genfromtxt(tmp_path / "f.csv", delimiter=",", skip_header=1)
+    assert table.shape == (51, 10)
+    assert (tmp_path / "f.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_urdf_writes_and_checks(tmp_path, capsys):
+    code, out, _ = run(capsys, "urdf", "--out", tmp_path / "u")
+    assert code == 0
+    assert "p3dof.urdf" in out
+    assert run(capsys, "urdf", "--out", tmp_path / "u", "--check")[0] == 0
+    file = tmp_path / "u" / "p3dof.urdf"
+    file.write_text(file.read_text().replace("0.9751", "0.9752", 1))
+    code, out, _ = run(capsys, "urdf", "--out", tmp_path / "u", "--check")
+    assert code == 1
+    assert "0.9752" in out
+    code, out, _ = run(capsys, "urdf", "--out", tmp_path / "nothing", "--check")
+    assert code == 1
+    assert "missing" in out
+    assert not (tmp_path / "nothing").exists()
+
+
+def test_committed_files_are_up_to_date(capsys):
+    code, out, _ = run(capsys, "urdf", "--out", ROOT / "urdf", "--check")
+    assert code == 0, out
+
+
+def test_version_and_help(capsys):
+    code, out, _ = run(capsys, "--version")
+    assert (code, out.strip()) == (0, f"p3dof {p3dof.__version__}")
+    for command in ((), ("compare",), ("forces",), ("urdf",)):
+        code, out, _ = run(capsys, *command, "--help")
+        assert code == 0
+        assert "Usage: p3dof" in out
+
+
+HEADER = "t,y,z,theta"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("t,y,z\n0,0,0\n", "theta"),
+        ("t,y,z,theta [furlong]\n0,0,0,0\n", "furlong"),
+        (f"{HEADER}\n0,0,0,x\n1,0,0,0\n", "line 2"),
+        (f"{HEADER}\n0,0,0,0\n1,0,nan,0\n", "line 3"),
+        (f"{HEADER}\n1,0,0,0\n0,0,0,0\n", "line 3, column t: expected a time after 1"),
+        ("", "empty"),
+    ],
+)
+def test_bad_motion_files(tmp_path, capsys, text, words):
+    file = tmp_path / "motion.csv"
+    file.write_text(text, encoding="utf-8")
+    for command in ("compare", "forces"):
+        code, _, err = run(capsys, command, "--motion", file)
+        one_line(code, err)
+        assert "motion.csv" in err
+        assert words in err
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("mass: 8.1573", "mass: -1", "bodies.platform: mass"),
+        ("mass: 8.1573", "mass: .nan", "bodies.platform: mass"),
+        ("mass: 8.1573", "weight: 8", "'weight'"),
+        ("R: 0.25", "R: 0.05", "geometry: r, R"),
+        ("R: 0.25, ", "", "'R' is missing"),
+        ("geometry:", "geometri:", "'geometri'"),
+        ("- [0.0269, 0.0, 0.0]", "- [9.0, 0.0, 0.0]", "bodies.platform: inertia"),
+        ("gravity: [", "gravity: [[", "line"),
+    ],
+)
+def test_bad_parameter_files(tmp_path, capsys, old, new, words):
+    text = p3dof.parameters.serialization.dump(PAPER)
+    assert old in text
+    file = tmp_path / "machine.yaml"
+    file.write_text(text.replace(old, new), encoding="utf-8")
+    for command in ("compare", "forces", "urdf"):
+        code, _, err = run(capsys, command, "--parameters", file)
+        one_line(code, err)
+        assert "machine.yaml" in err
+        assert words in err
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["compare", "--samples", "1"],
+        ["compare", "--samples", "many"],
+        ["compare", "--tolerance", "-1"],
+        ["compare", "--motion", "no such file.csv"],
+        ["compare", "--parameters", "/"],
+        ["forces", "--method", "adams"],
+        ["forces", "--colour", "red"],
+        ["forces", "--figure", "out/forces.doc", "--method", "virtual-power"],
+        ["simulatee"],
+        [],
+    ],
+)
+def test_bad_arguments(capsys, arguments):
+    code, _, err = run(capsys, *arguments)
+    assert code == 2
+    if arguments:
+        one_line(code, err)
+
+
+def one_line(code, err):
+    assert code == 2, err
+    assert err.startswith("p3dof: error: ")
+    assert len(err.strip().splitlines()) == 1
+
+
+def test_unreachable_and_singular_motions(tmp_path, capsys):
+    file = tmp_path / "motion.csv"
+    file.write_text(f"{HEADER}\n0,0,0,0\n1,0.4,0,0\n", encoding="utf-8")
+    code, _, err = run(capsys, "compare", "--motion", file)
+    one_line(code, err)
+    assert "leg A is too short by 0.15 m (sample 1, the first of 1" in err
+    file.write_text(f"{HEADER}\n0,0,0,0\n1,0,0,{np.pi / 3!r}\n", encoding="utf-8")
+    code, _, err = run(capsys, "forces", "--motion", file)
+    one_line(code, err)
+    assert "actuation-singular" in err
+
+
+def test_folder_that_cannot_be_written_leaves_files_whole(tmp_path, capsys):
+    blocker = tmp_path / "file"
+    blocker.write_text("mine", encoding="utf-8")
+    for command in ("compare", "urdf"):
+        code, _, err = run(capsys, command, "--out", blocker)
+        one_line(code, err)
+        assert str(blocker) in err
+    assert blocker.read_text(encoding="utf-8") == "mine"
+    assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+def test_without_matplotlib_compare_still_works(tmp_path, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    code, out, err = run(capsys, "compare", "--samples", 11, "--out", tmp_path)
+    assert code == 0
+    assert "p3dof[plot]" in err
+    assert "the methods agree" in out
+    code, _, err = run(capsys, "forces", "--samples", 11, "--figure", tmp_path / "f.png")
+    one_line(code, err)
+    assert "p3dof[plot]" in err
+
+
+def test_as_a_process_with_a_closed_pipe(tmp_path):
+    """The real program: exit code, nothing but text in a pipe, and no traceback when the reader leaves."""
+    command = [sys.executable, "-m", "p3dof", "compare", "--samples", "21", "--out", str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0
+    assert not re.search(r"\x1b\[", done.stdout)
+    (tmp_path / "forces.csv").unlink()
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        process.stdout.close()
+        error = process.stderr.read()
+        process.wait(60)
+    assert error == ""
+    assert process.returncode == 1
+    assert (tmp_path / "forces.csv").read_text().count("\n") == 22  # files come before the tables
+
+
+def test_interrupt_is_one_line(monkeypatch, capsys):
+    from p3dof import cli
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli, "load", interrupted)
+    code, _, err = run(capsys, "compare")
+    assert code == 130
+    assert err.strip().splitlines()[-1] == "p3dof: error: interrupted"
+
+
+def test_output_does_not_depend_on_the_folder_it_runs_in(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run(capsys, "forces", "--samples", 5, "--method", "virtual-power", "--out", "f.csv")[0] == 0
+    assert os.listdir(tmp_path) == ["f.csv"]  # noqa: PTH208
