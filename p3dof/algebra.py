@@ -43,14 +43,15 @@ IDENTITY: Matrix = (U1, U2, U3)
 
 def times(a: Scalar, b: Scalar) -> Scalar:
     """Return a·b, skipping the arithmetic where a factor is the integer 0, 1 or -1."""
-    for factor, other in ((a, b), (b, a)):
-        if type(factor) is int:
-            if factor == 0:
-                return 0
-            if factor == 1:
-                return other
-            if factor == -1:
-                return -other
+    if type(b) is int:
+        a, b = b, a
+    if type(a) is int:
+        if a == 0:
+            return 0
+        if a == 1:
+            return b
+        if a == -1:
+            return -b
     return a * b
 
 
@@ -146,8 +147,10 @@ def matrix_sum(A: Matrix, B: Matrix) -> Matrix:
 
 
 def components(array: Any) -> Vector:
-    """Split an array of shape (..., 3) into its three components."""
-    return (array[..., 0], array[..., 1], array[..., 2])
+    """Split an array of shape (..., 3), or a sequence of three, into its three components."""
+    if isinstance(array, np.ndarray):
+        return (array[..., 0], array[..., 1], array[..., 2])
+    return (array[0], array[1], array[2])
 
 
 def vector_array(v: Vector, shape: tuple[int, ...]) -> np.ndarray[Any, np.dtype[np.float64]]:
