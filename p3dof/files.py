@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Hashable
 from pathlib import Path
 from typing import Any
 
@@ -13,16 +12,18 @@ import yaml
 from p3dof.errors import FileError, P3dofError
 
 MAX_BYTES = 20_000_000
-"""Largest text file that is read [bytes]; a bigger one is refused before it is loaded."""
+"""Largest text file that is read without another limit [bytes]."""
 
 
-def read_text(path: str | os.PathLike[str]) -> str:
+def read_text(path: str | os.PathLike[str], limit: int = MAX_BYTES) -> str:
     """Return the text of a UTF-8 file.
 
     Parameters
     ----------
     path : path-like
         The file.
+    limit : int
+        Largest size [bytes]; no more than that is ever loaded.
 
     Returns
     -------
@@ -31,20 +32,20 @@ def read_text(path: str | os.PathLike[str]) -> str:
     Raises
     ------
     FileError
-        If the file is missing, unreadable, larger than `MAX_BYTES` or not UTF-8 text.
+        If the file is missing, unreadable, larger than `limit` or not UTF-8 text.
     """
-    path = Path(path)
     try:
-        size = path.stat().st_size
-        if size > MAX_BYTES:
-            raise FileError(f"{path}: {size} bytes, expected at most {MAX_BYTES}")
-        return path.read_text(encoding="utf-8-sig")
+        with Path(path).open("rb") as stream:
+            data = stream.read(limit + 1)
+        if len(data) > limit:
+            raise FileError(f"{path}: expected at most {limit} bytes")
+        return data.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as error:
-        raise FileError(f"{path}: expected UTF-8 text, got {error.reason}") from error
+        raise FileError(f"{path}: expected UTF-8 text, got {error.reason} at byte {error.start}") from error
     except FileError:
         raise
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read ({error.strerror or error})") from error
+    except (OSError, ValueError) as error:
+        raise FileError(f"{path}: cannot be read ({_reason(error)})") from error
 
 
 def write_atomic(path: str | os.PathLike[str], content: str | bytes) -> Path:
@@ -53,48 +54,51 @@ def write_atomic(path: str | os.PathLike[str], content: str | bytes) -> Path:
     Parameters
     ----------
     path : path-like
-        The file; missing parent folders are made. An existing file keeps its permissions.
+        The file; missing parent folders are made. An existing file keeps its permissions; of a symbolic link
+        the file that it points to is replaced.
     content : str or bytes
         Text is encoded as UTF-8 with Unix line ends.
 
     Returns
     -------
     Path
-        The path written.
+        The path written, as it was given.
 
     Raises
     ------
     FileError
         If the folder or the file cannot be written; what was there before is left as it was.
     """
-    path = Path(path)
-    data = content.encode("utf-8") if isinstance(content, str) else content
-    temporary: str | None = None
+    temporary: Path | None = None
     try:
-        if path.is_dir():
-            raise FileError(f"{path}: cannot be written (it is a folder)")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        mode = path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~_umask()
-        descriptor, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+        data = content.encode("utf-8") if isinstance(content, str) else content
+        target = Path(path).resolve()
+        if target.exists() and not target.is_file():
+            what = "a folder" if target.is_dir() else "not a regular file"
+            raise FileError(f"{path}: cannot be written (it is {what})")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        mode = target.stat().st_mode & 0o777 if target.exists() else 0o666 & ~_umask()
+        descriptor, name = tempfile.mkstemp(prefix=".p3dof-", dir=target.parent)
+        temporary = Path(name)
         with os.fdopen(descriptor, "wb") as stream:
             stream.write(data)
             stream.flush()
             os.fsync(stream.fileno())
-        Path(temporary).chmod(mode)
-        Path(temporary).replace(path)
+        temporary.chmod(mode)
+        temporary.replace(target)
         temporary = None
     except FileError:
         raise
-    except OSError as error:
-        raise FileError(f"{path}: cannot be written ({error.strerror or error})") from error
+    except (OSError, ValueError, RuntimeError) as error:
+        raise FileError(f"{path}: cannot be written ({_reason(error)})") from error
     finally:
         if temporary is not None:
-            Path(temporary).unlink(missing_ok=True)
-    return path
+            temporary.unlink(missing_ok=True)
+    return Path(path)
 
 
 def parse_yaml(text: str, source: str, error: type[P3dofError]) -> Any:
-    """Parse YAML text safely (plain data only, duplicate keys refused).
+    """Parse YAML text safely: plain data only, no duplicate keys, no aliases that expand beyond measure.
 
     Parameters
     ----------
@@ -116,27 +120,60 @@ def parse_yaml(text: str, source: str, error: type[P3dofError]) -> Any:
         The given `error`, with `source` and the line.
     """
     try:
-        return yaml.load(text, Loader=_UniqueKeyLoader)  # noqa: S506 - a SafeLoader
+        return yaml.load(text, Loader=_StrictLoader)  # noqa: S506 - a SafeLoader
     except yaml.YAMLError as problem:
         mark = getattr(problem, "problem_mark", None)
         where = f", line {mark.line + 1}" if mark is not None else ""
         what = getattr(problem, "problem", None) or str(problem).splitlines()[0]
         raise error(f"{source}{where}: not valid YAML: {what}") from problem
-    except (RecursionError, ValueError) as problem:
+    except (RecursionError, ValueError, TypeError, LookupError, AttributeError) as problem:
+        # PyYAML lets these through for tags whose text does not fit them, such as "!!int ''".
         raise error(f"{source}: not valid YAML: {problem}") from problem
 
 
-class _UniqueKeyLoader(yaml.SafeLoader):
-    """`yaml.SafeLoader` that refuses a key given twice instead of silently keeping the last."""
+_MAX_YAML_NODES = 100_000
 
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
-        for (key_node, _), key in zip(node.value, keys, strict=True):
-            if keys.count(key) > 1:
+
+class _StrictLoader(yaml.SafeLoader):
+    """`yaml.SafeLoader` that refuses duplicate keys, and aliases that expand a small text into a huge one."""
+
+    def get_single_node(self) -> yaml.Node | None:
+        node = super().get_single_node()
+        if node is not None:
+            self._expanded_size(node, {})
+        return node
+
+    def _expanded_size(self, node: yaml.Node, sizes: dict[yaml.Node, int]) -> int:
+        if node not in sizes:
+            sizes[node] = _MAX_YAML_NODES + 1  # what an alias to a node inside itself finds
+            children: list[yaml.Node] = []
+            if isinstance(node, yaml.MappingNode):
+                self._check_keys(node)
+                children = [child for pair in node.value for child in pair]
+            elif isinstance(node, yaml.SequenceNode):
+                children = node.value
+            sizes[node] = 1 + sum(self._expanded_size(child, sizes) for child in children)
+        if sizes[node] > _MAX_YAML_NODES:
+            raise yaml.constructor.ConstructorError(
+                None, None, f"expected at most {_MAX_YAML_NODES} values, aliases expanded", node.start_mark
+            )
+        return sizes[node]
+
+    @staticmethod
+    def _check_keys(node: yaml.MappingNode) -> None:
+        seen: set[tuple[str, str]] = set()
+        for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                continue
+            if (key.tag, key.value) in seen:
                 raise yaml.constructor.ConstructorError(
-                    None, None, f"the key {key!r} is given more than once", key_node.start_mark
+                    None, None, f"the key {key.value!r} is given more than once", key.start_mark
                 )
-        return super().construct_mapping(node, deep=deep)
+            seen.add((key.tag, key.value))
+
+
+def _reason(error: Exception) -> str:
+    return (error.strerror if isinstance(error, OSError) else None) or str(error)
 
 
 def _umask() -> int:

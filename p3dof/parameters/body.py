@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from p3dof.checks import FloatArray, frozen_array
+from p3dof.checks import FloatArray, as_floats, frozen_array
 from p3dof.errors import ParameterError
 
 _TOLERANCE = 1e-9
@@ -49,10 +49,7 @@ class Body:
     def __post_init__(self) -> None:
         mass = float(frozen_array("mass", self.mass, (), ParameterError))
         com = frozen_array("com", self.com, (3,), ParameterError)
-        inertia = np.asarray(self.inertia)
-        if inertia.shape == (3,) and inertia.dtype.kind in "fiu":
-            inertia = np.diag(inertia)
-        inertia = frozen_array("inertia", inertia, (3, 3), ParameterError)
+        inertia = frozen_array("inertia", _matrix(self.inertia), (3, 3), ParameterError)
         if mass < 0:
             raise ParameterError(f"mass: expected zero or more, got {mass:g} kg")
         if mass == 0 and np.any(inertia):
@@ -89,11 +86,9 @@ class Body:
         offset = frozen_array("com", com, (3,), ParameterError) - frozen_array(
             "point", point, (3,), ParameterError
         )
-        moments = np.asarray(inertia, dtype=float)
-        if moments.shape == (3,):
-            moments = np.diag(moments)
-        moments = frozen_array("inertia", moments, (3, 3), ParameterError)
-        return cls(mass, np.asarray(com), moments - mass * steiner(offset))
+        moments = frozen_array("inertia", _matrix(inertia), (3, 3), ParameterError)
+        weight = frozen_array("mass", mass, (), ParameterError)
+        return cls(mass, np.asarray(com), moments - weight * steiner(offset))
 
     @classmethod
     def massless(cls) -> Body:
@@ -136,6 +131,12 @@ def steiner(offset: FloatArray) -> FloatArray:
     """
     moments: FloatArray = offset @ offset * np.eye(3) - np.outer(offset, offset)
     return moments
+
+
+def _matrix(inertia: ArrayLike) -> FloatArray:
+    """Return a diagonal given as three numbers as a matrix; anything else as it is."""
+    array = as_floats("inertia", inertia, ParameterError)
+    return np.diag(array) if array.shape == (3,) else array
 
 
 def _check_physical(inertia: FloatArray) -> None:

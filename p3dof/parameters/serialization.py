@@ -105,7 +105,7 @@ def parse(text: str, source: str = "parameters") -> Parameters:
     if "limits" in data:
         rest["limits"] = _record(data["limits"], f"{source}: limits", Limits)
     if "gravity" in data:
-        rest["gravity"] = _number(data["gravity"])
+        rest["gravity"] = _number(data["gravity"], f"{source}: gravity")
     return _named(source, lambda: Parameters(geometry, bodies, **rest))
 
 
@@ -145,7 +145,7 @@ def _bodies(data: Any, where: str) -> Bodies:
 
 def _body(data: Any, where: str) -> Body:
     data = _mapping(data, where, required=("mass", "com", "inertia"), optional=("about",))
-    values = {key: _number(value) for key, value in data.items()}
+    values = {key: _number(value, f"{where}.{key}") for key, value in data.items()}
     point = values.pop("about", None)
     return _named(where, lambda: Body(**values) if point is None else Body.about(point, **values))
 
@@ -154,15 +154,18 @@ def _record(data: Any, where: str, kind: Callable[..., _T], required: Iterable[s
     """Make a flat dataclass from a mapping."""
     known = [item.name for item in fields(kind)]  # type: ignore[arg-type]
     data = _mapping(data, where, required, known)
-    return _named(where, lambda: kind(**{key: _number(value) for key, value in data.items()}))
+    return _named(
+        where, lambda: kind(**{key: _number(value, f"{where}.{key}") for key, value in data.items()})
+    )
 
 
 def _mapping(
     data: Any, where: str, required: Iterable[str] = (), optional: Iterable[str] = ()
 ) -> Mapping[str, Any]:
-    required, known = list(required), [*required, *optional]
+    required = list(required)
+    known = [*required, *(name for name in optional if name not in required)]
     if not isinstance(data, Mapping):
-        raise ParameterError(f"{where}: expected the fields {', '.join(known)}, got {data!r:.40}")
+        raise ParameterError(f"{where}: expected the fields {', '.join(known)}, got {_kind(data)}")
     unknown = [str(key) for key in data if key not in known]
     if unknown:
         raise ParameterError(f"{where}: unknown field {unknown[0]!r}, expected {', '.join(known)}")
@@ -172,16 +175,23 @@ def _mapping(
     return data
 
 
-def _number(value: Any) -> Any:
+def _number(value: Any, where: str) -> Any:
     """Turn text such as 1e-3, which YAML 1.1 does not read as a number, into one; lists item by item."""
     if isinstance(value, list):
-        return [_number(item) for item in value]
+        rows = [item for item in value if isinstance(item, list)]
+        if len(value) > 3 or any(len(row) > 3 or any(isinstance(x, list) for x in row) for row in rows):
+            raise ParameterError(f"{where}: expected at most 3 × 3 numbers")
+        return [_number(item, where) for item in value]
     if isinstance(value, str):
         try:
             return float(value)
         except ValueError:
             return value
     return value
+
+
+def _kind(value: Any) -> str:
+    return "nothing" if value is None else f"a {type(value).__name__}"
 
 
 def _named(where: str, make: Callable[[], _T]) -> _T:

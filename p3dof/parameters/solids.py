@@ -112,7 +112,14 @@ def cylinder(
     Returns
     -------
     Body
+
+    Raises
+    ------
+    ParameterError
+        If `axis` is not one of the three, or the sizes do not make a body.
     """
+    if axis not in {0, 1, 2}:
+        raise ParameterError(f"axis: expected 0, 1 or 2, got {axis!r}")
     mass = density * math.pi * radius**2 * length
     com = np.zeros(3)
     com[axis] = start + length / 2
@@ -129,7 +136,7 @@ def rounded_plate(
     Parameters
     ----------
     corners : ndarray, shape (3, 2)
-        Corners of the triangle in the plane x, y [m], counter-clockwise.
+        Corners of the triangle in the plane x, y [m].
     radius : float
         By how much the triangle is widened [m].
     thickness : float
@@ -162,7 +169,9 @@ def _pieces(corners: NDArray[np.float64], radius: float) -> list[_Piece]:
     """Cut the widened triangle into triangle, edge strips and corner sectors: (area, centroid, ∫ d dᵀ dA)."""
     middle = corners.mean(axis=0)
     edges = np.roll(corners, -1, axis=0) - corners
-    area = 0.5 * abs(edges[0, 0] * edges[1, 1] - edges[0, 1] * edges[1, 0])
+    area = 0.5 * (edges[0, 0] * edges[1, 1] - edges[0, 1] * edges[1, 0])
+    if area < 0:  # normals point outward on a counter-clockwise walk
+        return _pieces(corners[::-1], radius)
     spokes = corners - middle
     pieces: list[_Piece] = [(area, middle, area / 12 * spokes.T @ spokes)]
     normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]

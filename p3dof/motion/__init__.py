@@ -1,0 +1,6 @@
+"""Motions of the platform: time, pose, velocity, acceleration, by formula, by spline or from a file."""
+
+from p3dof.motion.core import Motion
+from p3dof.motion.paper import paper_motion
+
+__all__ = ["Motion", "paper_motion"]

@@ -1,0 +1,182 @@
+"""Motion files: CSV text in and out.
+
+The header is ``t,y,z,theta``, then either nothing (the pose alone) or ``ydot,zdot,thetadot,yddot,zddot,
+thetaddot``, in exactly this order. A unit in brackets may follow each name, as in ``y [mm]``; without one the
+column is in SI units. Blank lines and lines that begin with ``#`` are skipped.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterator
+from typing import NoReturn
+
+import numpy as np
+
+from p3dof.checks import FloatArray
+from p3dof.errors import MotionError
+
+MAX_BYTES = 500_000_000
+"""Largest motion file that is read [bytes]: about two million samples with all columns."""
+
+_NAMES = ("t", "y", "z", "theta", "ydot", "zdot", "thetadot", "yddot", "zddot", "thetaddot")
+_POSE_ONLY, _COMPLETE = 4, 10
+_RULE = f"the columns {','.join(_NAMES[:4])} or {','.join(_NAMES)}, in this order"
+_WRITTEN = ("s", "m", "m", "rad", "m/s", "m/s", "rad/s", "m/s^2", "m/s^2", "rad/s^2")
+_DEGREE = math.pi / 180
+
+# Unit -> (multiply, divide): dividing by 1000 rounds correctly, multiplying by .001 does not.
+_TIME = {"s": (1.0, 1.0), "ms": (1.0, 1e3)}
+_LENGTH = {"m": (1.0, 1.0), "mm": (1.0, 1e3)}
+_ANGLE = {"rad": (1.0, 1.0), "deg": (_DEGREE, 1.0)}
+
+
+def parse(text: str, source: str) -> tuple[FloatArray, FloatArray]:
+    """Read a motion from CSV text.
+
+    Parameters
+    ----------
+    text : str
+        The file's text.
+    source : str
+        What to call it in an error: usually the file name.
+
+    Returns
+    -------
+    time : ndarray, shape (N,)
+        Times [s].
+    columns : ndarray, shape (N, 3) or (N, 9)
+        y, z, theta, and their first and second derivatives if the file has them [SI].
+
+    Raises
+    ------
+    MotionError
+        On the first thing that does not fit; the message names `source`, line and column.
+    """
+    rows = _rows(text, source)
+    line, header = next(rows, (0, []))
+    if not header:
+        raise MotionError(f"{source}: expected a motion with {_RULE}, got an empty file")
+    factors = _header(header, f"{source}, line {line}")
+    numbers: list[list[float]] = []
+    lines: list[int] = []
+    for line, row in rows:
+        if len(row) != len(header):
+            raise MotionError(f"{source}, line {line}: expected {len(header)} columns, got {len(row)}")
+        try:
+            values = [float(field) for field in row]
+        except ValueError:
+            values = []
+        if not values or "_" in "".join(row):  # Python reads 1_000, nobody else does
+            _name_the_field(row, f"{source}, line {line}")
+        numbers.append(values)
+        lines.append(line)
+    if not numbers:
+        raise MotionError(f"{source}: expected lines of numbers after the header, got none")
+    data = np.array(numbers)
+    for i, j in np.argwhere(~np.isfinite(data)):
+        raise MotionError(
+            f"{source}, line {lines[i]}, column {_NAMES[j]}: expected a finite number, got {data[i, j]}"
+        )
+    for i in np.flatnonzero(data[1:, 0] <= data[:-1, 0]):
+        raise MotionError(
+            f"{source}, line {lines[i + 1]}, column t: expected a time after {data[i, 0]:g}, "
+            f"got {data[i + 1, 0]:g}"
+        )
+    multiply, divide = np.array(factors).T
+    data = data * multiply / divide
+    return data[:, 0], data[:, 1:]
+
+
+def dump(time: FloatArray, columns: FloatArray) -> str:
+    """Return CSV text in SI units that `parse` reads back to the same bits.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        Times [s].
+    columns : ndarray, shape (N, 9)
+        Pose, velocity and acceleration [SI].
+
+    Returns
+    -------
+    str
+        As many digits as tell every number from its neighbours: up to 17.
+    """
+    header = ",".join(f"{name} [{unit}]" for name, unit in zip(_NAMES, _WRITTEN, strict=True))
+    body = (",".join(map(repr, row)) for row in np.column_stack([time, columns]).tolist())
+    return "\n".join([header, *body, ""])
+
+
+def _rows(text: str, source: str) -> Iterator[tuple[int, list[str]]]:
+    """Yield (line number, fields) of every line that is not blank and not a comment."""
+    kept = [
+        (number, line)
+        for number, line in enumerate(text.split("\n"), start=1)
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
+    reader = csv.reader((line for _, line in kept), strict=True)
+    try:
+        for row in reader:
+            yield kept[reader.line_num - 1][0], row
+    except csv.Error as problem:
+        line = kept[reader.line_num - 1][0]
+        raise MotionError(f"{source}, line {line}: not valid CSV: {problem}") from problem
+
+
+def _header(header: list[str], where: str) -> list[tuple[float, float]]:
+    """Check the names; return what to multiply each column by, and divide it by, to reach SI units."""
+    for separator, word in ((";", "semicolons"), ("\t", "tabs")):
+        if len(header) == 1 and separator in header[0]:
+            raise MotionError(f"{where}: expected commas between the columns, got {word}")
+    fields = [_name_and_unit(field) for field in header]
+    for number, (name, _) in enumerate(fields, start=1):
+        expected = _NAMES[number - 1] if number <= _COMPLETE else "no more columns"
+        if name != expected:
+            raise MotionError(f"{where}, column {number}: expected {expected}, got {name!r:.40} ({_RULE})")
+    if len(fields) not in (_POSE_ONLY, _COMPLETE):
+        raise MotionError(f"{where}: expected {_RULE}, got only {','.join(name for name, _ in fields)}")
+    return [_factor(name, unit, where) for name, unit in fields]
+
+
+def _name_and_unit(field: str) -> tuple[str, str | None]:
+    """Split ``y [mm]`` into ``y`` and ``mm``."""
+    name, bracket, unit = field.strip().partition("[")
+    if bracket and unit.endswith("]"):
+        return name.rstrip(), unit[:-1].strip()
+    return field.strip(), None
+
+
+def _factor(name: str, unit: str | None, where: str) -> tuple[float, float]:
+    units = _units(name)
+    if unit is None:
+        return (1.0, 1.0)
+    known = units.get(unit.replace("²", "^2"))
+    if known is None:
+        raise MotionError(f"{where}, column {name}: expected a unit of {', '.join(units)}, got [{unit:.40}]")
+    return known
+
+
+def _units(name: str) -> dict[str, tuple[float, float]]:
+    """Return the units that a column may be in."""
+    if name == "t":
+        return _TIME
+    base = _ANGLE if name.startswith("theta") else _LENGTH
+    suffix = "/s^2" if name.endswith("ddot") else "/s" if name.endswith("dot") else ""
+    return {unit + suffix: factor for unit, factor in base.items()}
+
+
+def _name_the_field(row: list[str], where: str) -> NoReturn:
+    """Raise for the first field that is not a number."""
+    name, field = next(pair for pair in zip(_NAMES, row, strict=False) if not _is_number(pair[1]))
+    got = repr(field.strip())[:40] if field.strip() else "nothing"
+    raise MotionError(f"{where}, column {name}: expected a number, got {got}")
+
+
+def _is_number(field: str) -> bool:
+    try:
+        float(field)
+    except ValueError:
+        return False
+    return "_" not in field

@@ -1,0 +1,128 @@
+"""Curves through poses: what differentiates, interpolates and plans a motion. Arrays in, arrays out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import BPoly, make_interp_spline
+
+from p3dof.checks import FloatArray
+from p3dof.errors import MotionError
+
+ORDER = 7
+"""Degree of the spline that differentiates a pose."""
+
+
+def derivatives(time: FloatArray, values: FloatArray, count: int, order: int = ORDER) -> list[FloatArray]:
+    """Differentiate columns by the interpolating spline of the given degree.
+
+    Up to `order` + 1 samples, the spline is the polynomial through all of them.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        Strictly rising times [s]; at least two.
+    values : ndarray, shape (N, k)
+        One column a quantity.
+    count : int
+        How many derivatives.
+    order : int
+        Degree of the spline, odd; lowered to N - 1 for fewer samples.
+
+    Returns
+    -------
+    list of ndarray, each of shape (N, k)
+        First derivative, second derivative, ...
+
+    Raises
+    ------
+    MotionError
+        If the times are so uneven that the spline cannot be computed.
+    """
+    unit = (time[-1] - time[0]) / (len(time) - 1)  # the mean step keeps the equations well scaled
+    local = (time - time[0]) / unit
+    order = min(order, len(time) - 1)
+    knots = np.repeat(local[[0, -1]], order + 1) if len(time) == order + 1 else None
+    try:
+        spline = make_interp_spline(local, values, k=order, t=knots)
+    except (np.linalg.LinAlgError, ValueError) as problem:
+        raise MotionError(f"time: expected steps even enough for a spline, got {problem}") from problem
+    return [np.asarray(spline(local, n)) / unit**n for n in range(1, count + 1)]
+
+
+def hermite(time: FloatArray, pose: FloatArray, velocity: FloatArray, acceleration: FloatArray) -> Any:
+    """Return the quintic Hermite spline, which takes on all three quantities at every sample.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        Strictly rising times [s]; at least two.
+    pose, velocity, acceleration : ndarray, shape (N, 3)
+        The quantities to take on.
+
+    Returns
+    -------
+    scipy.interpolate.BPoly
+        The curve, a function of time and of the order of the derivative.
+    """
+    step = np.diff(time)[:, None]  # (N-1, 1)
+    first, last = slice(None, -1), slice(1, None)
+    slope, bend = step / 5, step**2 / 20
+    coefficients = [  # of the Bernstein polynomials of degree 5
+        pose[first],
+        pose[first] + slope * velocity[first],
+        pose[first] + 2 * slope * velocity[first] + bend * acceleration[first],
+        pose[last] - 2 * slope * velocity[last] + bend * acceleration[last],
+        pose[last] - slope * velocity[last],
+        pose[last],
+    ]
+    return BPoly(np.array(coefficients), time)
+
+
+def rest_to_rest(start: FloatArray, end: FloatArray, duration: float, order: int) -> Any:
+    """Return the polynomial between two poses whose (order - 1) / 2 lowest derivatives vanish at both ends.
+
+    Parameters
+    ----------
+    start, end : ndarray, shape (3,)
+        The two poses.
+    duration : float
+        Time that it takes [s].
+    order : int
+        Degree: 5, 7 or 9.
+
+    Returns
+    -------
+    scipy.interpolate.BPoly
+        The curve, a function of time and of the order of the derivative.
+    """
+    zeros = [np.zeros(3)] * ((order - 1) // 2)
+    return BPoly.from_derivatives([0.0, duration], [[start, *zeros], [end, *zeros]])
+
+
+def through(times: FloatArray, waypoints: FloatArray) -> Any:
+    """Return the quintic spline (four continuous derivatives) through the waypoints, at rest at both ends.
+
+    Parameters
+    ----------
+    times : ndarray, shape (K,)
+        Strictly rising times [s]; at least two.
+    waypoints : ndarray, shape (K, 3)
+        Poses to pass.
+
+    Returns
+    -------
+    scipy.interpolate.BSpline
+        The curve, a function of time and of the order of the derivative.
+
+    Raises
+    ------
+    MotionError
+        If the times are so uneven that the spline cannot be computed.
+    """
+    rest = [(1, np.zeros(3)), (2, np.zeros(3))]
+    try:
+        return make_interp_spline(times, waypoints, k=5, bc_type=(rest, rest))
+    except (np.linalg.LinAlgError, ValueError) as problem:
+        raise MotionError(f"times: expected steps even enough for a spline, got {problem}") from problem

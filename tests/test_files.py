@@ -1,0 +1,272 @@
+"""Files are read within bounds, and written whole or not at all."""
+
+import contextlib
+import os
+import stat
+from pathlib import Path
+
+import pytest
+
+from p3dof.errors import FileError, ParameterError
+from p3dof.files import parse_yaml, read_text, write_atomic
+
+NAMES = [
+    "plain.txt",
+    "with space.txt",
+    "Größe θ – 模型.txt",
+    ".hidden",
+    "a" * 200 + ".txt",
+    "-dash",
+    "no_suffix",
+]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_round_trip(tmp_path, name):
+    path = write_atomic(tmp_path / name, "θ = 1\nzwei\n")
+    assert path == tmp_path / name
+    assert path.read_bytes() == "θ = 1\nzwei\n".encode()
+    assert read_text(path) == "θ = 1\nzwei\n"
+    assert read_text(str(path)) == "θ = 1\nzwei\n"
+    assert os.listdir(tmp_path) == [name]  # noqa: PTH208 - the bare names are what is compared
+
+
+def test_bytes_are_written_as_they_are(tmp_path):
+    content = bytes(range(256))
+    assert write_atomic(tmp_path / "b.bin", content).read_bytes() == content
+
+
+def test_parent_folders_are_made(tmp_path):
+    path = write_atomic(tmp_path / "a" / "b c" / "d.txt", "x")
+    assert path.read_text() == "x"
+
+
+def test_a_relative_path_and_text(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_atomic("here.txt", "x")
+    assert (tmp_path / "here.txt").read_text() == "x"
+
+
+@pytest.mark.parametrize("mode", [0o600, 0o644, 0o640, 0o755])
+def test_an_existing_file_keeps_its_permissions(tmp_path, mode):
+    path = tmp_path / "f.txt"
+    path.write_text("old")
+    path.chmod(mode)
+    write_atomic(path, "new")
+    assert path.read_text() == "new"
+    assert stat.S_IMODE(path.stat().st_mode) == mode
+
+
+def test_a_new_file_follows_the_umask(tmp_path):
+    before = os.umask(0o027)
+    try:
+        path = write_atomic(tmp_path / "f.txt", "new")
+        assert os.umask(0o027) == 0o027  # and leaves it as it was
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE(path.stat().st_mode) == 0o640
+
+
+@pytest.mark.parametrize(
+    "target", ["os.fsync", "pathlib.Path.replace", "pathlib.Path.chmod", "tempfile.mkstemp"]
+)
+@pytest.mark.parametrize("existing", [True, False])
+def test_a_failed_write_leaves_everything_as_it_was(tmp_path, monkeypatch, target, existing):
+    path = tmp_path / "f.txt"
+    if existing:
+        path.write_text("old")
+
+    def fail(*_args, **_kwargs):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(target, fail)
+    with pytest.raises(FileError, match=r"f\.txt: cannot be written \(No space left on device\)"):
+        write_atomic(path, "new")
+    monkeypatch.undo()
+    assert list(tmp_path.iterdir()) == ([path] if existing else [])
+    if existing:
+        assert path.read_text() == "old"
+
+
+def test_an_interrupted_write_leaves_no_temporary_file(tmp_path, monkeypatch):
+    path = tmp_path / "f.txt"
+    path.write_text("old")
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("os.fsync", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        write_atomic(path, "new")
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_the_parent_is_a_file(tmp_path):
+    parent = tmp_path / "file"
+    parent.write_text("old")
+    for path in (parent / "f.txt", parent / "deeper" / "f.txt"):
+        with pytest.raises(FileError, match="cannot be written"):
+            write_atomic(path, "new")
+    assert parent.read_text() == "old"
+
+
+def test_the_target_is_a_folder(tmp_path):
+    with pytest.raises(FileError, match=r"cannot be written \(it is a folder\)"):
+        write_atomic(tmp_path, "new")
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_folder_without_permission(tmp_path):
+    folder = tmp_path / "locked"
+    folder.mkdir()
+    folder.chmod(0o500)
+    with pytest.raises(FileError, match="Permission denied"):
+        write_atomic(folder / "f.txt", "new")
+    folder.chmod(0o700)
+    assert not list(folder.iterdir())
+
+
+def test_a_name_that_is_too_long(tmp_path):
+    with pytest.raises(FileError, match="too long"):
+        write_atomic(tmp_path / ("a" * 300), "new")
+    with pytest.raises(FileError, match="too long"):
+        read_text(tmp_path / ("a" * 300))
+
+
+def test_a_null_byte_in_the_name(tmp_path):
+    for act in (read_text, lambda path: write_atomic(path, "new")):
+        with pytest.raises(FileError):
+            act(f"{tmp_path}/a\0b")
+
+
+def test_a_pipe_or_device_is_not_replaced_by_a_file(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    with contextlib.suppress(FileError):
+        write_atomic(tmp_path / "pipe", "new")
+    assert (tmp_path / "pipe").is_fifo()
+
+
+def test_a_link_stays_a_link(tmp_path):
+    (tmp_path / "real").write_text("old")
+    (tmp_path / "link").symlink_to(tmp_path / "real")
+    write_atomic(tmp_path / "link", "new")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "real").read_text() == "new"
+
+
+def test_the_longest_name_that_a_file_may_have(tmp_path):
+    write_atomic(tmp_path / ("a" * 255), "new")
+
+
+def test_a_file_error_is_an_os_error(tmp_path):
+    with pytest.raises(OSError, match="cannot be read"):
+        read_text(tmp_path / "none")
+
+
+# ---------------------------------------------------------------- reading
+
+
+def test_a_missing_file(tmp_path):
+    with pytest.raises(FileError, match=r"none\.txt: cannot be read \(No such file or directory\)"):
+        read_text(tmp_path / "none.txt")
+
+
+def test_a_folder_and_a_file_as_a_folder(tmp_path):
+    with pytest.raises(FileError, match="cannot be read"):
+        read_text(tmp_path)
+    (tmp_path / "f").write_text("x")
+    with pytest.raises(FileError, match="cannot be read"):
+        read_text(tmp_path / "f" / "g")
+
+
+def test_the_size_limit(tmp_path):
+    path = tmp_path / "f.txt"
+    path.write_text("0123456789")
+    assert read_text(path, limit=10) == "0123456789"
+    path.write_text("0123456789+")
+    with pytest.raises(FileError, match=r"f\.txt: expected at most 10 bytes"):
+        read_text(path, limit=10)
+
+
+def test_a_byte_order_mark_and_line_ends_are_harmless(tmp_path):
+    path = tmp_path / "f.txt"
+    path.write_bytes(b"\xef\xbb\xbfone\r\ntwo\rthree\n")
+    assert read_text(path) == "one\ntwo\nthree\n"
+
+
+@pytest.mark.parametrize("content", [b"\xff\xfe\x00", b"gr\xf6\xdfe", "t,y".encode("utf-16")])
+def test_other_encodings_are_refused(tmp_path, content):
+    path = tmp_path / "f.txt"
+    path.write_bytes(content)
+    with pytest.raises(FileError, match=r"f\.txt: expected UTF-8 text"):
+        read_text(path)
+
+
+# ---------------------------------------------------------------- YAML
+
+
+def test_plain_yaml():
+    assert parse_yaml("a: [1, 2.5]\nb: {c: text}", "here", ParameterError) == {
+        "a": [1, 2.5],
+        "b": {"c": "text"},
+    }
+    assert parse_yaml("", "here", ParameterError) is None
+
+
+def test_anchors_are_still_yaml():
+    text = "base: &base {x: 1, y: 2}\nother: *base"
+    assert parse_yaml(text, "here", ParameterError)["other"] == {"x": 1, "y": 2}
+
+
+def test_merge_keys_are_still_yaml():
+    text = "base: &base {x: 1, y: 2}\nother: {<<: *base, y: 3}"
+    assert parse_yaml(text, "here", ParameterError)["other"] == {"x": 1, "y": 3}
+
+
+def test_a_duplicate_key_is_named_where_it_is_repeated():
+    with pytest.raises(ParameterError) as caught:
+        parse_yaml("a: 1\nb: 2\na: 3\n", "here", ParameterError)
+    assert str(caught.value).startswith("here, line 3:")
+
+
+@pytest.mark.parametrize(
+    "text", ["!!map [1]", "!!set [a]", "!!bool x", "!!timestamp abc", "!!int ''", "!!float ''", "!!int '_'"]
+)
+def test_odd_tags_are_one_clear_error(text):
+    with pytest.raises(ParameterError, match="here"):
+        parse_yaml(text, "here", ParameterError)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("a: 1\nb: 2\na: 3\n", "here, line [13]: not valid YAML: the key 'a' is given more than once"),
+        ("x: {a: 1, a: 1}", "here, line 1: not valid YAML: the key 'a'"),
+        ("a: [1, 2\nb: 3", "here, line 2: not valid YAML"),
+        ("a: b: c", "here, line 1: not valid YAML"),
+        ("\ta: 1", "here, line 1: not valid YAML"),
+        ("a: 1\n---\nb: 2", "here, line 2: not valid YAML"),
+        ("!!python/object/apply:os.system ['true']", "here, line 1: not valid YAML"),
+        ("a: !!python/name:os.system", "here, line 1: not valid YAML"),
+        ("a: !custom 1", "here, line 1: not valid YAML"),
+        ("a: \x00", "here: not valid YAML"),
+        ("? [1, 2]\n: 3", "here, line 1: not valid YAML"),
+        ("? {a: 1}\n: 3", "here, line 1: not valid YAML"),
+        ("a: 2024-99-99", "here"),
+        pytest.param("[" * 5000, "here", id="deep"),
+        ("*unknown", "here, line 1: not valid YAML"),
+        ("!!int abc", "here"),
+    ],
+)
+def test_bad_yaml_is_one_clear_error(text, message):
+    with pytest.raises(ParameterError, match=message) as caught:
+        parse_yaml(text, "here", ParameterError)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_python_tag_does_nothing(tmp_path):
+    path: Path = tmp_path / "made"
+    with pytest.raises(ParameterError):
+        parse_yaml(f"!!python/object/apply:os.mkdir ['{path}']", "here", ParameterError)
+    assert not path.exists()
