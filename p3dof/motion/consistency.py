@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
 
 from p3dof.checks import FloatArray
 from p3dof.errors import MotionError
@@ -71,6 +70,8 @@ def check_consistency(
 
 
 def _compare(time: FloatArray, values: FloatArray, given: FloatArray) -> _Comparison:
+    from scipy.ndimage import maximum_filter1d  # see splines: not at start-up
+
     after = _one_sided(time, values)
     before = -_one_sided(-time[::-1], values[::-1])[::-1]
     order = min(ORDER, len(time) - 1)
@@ -122,6 +123,8 @@ def _require_steps(
     time: FloatArray, pose: FloatArray, velocity: FloatArray, acceleration: FloatArray, sure: FloatArray
 ) -> None:
     """Find a single wrong pose, which the derivatives on either side of it do not see."""
+    from scipy.ndimage import maximum_filter1d
+
     step = np.diff(time)[:, None]  # (N-1, 1)
     change = np.diff(acceleration, axis=0)
     expected = step * ((velocity[1:] + velocity[:-1]) / 2 - step * change / 12)

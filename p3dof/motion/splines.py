@@ -1,11 +1,13 @@
-"""Curves through poses: what differentiates, interpolates and plans a motion. Arrays in, arrays out."""
+"""Curves through poses: what differentiates, interpolates and plans a motion. Arrays in, arrays out.
+
+SciPy is imported where it is used: it takes as long to load as Pinocchio, and a control loop needs none.
+"""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import BPoly, make_interp_spline
 
 from p3dof.checks import FloatArray
 from p3dof.errors import MotionError
@@ -40,6 +42,8 @@ def derivatives(time: FloatArray, values: FloatArray, count: int, order: int = O
     MotionError
         If the times are so uneven that the spline cannot be computed.
     """
+    from scipy.interpolate import make_interp_spline
+
     unit = (time[-1] - time[0]) / (len(time) - 1)  # the mean step keeps the equations well scaled
     local = (time - time[0]) / unit
     order = min(order, len(time) - 1)
@@ -66,6 +70,8 @@ def hermite(time: FloatArray, pose: FloatArray, velocity: FloatArray, accelerati
     scipy.interpolate.BPoly
         The curve, a function of time and of the order of the derivative.
     """
+    from scipy.interpolate import BPoly
+
     step = np.diff(time)[:, None]  # (N-1, 1)
     first, last = slice(None, -1), slice(1, None)
     slope, bend = step / 5, step**2 / 20
@@ -97,6 +103,8 @@ def rest_to_rest(start: FloatArray, end: FloatArray, duration: float, order: int
     scipy.interpolate.BPoly
         The curve, a function of time and of the order of the derivative.
     """
+    from scipy.interpolate import BPoly
+
     zeros = [np.zeros(3)] * ((order - 1) // 2)
     return BPoly.from_derivatives([0.0, duration], [[start, *zeros], [end, *zeros]])
 
@@ -121,6 +129,8 @@ def through(times: FloatArray, waypoints: FloatArray) -> Any:
     MotionError
         If the times are so uneven that the spline cannot be computed.
     """
+    from scipy.interpolate import make_interp_spline
+
     rest = [(1, np.zeros(3)), (2, np.zeros(3))]
     try:
         return make_interp_spline(times, waypoints, k=5, bc_type=(rest, rest))
