@@ -1,0 +1,24 @@
+"""Dynamics of any robot with loop closures, on Pinocchio: a tree URDF and a sidecar with its closures.
+
+`ClosedLoopModel` is the entry: `assemble` closes the loops at a target, `complete` adds the velocity and the
+acceleration of the whole tree, `inverse_dynamics` and `forward_dynamics` follow. Redundant closures and
+redundant actuators are welcome; every result carries its own residuals, and what did not converge raises.
+This layer knows no particular mechanism.
+"""
+
+from p3dof.closed_loop.assembly import Assembly, State
+from p3dof.closed_loop.dynamics import ForwardDynamics, InverseDynamics
+from p3dof.closed_loop.model import ClosedLoopModel
+from p3dof.closed_loop.sidecar import Closure, Sidecar
+from p3dof.closed_loop.targets import FrameTarget
+
+__all__ = [
+    "Assembly",
+    "ClosedLoopModel",
+    "Closure",
+    "ForwardDynamics",
+    "FrameTarget",
+    "InverseDynamics",
+    "Sidecar",
+    "State",
+]

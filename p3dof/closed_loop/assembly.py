@@ -1,0 +1,255 @@
+"""Assembling a mechanism: configurations that close the loops at a target, and the motion with them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+
+from p3dof.checks import FloatArray
+from p3dof.closed_loop.closures import LoopKinematics, max_abs
+from p3dof.closed_loop.linear import Decomposition
+from p3dof.closed_loop.solver import Path, System, follow, least_squares
+from p3dof.closed_loop.targets import NoTarget, Target
+from p3dof.errors import AssemblyError
+
+TOLERANCE = 1e-12
+"""Largest closure and target error of an assembly by default [m or rad]."""
+_OPEN = 1e-3
+"""A guess whose loops are open by more than this belongs to no assembly [m or rad]."""
+_NEAR = 0.1
+"""The fallback has not left an assembly if it ends this near the end of the path [m or rad]."""
+_SHAKE = 0.3
+"""Standard deviation of the random starts of the last resort [m or rad]."""
+_SHAKES = 3
+"""How many of them there are."""
+_SAME = 1e-6
+"""Configurations nearer than this are the same [m or rad]."""
+_FEASIBLE = 1e-9
+"""Largest relative error of the velocity and acceleration that are asked for."""
+
+
+@dataclass(frozen=True, eq=False)
+class Assembly:
+    """A configuration that closes the loops at the target.
+
+    Parameters
+    ----------
+    q : (nq,) array
+        Configuration of the whole tree.
+    gap : float
+        The largest closure or target error that is left [m or rad].
+    rank : int
+        Rank of the closures' Jacobian at `q`.
+    mobility : int
+        Free motions of the closed mechanism: nv - rank.
+    iterations : int
+        Newton steps taken in all.
+    same_assembly : bool
+        True if the configuration was reached from the guess without leaving its assembly, and its closures
+        have the rank that is usual for the mechanism. False if this could not be established. A guess whose
+        own loops are open by more than 1e-3 has no assembly; that of the neutral configuration is meant then.
+    """
+
+    q: FloatArray
+    gap: float
+    rank: int
+    mobility: int
+    iterations: int
+    same_assembly: bool
+
+
+@dataclass(frozen=True, eq=False)
+class State(Assembly):
+    """An assembly that moves; also see `Assembly`.
+
+    Parameters
+    ----------
+    v, a : (nv,) array
+        Velocity and acceleration of the whole tree.
+    determined : bool
+        False if closures and target leave velocities free; `v` and `a` are then the shortest possible.
+    """
+
+    v: FloatArray
+    a: FloatArray
+    determined: bool
+
+
+class Assembler:
+    """Assembles one model.
+
+    Parameters
+    ----------
+    kinematics : LoopKinematics
+        The model and its closures.
+    """
+
+    def __init__(self, kinematics: LoopKinematics) -> None:
+        self.kinematics = kinematics
+        self.model = kinematics.model
+        self.neutral: FloatArray = pin.neutral(kinematics.model)
+        self._loops = System(kinematics, NoTarget(kinematics.model.nv))
+
+    def assemble(self, target: Target, guess: FloatArray | None, tolerance: float) -> Assembly:
+        """Close the loops at a target.
+
+        Parameters
+        ----------
+        target : Target
+            The target.
+        guess : (nq,) array, optional
+            Where to start; the neutral configuration by default.
+        tolerance : float
+            Largest closure and target error that counts as closed [m or rad].
+
+        Returns
+        -------
+        Assembly
+
+        Raises
+        ------
+        AssemblyError
+            If the loops cannot be closed at the target.
+        """
+        start = self.neutral if guess is None else guess
+        system = System(self.kinematics, target)
+        was_open = self.kinematics.at(start).gap > _OPEN
+        path, same = self._solve(system, start, tolerance)
+        if same and guess is not None and was_open:
+            same = self._equals_from_neutral(system, path.point.q, tolerance)
+        closures = self.kinematics.at(path.point.q)
+        rank = closures.svd.rank if self.kinematics.size else 0
+        same = same and self.generic_rank in (rank, None)
+        q = path.point.q
+        q.setflags(write=False)
+        return Assembly(q, path.point.gap, rank, self.model.nv - rank, path.iterations, same)
+
+    @cached_property
+    def generic_rank(self) -> int | None:
+        """The usual rank of the closures on the neutral configuration's assembly.
+
+        It is read off at configurations near the neutral one, after closing the loops, so that a neutral
+        configuration that happens to be singular does no harm. None if the loops cannot be closed from there.
+        """
+        if not self.kinematics.size:
+            return 0
+        path, _ = self._close(self._loops, self.neutral, TOLERANCE)
+        if not path.complete:
+            return None
+        home = self.kinematics.at(path.point.q)
+        free = home.svd.null_space
+        generator = np.random.default_rng(0)
+        ranks = Counter([home.svd.rank])
+        for _ in range(4 if free.size else 0):
+            direction = free @ generator.normal(size=free.shape[1])
+            near = pin.integrate(self.model, home.q, 0.05 * direction / np.linalg.norm(direction))
+            path = least_squares(self._loops, near, TOLERANCE)
+            ranks.update([self.kinematics.at(path.point.q).svd.rank] if path.complete else [])
+        return ranks.most_common(1)[0][0]
+
+    def _solve(self, system: System, start: FloatArray, tolerance: float) -> tuple[Path, bool]:
+        """Follow the path from `start`, else fall back; the flag says whether the assembly was kept."""
+        count = 0
+        if system.target.size and self.kinematics.at(start).gap > _OPEN:
+            closed, kept = self._close(self._loops, start, tolerance)
+            count = closed.iterations
+            if not closed.complete:
+                raise self._failure(closed, system)
+            path, kept_too = self._close(system, closed.point.q, tolerance)
+            kept = kept and kept_too
+        else:
+            path, kept = self._close(system, start, tolerance)
+        if not path.complete:
+            raise self._failure(path, system)
+        return Path(path.point, True, count + path.iterations), kept
+
+    def _close(self, system: System, start: FloatArray, tolerance: float) -> tuple[Path, bool]:
+        """Follow the path from `start`; fall back from where it ends, from `start`, and from around it."""
+        path = follow(system, start, tolerance)
+        if path.complete:
+            return path, True
+        best = least_squares(system, path.point.q, tolerance)
+        count = path.iterations + best.iterations
+        # A stretched chain is a saddle of the residual: Newton sees no way out of it, its neighbours do.
+        shakes = 0 if path.moved else _SHAKES
+        shifts = np.random.default_rng(0).normal(scale=_SHAKE, size=(shakes, self.model.nv))
+        for origin in (start, *(pin.integrate(self.model, start, shift) for shift in shifts)):
+            if best.complete:
+                break
+            other = least_squares(system, origin, tolerance)
+            count += other.iterations
+            best = min(best, other, key=lambda found: found.point.gap)
+        moved = max_abs(pin.difference(self.model, path.point.q, best.point.q))
+        return Path(best.point, best.complete, count), moved < _NEAR
+
+    def _equals_from_neutral(self, system: System, q: FloatArray, tolerance: float) -> bool:
+        try:
+            path, kept = self._solve(system, self.neutral, tolerance)
+        except AssemblyError:
+            return False
+        return kept and max_abs(pin.difference(self.model, q, path.point.q)) < _SAME
+
+    def _failure(self, path: Path, system: System) -> AssemblyError:
+        k = self.kinematics
+        gap, error = path.point.gap, path.point.r[: k.size]
+        if not np.isfinite(gap):
+            return AssemblyError("the loops do not close: the iteration left the numbers", gap)
+        on_target = not k.size or max_abs(error) < gap
+        where = "the target" if on_target else f"the closure {k.worst(error)}"
+        goal = " at the target" if system.target.size else ""
+        return AssemblyError(
+            f"the loops do not close{goal}: the best configuration found leaves {gap:.3g} m or rad, "
+            f"most at {where}",
+            gap,
+        )
+
+    def complete(
+        self, target: Target, assembly: Assembly, velocity: FloatArray, acceleration: FloatArray
+    ) -> State:
+        """Find the velocity and the acceleration of the whole tree that move the target as asked.
+
+        Parameters
+        ----------
+        target : Target
+            The target.
+        assembly : Assembly
+            Its solution.
+        velocity, acceleration : (size,) array
+            Velocity and acceleration of the target.
+
+        Returns
+        -------
+        State
+
+        Raises
+        ------
+        AssemblyError
+            If the closed mechanism cannot move the target so.
+        """
+        k, q = self.kinematics, assembly.q
+        closures = k.at(q)
+        stacked = Decomposition.of(
+            A := np.concatenate((closures.J, target.jacobian(q))), closures.rank_tolerance
+        )
+        b = np.concatenate((np.zeros(k.size), velocity))
+        v = stacked.solve(b)
+        self._check("velocity", A @ v - b, max(1.0, max_abs(b), max_abs(v)))
+        k.move(q, v)
+        b = np.concatenate((-k.acceleration(), acceleration - target.drift()))
+        a = stacked.solve(b)
+        self._check("acceleration", A @ a - b, max(1.0, max_abs(b), max_abs(a)))
+        for array in (v, a):
+            array.setflags(write=False)
+        determined = stacked.rank == self.model.nv
+        return State(**vars(assembly), v=v, a=a, determined=determined)
+
+    def _check(self, what: str, error: FloatArray, scale: float) -> None:
+        worst = max_abs(error)
+        if not worst <= _FEASIBLE * scale:
+            raise AssemblyError(
+                f"the closed mechanism cannot have this {what}: {worst:.3g} is left over", worst
+            )

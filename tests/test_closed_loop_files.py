@@ -1,0 +1,276 @@
+"""Sidecars and URDFs: what is accepted, and the one clear error for everything else."""
+
+from __future__ import annotations
+
+import contextlib
+import copy
+import pickle
+
+import closed_loop_robots as robots
+import numpy as np
+import pinocchio as pin
+import pytest
+from closed_loop_robots import FOUR_BAR, FOUR_BAR_SIDECAR, joint, link, robot
+from hypothesis import given
+from hypothesis import strategies as st
+
+from p3dof.closed_loop import ClosedLoopModel, Closure, Sidecar
+from p3dof.errors import ModelError
+
+GOOD = """\
+closed_loop: [[coupler_tip, rocker_tip]]
+type: ['3D']
+name_mot: [crank_joint]
+joint_name: [anything]
+joint_type: [continuous]
+"""
+
+
+# --- sidecar ------------------------------------------------------------------------------------------------
+
+
+def test_the_gepetto_convention_is_read():
+    assert Sidecar.parse(GOOD) == FOUR_BAR_SIDECAR
+
+
+names = st.text(st.characters(codec="utf-8", categories=["L", "N", "P", "S"]), min_size=1).filter(str.strip)
+
+
+@given(st.lists(st.tuples(names, names, st.sampled_from(["3d", "6d"]))), st.lists(names, unique=True))
+def test_yaml_round_trip(closures, actuated):
+    sidecar = Sidecar(tuple(Closure(*c) for c in closures if c[0] != c[1]), tuple(actuated))
+    assert Sidecar.parse(sidecar.to_yaml()) == sidecar
+
+
+def test_names_that_look_like_numbers_survive_the_round_trip():
+    sidecar = Sidecar((Closure("1", "no"),), ("1e3", "null", "~"))
+    assert Sidecar.parse(sidecar.to_yaml()) == sidecar
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "expected a mapping"),
+        ("[1, 2]", "expected a mapping"),
+        ("closed_loop: [", "line 2: not valid YAML|line 1: not valid YAML"),
+        ("type: []\nname_mot: []", "the key 'closed_loop' is missing"),
+        ("closed_loop: []\nname_mot: []", "the key 'type' is missing"),
+        ("closed_loop: []\ntype: []", "the key 'name_mot' is missing"),
+        (GOOD + "motors: []", "unknown key 'motors', expected 'closed_loop', 'type', 'name_mot'"),
+        (GOOD + "type: ['6d']", "the key 'type' is given more than once"),
+        (GOOD.replace("['3D']", "3d"), "type: expected a list, got '3d'"),
+        (GOOD.replace("['3D']", "[3d, 6d]"), "type: expected 1 entries, one a closure, got 2"),
+        (GOOD.replace("['3D']", "[4d]"), r"type\[0\]: expected '3d' or '6d', got '4d'"),
+        (GOOD.replace("['3D']", "[3]"), r"type\[0\]: expected '3d' or '6d', got 3"),
+        (GOOD.replace(", rocker_tip", ""), r"closed_loop\[0\]: expected a pair of frame names"),
+        (GOOD.replace("rocker_tip", "7"), r"closed_loop\[0\]: expected a name, got 7"),
+        (GOOD.replace("rocker_tip", "coupler_tip"), r"closed_loop\[0\]: expected two different frames"),
+        (GOOD.replace("[[coupler_tip, rocker_tip]]", "[coupler_tip]"), r"closed_loop\[0\]: expected a pair"),
+        (GOOD.replace("[crank_joint]", "crank_joint"), "name_mot: expected a list"),
+        (GOOD.replace("[crank_joint]", "{a: b}"), "name_mot: expected a list"),
+        (GOOD.replace("[crank_joint]", "[a, b, a]"), r"name_mot\[2\]: the joint 'a' is named twice"),
+        (GOOD.replace("[crank_joint]", "[null]"), r"name_mot\[0\]: expected a name, got None"),
+        (GOOD.replace("[crank_joint]", "['']"), r"name_mot\[0\]: expected a name, got ''"),
+    ],
+)
+def test_a_malformed_sidecar_names_file_and_field(tmp_path, text, message):
+    path = tmp_path / "robot.yaml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ModelError, match=message) as caught:
+        Sidecar.from_yaml(path)
+    assert str(path) in str(caught.value)
+
+
+@given(st.text(max_size=200))
+def test_any_text_is_a_sidecar_or_one_error(text):
+    with contextlib.suppress(ModelError):
+        assert isinstance(Sidecar.parse(text), Sidecar)
+
+
+def test_missing_and_binary_sidecars(tmp_path):
+    with pytest.raises(ModelError, match="cannot be read"):
+        Sidecar.from_yaml(tmp_path / "none.yaml")
+    (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00\x01")
+    with pytest.raises(ModelError, match="expected UTF-8 text"):
+        Sidecar.from_yaml(tmp_path / "binary.yaml")
+
+
+@pytest.mark.parametrize(
+    ("closures", "actuated", "message"),
+    [
+        ((("a", "b"),), (), "expected Closure objects"),
+        ((), "joint", "actuated: expected a sequence"),
+        (None, (), "closures: expected a sequence"),
+        ((), ("a", "a"), "named twice"),
+        ((), (3,), "expected a name, got 3"),
+    ],
+)
+def test_sidecar_refuses(closures, actuated, message):
+    with pytest.raises(ModelError, match=message):
+        Sidecar(closures, actuated)
+
+
+@pytest.mark.parametrize("arguments", [("a", "a"), ("", "b"), ("a", 3), ("a", "b", "5d")])
+def test_closure_refuses(arguments):
+    with pytest.raises(ModelError, match="closure"):
+        Closure(*arguments)
+
+
+def test_lists_are_taken_as_tuples():
+    sidecar = Sidecar([Closure("a", "b")], ["j"])
+    assert sidecar == Sidecar((Closure("a", "b"),), ("j",))
+    assert hash(sidecar) == hash(Sidecar((Closure("a", "b"),), ("j",)))
+
+
+# --- building -----------------------------------------------------------------------------------------------
+
+
+def test_every_way_to_give_urdf_and_sidecar(tmp_path):
+    xml = robots.four_bar(*FOUR_BAR)
+    urdf, yaml = tmp_path / "robot.urdf", tmp_path / "robot.yaml"
+    urdf.write_text(xml, encoding="utf-8")
+    yaml.write_text(GOOD, encoding="utf-8")
+    mapping = {"closed_loop": [("coupler_tip", "rocker_tip")], "type": ("3d",), "name_mot": ("crank_joint",)}
+    q = robots.four_bar_q(0.9, *FOUR_BAR)
+    for source in (xml, "\ufeff \n" + xml, urdf, str(urdf)):
+        for closures in (FOUR_BAR_SIDECAR, yaml, str(yaml), mapping):
+            loop = ClosedLoopModel.from_urdf(source, closures)
+            assert loop.actuated == ("crank_joint",)
+            assert np.abs(loop.closure_error(q)).max() < 1e-15
+    assert repr(loop) == "ClosedLoopModel('robot', nv=3, closures=1, actuated=[crank_joint])"
+    declared = '<?xml version="1.0" encoding="ISO-8859-1"?>' + xml
+    assert ClosedLoopModel.from_urdf(declared, FOUR_BAR_SIDECAR).model.nv == 3
+
+
+def test_without_a_sidecar_every_hinge_is_actuated():
+    loop = ClosedLoopModel.from_urdf(robots.hexapod())
+    assert len(loop.actuated) == 18  # not the floating joint
+    assert loop.mobility(pin.neutral(loop.model)) == 24
+    assert loop.closure_jacobian(pin.neutral(loop.model)).shape == (0, 24)
+    loop = ClosedLoopModel.from_urdf(robots.four_bar(*FOUR_BAR), root_joint=pin.JointModelFreeFlyer())
+    assert (loop.model.nv, loop.actuated_v.tolist()) == (9, [6, 7, 8])
+
+
+def test_a_model_without_any_joint():
+    loop = ClosedLoopModel.from_urdf(robot(link("base")))
+    state = loop.complete([], [], [])
+    assert loop.inverse_dynamics(state.q, state.v, state.a).tau.shape == (0,)
+    assert loop.forward_dynamics([], [], []).a.shape == (0,)
+    assert loop.power([], [], []) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("sidecar", "message"),
+    [
+        (Sidecar((Closure("coupler_top", "rocker_tip"),), ()), "'coupler_top' does not exist; did you mean"),
+        (Sidecar((Closure("xyzzy", "rocker_tip"),), ()), "'xyzzy' does not exist; known: universe, base"),
+        (Sidecar((), ("crank_joints",)), "'crank_joints' does not exist; did you mean 'crank_joint'"),
+        (Sidecar((), ("coupler_tip_joint",)), "'coupler_tip_joint' does not exist"),  # fixed: no joint
+        (Sidecar((Closure("coupler", "coupler_tip"),), ()), "coupler/coupler_tip: both frames are on"),
+        (Sidecar((Closure("base", "universe"),), ()), "same body"),
+        ({"closed_loop": [], "type": []}, "the key 'name_mot' is missing"),
+        (3, "expected a mapping"),
+    ],
+)  # fmt: skip
+def test_a_sidecar_that_does_not_fit_the_model(sidecar, message):
+    with pytest.raises(ModelError, match=message):
+        ClosedLoopModel.from_urdf(robots.four_bar(*FOUR_BAR), sidecar)
+
+
+def test_a_joint_with_six_freedoms_is_no_actuator():
+    with pytest.raises(ModelError, match="expected joints with one degree of freedom, 'float' has 6"):
+        ClosedLoopModel.from_urdf(robots.hexapod(), Sidecar((), ("float",)))
+
+
+def test_a_link_and_a_joint_may_share_a_name():
+    xml = robots.four_bar(*FOUR_BAR).replace('joint name="coupler_tip_joint"', 'joint name="coupler_tip"')
+    loop = ClosedLoopModel.from_urdf(xml, FOUR_BAR_SIDECAR)
+    assert np.abs(loop.closure_error(robots.four_bar_q(0.9, *FOUR_BAR))).max() < 1e-15
+
+
+def test_a_link_takes_precedence_over_any_frame_of_the_same_name():
+    model = ClosedLoopModel.from_urdf(robots.four_bar(*FOUR_BAR)).model
+    tip = model.frames[model.getFrameId("rocker_tip")]
+    astray = pin.SE3(np.eye(3), np.ones(3))
+    model.addFrame(pin.Frame("rocker_tip", tip.parentJoint, astray, pin.FrameType.OP_FRAME))
+    loop = ClosedLoopModel(model, FOUR_BAR_SIDECAR)
+    assert np.abs(loop.closure_error(robots.four_bar_q(0.9, *FOUR_BAR))).max() < 1e-15
+
+
+def test_pickle_and_deepcopy():
+    loop = ClosedLoopModel.from_urdf(robots.four_bar(*FOUR_BAR), FOUR_BAR_SIDECAR)
+    q = robots.four_bar_q(0.9, *FOUR_BAR)
+    sent = pickle.loads(pickle.dumps(loop))  # noqa: S301 - our own
+    for other in (sent, copy.deepcopy(loop)):
+        assert other.sidecar == loop.sidecar
+        assert other.model is not loop.model
+        assert np.array_equal(other.closure_jacobian(q), loop.closure_jacobian(q))
+
+
+@pytest.mark.parametrize("arguments", [(None, FOUR_BAR_SIDECAR), (pin.Model(), None)])
+def test_constructor_refuses(arguments):
+    with pytest.raises(ModelError, match=r"model|sidecar"):
+        ClosedLoopModel(*arguments)
+
+
+A, B, HINGE = link("a"), link("b"), joint("j", "a", "b")
+INERTIAL = (
+    '<link name="b"><inertial><mass value="1"/>'
+    '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>'
+)
+
+
+@pytest.mark.parametrize(
+    ("xml", "message"),
+    [
+        ("<robot", "URDF text, line 1: not well-formed XML"),
+        ("<robot name='x'>\n<link name='a'>\n</robot>", "line 3: not well-formed XML: mismatched tag"),
+        ("<foo/>", "expected the element <robot>, got <foo>"),
+        (robot(), "the robot has no links"),
+        (robot("<link/>"), "<link> has no name"),
+        (robot(A, A), "the link 'a' is defined twice"),
+        (robot(A, B, HINGE, link("c"), joint("j", "b", "c")), "the joint 'j' is defined twice"),
+        (robot(A, B), "expected one root link, got a, b"),
+        (robot(A, B, joint("j", "a", "bb")), "joint 'j': its child link 'bb' does not exist; did you mean"),
+        (robot(A, B, HINGE.replace('<parent link="a"/>', "")), "its parent link None does not exist"),
+        (
+            robot(A, B, link("c"), HINGE, joint("k", "a", "c"), joint("l", "c", "b")),
+            "the link 'b' has two parent joints, 'j' and 'l': cut the loop there",
+        ),
+        (robot(A, B, HINGE, joint("k", "b", "a")), "part of a cycle"),
+        (robot(link("r"), A, B, HINGE, joint("k", "b", "a")), "part of a cycle"),
+        (robot(A, B, HINGE.replace("revolute", "hinge")), "Pinocchio cannot read it"),
+        (robot(A, B, joint("j", "a", "b", axis=(0, 0, 0))), "<axis> xyz: expected a direction, got zero"),
+        (robot(A, B, joint("j", "a", "b", axis=(0, "q", 0))), "<axis> xyz: expected 3 finite numbers"),
+        (robot(A, B, HINGE.replace("0.0 0.0 0.0", "0.0 0.0")), "<origin> xyz: expected 3 finite numbers"),
+        (robot(A, INERTIAL.replace('"1"/><', '"nan"/><'), HINGE), "<mass> value: expected a finite number"),
+        (robot(A, INERTIAL.replace('"1"/><', '"-1"/><'), HINGE), "expected no negative mass, got -1"),
+        (robot(A, INERTIAL.replace(' izz="1"', ""), HINGE), "<inertia> izz: expected a finite number, got N"),
+        ("<!DOCTYPE r [<!ENTITY e 'x'>]>" + robot(A), "document type declaration is not allowed"),
+        (robot(A).replace("a", "\ud800"), "not Unicode text"),
+    ],
+)  # fmt: skip
+def test_a_bad_urdf_is_one_clear_error(xml, message, capfd):
+    with pytest.raises(ModelError, match=message):
+        ClosedLoopModel.from_urdf(xml)
+    capfd.readouterr()  # urdfdom prints its own reasons
+
+
+def test_an_inertial_that_urdfdom_would_drop_in_silence():
+    """The reason for the check above: Pinocchio alone reads a NaN mass as a massless link."""
+    good = ClosedLoopModel.from_urdf(robot(A, INERTIAL, HINGE))
+    assert good.model.inertias[1].mass == 1.0
+    bad = robot(A, INERTIAL.replace('"1"/><', '"nan"/><'), HINGE)
+    assert pin.buildModelFromXML(bad).inertias[1].mass == 0.0
+
+
+@pytest.mark.parametrize("source", ["", None, 3, "no/such/file.urdf", "a\0b"])
+def test_a_urdf_that_is_not_there(source):
+    with pytest.raises(ModelError):
+        ClosedLoopModel.from_urdf(source)
+
+
+@given(st.text(max_size=200))
+def test_any_text_after_robot_is_one_error(text):
+    with pytest.raises(ModelError):
+        ClosedLoopModel.from_urdf("<robot>" + text)
