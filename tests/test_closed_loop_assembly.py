@@ -10,7 +10,7 @@ from closed_loop_robots import FIVE_BAR_SIDECAR, FOUR_BAR, FOUR_BAR_SIDECAR
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from p3dof.closed_loop import ClosedLoopModel, Closure, FrameTarget, Sidecar
+from p3dof.closed_loop import ClosedLoopModel, Closure, FrameTarget, Sidecar, solver
 from p3dof.closed_loop.linear import Decomposition
 from p3dof.errors import AssemblyError, InputError
 
@@ -352,6 +352,23 @@ def test_elbow_modes_are_kept_over_a_long_way(five_bar):
         assert back.same_assembly
         assert back.q == pytest.approx(start, abs=1e-12)
         assert (np.abs(there.q - robots.five_bar_q(1.6, 1.5)).max() < 1e-12) == goal
+
+
+@pytest.mark.parametrize("guard", ["contraction", "short steps"])
+def test_either_guard_alone_keeps_the_assembly(monkeypatch, guard):
+    # Four hundred long ways of a non-Grashof four-bar; with neither guard, four of them end wrong unnoticed.
+    if guard == "contraction":
+        monkeypatch.setattr(solver, "_FIRST_STEP", 3.0)
+    else:
+        monkeypatch.setattr(solver, "_CONTRACTION", 1e9)
+    lengths = (0.5, 0.4, 0.35, 0.3)
+    loop = ClosedLoopModel.from_urdf(robots.four_bar(*lengths), FOUR_BAR_SIDECAR)
+    generator = np.random.default_rng(0)
+    for start, goal in generator.uniform(0.45, 1.6, (400, 2)):
+        result = loop.assemble([goal], guess=robots.four_bar_q(start, *lengths))
+        difference = (result.q - robots.four_bar_q(goal, *lengths) + np.pi) % (2 * np.pi) - np.pi
+        assert np.abs(difference).max() < 1e-9
+        assert result.same_assembly
 
 
 def test_a_singular_configuration_is_flagged_by_its_rank(parallelogram):
