@@ -199,25 +199,52 @@ def forces(
         _print_plain(console, f"wrote {path}")
 
 
-@app.command()
-@PARAMETERS
-@click.option(
+OUT_FOLDER = click.option(
     "--out",
     type=click.Path(path_type=Path),
     default="urdf",
     show_default=True,
     help="Folder of the generated files.",
 )
-@click.option("--check", is_flag=True, help="Write nothing; exit code 1 if the files there differ.")
-def urdf(parameters: Path | None, out: Path, check: bool) -> int:
+CHECK = click.option("--check", is_flag=True, help="Write nothing; exit code 1 if the files there differ.")
+
+
+@app.command()
+@PARAMETERS
+@OUT_FOLDER
+@CHECK
+@click.option("--exact", is_flag=True, help="Leave massless links massless, which many readers misread.")
+def urdf(parameters: Path | None, out: Path, check: bool, exact: bool) -> int:
     """Write the URDF and its sidecar (loop closures, actuated joints), or check those in a folder."""
-    robot = load(parameters)
+    return _write_or_check(load(parameters), out, ("urdf",), check, exact)
+
+
+@app.command()
+@PARAMETERS
+@OUT_FOLDER
+@CHECK
+@click.option(
+    "--format",
+    "formats",
+    type=click.Choice(("all", *description.FORMATS)),
+    multiple=True,
+    default=("all",),
+    show_default=True,
+    help="What to write; may be given several times.",
+)
+def export(parameters: Path | None, out: Path, check: bool, formats: tuple[str, ...]) -> int:
+    """Write the model for other tools, with its loops where the format can hold them."""
+    chosen = tuple(description.FORMATS) if "all" in formats else tuple(dict.fromkeys(formats))
+    return _write_or_check(load(parameters), out, chosen, check, exact=False)
+
+
+def _write_or_check(robot: Manipulator, out: Path, formats: tuple[str, ...], check: bool, exact: bool) -> int:
     console = Console()
     if not check:
-        for path in description.write(robot.parameters, out):
+        for path in description.write(robot.parameters, out, formats, exact):
             _print_plain(console, f"wrote {path}")
         return 0
-    differences = description.check(robot.parameters, out)
+    differences = description.check(robot.parameters, out, formats, exact)
     for line in differences:
         _print_plain(console, line)
     if not differences:

@@ -34,9 +34,10 @@ from p3dof.description import (
     describe,
     sidecar,
     urdf,
+    with_masses,
     write,
 )
-from p3dof.description.urdf_text import numbers, roll_pitch_yaw
+from p3dof.description.xml_text import numbers, roll_pitch_yaw
 from p3dof.errors import FileError, InputError, ModelError
 from p3dof.parameters import PAPER, SOLIDS, STEEL_DENSITY, Bodies, Body, Dimensions, Geometry, Parameters
 
@@ -361,13 +362,40 @@ def test_the_urdf_holds_primitives_and_standard_tags_only():
     tree = ET.fromstring(urdf(describe(PAPER)))  # noqa: S314 - our own text
     known = {"robot", "material", "color", "link", "visual", "collision", "geometry", "origin", "inertial"}
     known |= {"mass", "inertia", "box", "cylinder", "sphere", "joint", "parent", "child", "axis", "limit"}
-    assert {element.tag for element in tree.iter()} <= known
+    known |= {"mimic", "ros2_control"}
+    control = tree.find("ros2_control")
+    inside = set(control.iter()) - {control}
+    assert {element.tag for element in tree.iter() if element not in inside} <= known
+    for element in inside:
+        element.tag = f"control_{element.tag}"  # a <joint> there is only a name
     for tag in ("visual", "collision", "joint", "inertial"):
         for element in tree.iter(tag):
             assert [child.tag for child in element].count("origin") == (0 if element.tag == "link" else 1)
     children = [joint.find("child").get("link") for joint in tree.iter("joint")]
     assert len(set(children)) == len(children) == len(tree.findall("link")) - 1
     assert all(float(limit.get("effort")) > 0 for limit in tree.iter("limit"))
+
+
+def test_ros2_control_names_the_three_effort_interfaces():
+    control = ET.fromstring(urdf(describe(PAPER))).find("ros2_control")  # noqa: S314 - our own text
+    joints = control.findall("joint")
+    assert [joint.get("name") for joint in joints] == ["slide_a", "slide_b", "slide_c"]
+    for joint in joints:
+        (command,) = joint.findall("command_interface")
+        assert command.get("name") == "effort"
+        limits = {param.get("name"): float(param.text) for param in command}
+        assert limits == {"min": -PAPER.limits.force, "max": PAPER.limits.force}
+        states = [state.get("name") for state in joint.findall("state_interface")]
+        assert states == ["position", "velocity", "effort"]
+    assert control.find("hardware/plugin").text == "mock_components/GenericSystem"
+
+
+def test_mimic_keeps_the_parallelogram_together():
+    mimics = {joint.name: joint.mimic for joint in describe(PAPER).joints if joint.mimic is not None}
+    assert {name: (m.joint, m.multiplier) for name, m in mimics.items()} == {
+        "hinge_lower": ("hinge_left", -1),
+        "hinge_right": ("hinge_left", 1),
+    }
 
 
 def test_numbers_have_fifteen_digits_and_no_negative_zero():
@@ -442,7 +470,7 @@ def test_yourdfpy_loads_it(tmp_path):
     robot = yourdfpy.URDF.load(str(path), load_collision_meshes=False, build_collision_scene_graph=True)
     assert robot.validate()
     assert robot.base_link == "base_link"
-    assert sorted(robot.actuated_joint_names) == sorted(JOINTS)
+    assert sorted(robot.actuated_joint_names) == sorted(set(JOINTS) - {"hinge_lower", "hinge_right"})
     for first, second in PAIRS:
         gap = robot.get_transform(first)[:3, 3] - robot.get_transform(second)[:3, 3]
         assert np.abs(gap).max() < 1e-12
@@ -459,7 +487,7 @@ def test_write_and_check(tmp_path):
     folder = tmp_path / "new" / "folder"
     paths = write(PAPER, folder)
     assert paths == [folder / "p3dof.urdf", folder / "p3dof.yaml"]
-    assert paths[0].read_text(encoding="utf-8") == urdf(describe(PAPER))
+    assert paths[0].read_text(encoding="utf-8") == urdf(with_masses(describe(PAPER)))
     assert paths[1].read_text(encoding="utf-8") == sidecar(describe(PAPER))
     assert check(PAPER, folder) == []
     assert check(SOLIDS, folder) != []
@@ -475,15 +503,15 @@ def change(path, old, new):
 
 def test_check_names_file_and_line_of_a_changed_number(tmp_path):
     path = write(PAPER, tmp_path)[0]
-    line = change(path, '<mass value="0.9803"/>', '<mass value="0.98030000001"/>')
+    line = change(path, '<mass value="0.9751" />', '<mass value="0.97510000001" />')
     assert check(PAPER, tmp_path) == [
-        f"{path}, line {line}: expected '<mass value=\"0.9803\"/>', got '<mass value=\"0.98030000001\"/>'"
+        f"{path}, line {line}: expected '<mass value=\"0.9751\" />', got '<mass value=\"0.97510000001\" />'"
     ]
 
 
-@pytest.mark.parametrize("other", ["0.98030000000000006", "0.980299999999999", "9.803e-1"])
+@pytest.mark.parametrize("other", ["0.97510000000000006", "0.975099999999999", "9.751e-1"])
 def test_check_takes_a_last_digit_for_equal(tmp_path, other):
-    change(write(PAPER, tmp_path)[0], 'value="0.9803"', f'value="{other}"')
+    change(write(PAPER, tmp_path)[0], 'value="0.9751"', f'value="{other}"')
     assert check(PAPER, tmp_path) == []
 
 
@@ -491,9 +519,9 @@ def test_check_takes_a_last_digit_for_equal(tmp_path, other):
     ("file", "old", "new"),
     [
         ("p3dof.urdf", '"leg_a_tip"', '"leg_a_top"'),
-        ("p3dof.urdf", 'value="0.9803"', 'value=""'),
-        ("p3dof.urdf", 'value="0.9803"', 'value="-0.9803"'),
-        ("p3dof.urdf", 'value="0.9803"', 'value="0.9803 0"'),
+        ("p3dof.urdf", 'value="0.9751"', 'value=""'),
+        ("p3dof.urdf", 'value="0.9751"', 'value="-0.9751"'),
+        ("p3dof.urdf", 'value="0.9751"', 'value="0.9751 0"'),
         ("p3dof.yaml", "3d", "6d"),
         ("p3dof.yaml", "slide_b", "slide_c"),
     ],

@@ -5,6 +5,7 @@ closures beside it; `write` and `check` keep the files of a folder up to date, i
 """
 
 from p3dof.description.files import FORMATS, check, texts, write
+from p3dof.description.masses import with_masses
 from p3dof.description.mechanism import (
     Box,
     Closure,
@@ -14,6 +15,7 @@ from p3dof.description.mechanism import (
     JointLimits,
     Link,
     Mechanism,
+    Mimic,
     Placement,
     Shape,
     Solid,
@@ -32,6 +34,7 @@ __all__ = [
     "JointLimits",
     "Link",
     "Mechanism",
+    "Mimic",
     "Placement",
     "Shape",
     "Solid",
@@ -41,5 +44,6 @@ __all__ = [
     "sidecar",
     "texts",
     "urdf",
+    "with_masses",
     "write",
 ]

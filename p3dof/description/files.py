@@ -10,6 +10,7 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import TypeAlias
 
+from p3dof.description.masses import with_masses
 from p3dof.description.mechanism import Mechanism
 from p3dof.description.tree import describe
 from p3dof.description.urdf_text import sidecar, urdf
@@ -29,7 +30,7 @@ TOLERANCE = 1e-12
 _NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])")
 
 
-def texts(parameters: Parameters, formats: Iterable[str] = ("urdf",)) -> dict[str, str]:
+def texts(parameters: Parameters, formats: Iterable[str] = ("urdf",), exact: bool = False) -> dict[str, str]:
     """Return what the files of some formats hold.
 
     Parameters
@@ -38,6 +39,9 @@ def texts(parameters: Parameters, formats: Iterable[str] = ("urdf",)) -> dict[st
         The machine.
     formats : iterable of str
         Names in `FORMATS`.
+    exact : bool
+        Leave massless links massless, instead of giving every link a mass without a change of the dynamics
+        (see `p3dof.description.masses`).
 
     Returns
     -------
@@ -48,8 +52,10 @@ def texts(parameters: Parameters, formats: Iterable[str] = ("urdf",)) -> dict[st
     ------
     InputError
         If a format is unknown.
+    ModelError
+        If a body is too light to give its massless neighbours a mass.
     """
-    mechanism = describe(parameters)
+    mechanism = describe(parameters) if exact else with_masses(describe(parameters))
     result: dict[str, str] = {}
     for name in formats:
         if name not in FORMATS:
@@ -59,7 +65,10 @@ def texts(parameters: Parameters, formats: Iterable[str] = ("urdf",)) -> dict[st
 
 
 def write(
-    parameters: Parameters, folder: str | os.PathLike[str], formats: Iterable[str] = ("urdf",)
+    parameters: Parameters,
+    folder: str | os.PathLike[str],
+    formats: Iterable[str] = ("urdf",),
+    exact: bool = False,
 ) -> list[Path]:
     """Write the description of a machine.
 
@@ -71,6 +80,8 @@ def write(
         Where to; made if missing.
     formats : iterable of str
         Names in `FORMATS`.
+    exact : bool
+        As for `texts`.
 
     Returns
     -------
@@ -84,11 +95,15 @@ def write(
     FileError
         If a file cannot be written.
     """
-    return [write_atomic(Path(folder) / name, text) for name, text in texts(parameters, formats).items()]
+    contents = texts(parameters, formats, exact)
+    return [write_atomic(Path(folder) / name, text) for name, text in contents.items()]
 
 
 def check(
-    parameters: Parameters, folder: str | os.PathLike[str], formats: Iterable[str] = ("urdf",)
+    parameters: Parameters,
+    folder: str | os.PathLike[str],
+    formats: Iterable[str] = ("urdf",),
+    exact: bool = False,
 ) -> list[str]:
     """Compare the files in a folder with what `write` would write there.
 
@@ -100,6 +115,8 @@ def check(
         Where the files are.
     formats : iterable of str
         Names in `FORMATS`.
+    exact : bool
+        As for `texts`.
 
     Returns
     -------
@@ -115,7 +132,7 @@ def check(
         If a file is there and cannot be read.
     """
     found: list[str] = []
-    for name, expected in texts(parameters, formats).items():
+    for name, expected in texts(parameters, formats, exact).items():
         path = Path(folder) / name
         if path.exists():
             found += (f"{path}, {what}" for what in _differences(expected, read_text(path)))

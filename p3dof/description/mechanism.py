@@ -188,6 +188,22 @@ class JointLimits:
         positive("effort", self.effort, ModelError)
 
 
+@dataclass(frozen=True)
+class Mimic:
+    """That a joint copies another one, for readers that keep no loops.
+
+    Parameters
+    ----------
+    joint : str
+        The joint that it copies.
+    multiplier : float
+        Its position is this times that joint's.
+    """
+
+    joint: str
+    multiplier: float
+
+
 @dataclass(frozen=True, eq=False)
 class Joint:
     """A joint of the tree, between two links.
@@ -206,6 +222,8 @@ class Joint:
         Unit vector in the joint's frame; None for a fixed joint.
     limits : JointLimits, optional
         None for a fixed joint.
+    mimic : Mimic, optional
+        For a joint that always copies another one when the loops are closed.
 
     Raises
     ------
@@ -220,6 +238,7 @@ class Joint:
     placement: Placement
     axis: FloatArray | None = None
     limits: JointLimits | None = None
+    mimic: Mimic | None = None
 
     def __post_init__(self) -> None:
         if self.kind not in ("prismatic", "revolute", "fixed"):
@@ -303,7 +322,7 @@ class Mechanism:
             for frame in (closure.frame1, closure.frame2):
                 if frame not in links:
                     raise ModelError(f"closure {closure.name}: there is no link {frame!r}")
-        moving = [joint.name for joint in self.joints if joint.kind != "fixed"]
+        moving = [joint.name for joint in self.moving]
         for name in self.actuated:
             if name not in moving:
                 raise ModelError(f"actuated: there is no moving joint {name!r}")
@@ -326,6 +345,21 @@ class Mechanism:
             raise ModelError(f"links: no joint leads to {sorted(links - reached)[0]!r}")
 
     @property
+    def moving(self) -> tuple[Joint, ...]:
+        """The joints that are not fixed, depth first."""
+        return tuple(joint for joint in self.joints if joint.kind != "fixed")
+
+    @property
+    def passive(self) -> tuple[Joint, ...]:
+        """The moving joints without an actuator."""
+        return tuple(joint for joint in self.moving if joint.name not in self.actuated)
+
+    @property
+    def markers(self) -> dict[str, Joint]:
+        """The frames fixed to a link, by name: the joints that fix them."""
+        return {joint.child: joint for joint in self.joints if joint.kind == "fixed"}
+
+    @property
     def mass(self) -> float:
-        """Total mass [kg]."""
-        return sum(link.body.mass for link in self.links if link.body is not None)
+        """Total mass of all links but the root, which is at rest [kg]."""
+        return sum(link.body.mass for link in self.links[1:] if link.body is not None)

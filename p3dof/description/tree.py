@@ -24,7 +24,7 @@ from dataclasses import replace
 import numpy as np
 
 from p3dof.checks import FloatArray
-from p3dof.description.mechanism import Closure, Joint, Link, Mechanism, Placement
+from p3dof.description.mechanism import Closure, Joint, Link, Mechanism, Mimic, Placement
 from p3dof.description.ranges import joint_limits
 from p3dof.description.shapes import Solids
 from p3dof.parameters import Body, Geometry, Parameters
@@ -84,8 +84,15 @@ def _joints(parameters: Parameters) -> tuple[Joint, ...]:
     def slide(name: str, child: str, place: _Point) -> Joint:
         return Joint(name, "prismatic", "base_link", child, _at(place), _Z, limits[name])
 
-    def hinge(name: str, parent: str, child: str, place: Placement, axis: FloatArray = _Y) -> Joint:
-        return Joint(name, "revolute", parent, child, place, axis, limits[name])
+    def hinge(
+        name: str,
+        parent: str,
+        child: str,
+        place: Placement,
+        axis: FloatArray = _Y,
+        mimic: Mimic | None = None,
+    ) -> Joint:
+        return Joint(name, "revolute", parent, child, place, axis, limits[name], mimic)
 
     return (
         slide("slide_a", "slider_a", (0.0, -R, 0.0)),
@@ -98,13 +105,21 @@ def _joints(parameters: Parameters) -> tuple[Joint, ...]:
         hinge("hinge_c", "slider_c", "crossbar_upper", Placement()),
         hinge("hinge_left", "crossbar_upper", "rod_left", _at((0.0, b, 0.0), rod)),
         # The lower cross-bar undoes the rod's frame: at hinge_lower = -hinge_left it stays upright.
-        hinge("hinge_lower", "rod_left", "crossbar_lower", _at((L, 0.0, 0.0), rod.T), n),
+        hinge(
+            "hinge_lower", "rod_left", "crossbar_lower", _at((L, 0.0, 0.0), rod.T), n, Mimic("hinge_left", -1)
+        ),
         _marker("crossbar_lower", "crossbar_lower_right", (0.0, -2 * b, 0.0)),
         hinge("hinge_platform", "crossbar_lower", "platform", _at((0.0, -b, 0.0))),
         _marker("platform", "platform_a", (r, -r, 0.0)),
         _marker("platform", "platform_b", (r, r, 0.0)),
         _marker("platform", "platform_center", (r, 0.0, 0.0)),
-        hinge("hinge_right", "crossbar_upper", "rod_right", _at((0.0, -b, 0.0), rod)),
+        hinge(
+            "hinge_right",
+            "crossbar_upper",
+            "rod_right",
+            _at((0.0, -b, 0.0), rod),
+            mimic=Mimic("hinge_left", 1),
+        ),
         _marker("rod_right", "rod_right_tip", (L, 0.0, 0.0)),
     )
 

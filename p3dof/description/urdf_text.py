@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Iterator
-from xml.sax.saxutils import quoteattr
+from xml.etree import ElementTree as ET
 
-import numpy as np
 import yaml
 
-from p3dof.checks import FloatArray
-from p3dof.description.mechanism import Box, Cylinder, Joint, Link, Mechanism, Placement, Shape, Solid
-from p3dof.parameters import Body
-
-_GIMBAL = 1e-12
-"""Cosine of the pitch below which roll and yaw turn about the same axis."""
+from p3dof.description.mechanism import Box, Cylinder, Joint, Link, Mechanism, Placement, Solid
+from p3dof.description.xml_text import document, moments, numbers, roll_pitch_yaw, sub
 
 
 def urdf(mechanism: Mechanism) -> str:
     """Return the tree of a mechanism as URDF text: self-contained, primitives only, always the same bytes.
 
-    Numbers have 15 significant digits. Links without mass have no ``<inertial>``.
+    Numbers have 15 significant digits. The parallelogram's joints mimic each other, for readers that keep no
+    loops; ``<ros2_control>`` names the actuators. Links without mass have no ``<inertial>``.
 
     Parameters
     ----------
@@ -31,23 +25,37 @@ def urdf(mechanism: Mechanism) -> str:
     -------
     str
     """
+    root = urdf_tree(mechanism)
+    _ros2_control(root, mechanism)
+    return document(root, mechanism, "The loops are in the .yaml beside it.")
+
+
+def urdf_tree(mechanism: Mechanism) -> ET.Element:
+    """Return links and joints as URDF elements, for the formats that add to them.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        What to write.
+
+    Returns
+    -------
+    Element
+        ``<robot>``.
+    """
+    root = ET.Element("robot", name=mechanism.name)
     colours = {
         solid.colour.name: solid.colour
         for link in mechanism.links
         for solid in (*link.visuals, *link.collisions)
     }
-    lines = [
-        '<?xml version="1.0"?>',
-        "<!-- Written by p3dof: change the parameters, not this file. The loops are in the .yaml. -->",
-        f"<robot name={quoteattr(mechanism.name)}>",
-    ]
     for name, colour in sorted(colours.items()):
-        lines.append(f'  <material name={quoteattr(name)}><color rgba="{numbers(colour.rgba)}"/></material>')
+        sub(sub(root, "material", name=name), "color", rgba=numbers(colour.rgba))
     for link in mechanism.links:
-        lines += _link(link)
+        _link(root, link)
     for joint in mechanism.joints:
-        lines += _joint(joint)
-    return "\n".join([*lines, "</robot>", ""])
+        _joint(root, joint)
+    return root
 
 
 def sidecar(mechanism: Mechanism) -> str:
@@ -75,103 +83,60 @@ def sidecar(mechanism: Mechanism) -> str:
     )
 
 
-def numbers(values: Iterable[float]) -> str:
-    """Return numbers with 15 significant digits, separated by spaces; no negative zero.
-
-    Parameters
-    ----------
-    values : iterable of float
-        The numbers.
-
-    Returns
-    -------
-    str
-    """
-    return " ".join(f"{float(value) + 0.0:.15g}" for value in values)
-
-
-def roll_pitch_yaw(rotation: FloatArray) -> tuple[float, float, float]:
-    """Return the angles of a rotation about the fixed axes x, then y, then z: R = Rz(yaw) Ry(pitch) Rx(roll).
-
-    Parameters
-    ----------
-    rotation : ndarray, shape (3, 3)
-        Rotation matrix.
-
-    Returns
-    -------
-    roll, pitch, yaw : float
-        Angles [rad]; yaw is zero where the pitch is ±90°.
-    """
-    R = rotation
-    cosine = math.hypot(R[0, 0], R[1, 0])
-    pitch = math.atan2(-R[2, 0], cosine)
-    if cosine < _GIMBAL:
-        return math.atan2(-R[1, 2], R[1, 1]), pitch, 0.0
-    return math.atan2(R[2, 1], R[2, 2]), pitch, math.atan2(R[1, 0], R[0, 0])
-
-
-def _origin(placement: Placement) -> str:
+def _origin(parent: ET.Element, placement: Placement) -> None:
     rpy = roll_pitch_yaw(placement.rotation)
-    return f'<origin xyz="{numbers(placement.position)}" rpy="{numbers(rpy)}"/>'
+    sub(parent, "origin", xyz=numbers(placement.position), rpy=numbers(rpy))
 
 
-def _link(link: Link) -> Iterator[str]:
-    content: list[str] = []
+def _link(root: ET.Element, link: Link) -> None:
+    element = sub(root, "link", name=link.name)
     if link.body is not None and link.body.mass > 0:
-        content += _inertial(link.body)
+        inertial = sub(element, "inertial")
+        _origin(inertial, Placement(link.body.com))
+        sub(inertial, "mass", value=numbers(link.body.mass))
+        sub(inertial, "inertia", **{name: numbers(value) for name, value in moments(link.body).items()})
     for solid in link.visuals:
-        content += _geometry("visual", solid, f"<material name={quoteattr(solid.colour.name)}/>")
+        sub(_geometry(element, "visual", solid), "material", name=solid.colour.name)
     for solid in link.collisions:
-        content += _geometry("collision", solid)
-    if content:
-        yield f"  <link name={quoteattr(link.name)}>"
-        yield from content
-        yield "  </link>"
-    else:
-        yield f"  <link name={quoteattr(link.name)}/>"
+        _geometry(element, "collision", solid)
 
 
-def _inertial(body: Body) -> Iterator[str]:
-    moments = (body.inertia + body.inertia.T) / 2
-    # What is left of a zero after rounding would differ between machines.
-    moments = np.where(np.abs(moments) < 1e-15 * np.abs(moments).max(), 0.0, moments)
-    names = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
-    yield "    <inertial>"
-    yield f"      {_origin(Placement(body.com))}"
-    yield f'      <mass value="{numbers([body.mass])}"/>'
-    values = " ".join(f'{name}="{numbers([moments[at]])}"' for name, at in names.items())
-    yield f"      <inertia {values}/>"
-    yield "    </inertial>"
-
-
-def _geometry(tag: str, solid: Solid, rest: str = "") -> Iterator[str]:
-    yield f"    <{tag}>"
-    yield f"      {_origin(solid.placement)}"
-    yield f"      <geometry>{_shape(solid.shape)}</geometry>"
-    if rest:
-        yield f"      {rest}"
-    yield f"    </{tag}>"
-
-
-def _shape(shape: Shape) -> str:
+def _geometry(link: ET.Element, tag: str, solid: Solid) -> ET.Element:
+    element = sub(link, tag)
+    _origin(element, solid.placement)
+    geometry, shape = sub(element, "geometry"), solid.shape
     if isinstance(shape, Box):
-        return f'<box size="{numbers(shape.size)}"/>'
-    if isinstance(shape, Cylinder):
-        return f'<cylinder radius="{numbers([shape.radius])}" length="{numbers([shape.length])}"/>'
-    return f'<sphere radius="{numbers([shape.radius])}"/>'
+        sub(geometry, "box", size=numbers(shape.size))
+    elif isinstance(shape, Cylinder):
+        sub(geometry, "cylinder", radius=numbers(shape.radius), length=numbers(shape.length))
+    else:
+        sub(geometry, "sphere", radius=numbers(shape.radius))
+    return element
 
 
-def _joint(joint: Joint) -> Iterator[str]:
-    yield f'  <joint name={quoteattr(joint.name)} type="{joint.kind}">'
-    yield f"    {_origin(joint.placement)}"
-    yield f"    <parent link={quoteattr(joint.parent)}/>"
-    yield f"    <child link={quoteattr(joint.child)}/>"
+def _joint(root: ET.Element, joint: Joint) -> None:
+    element = sub(root, "joint", name=joint.name, type=joint.kind)
+    _origin(element, joint.placement)
+    sub(element, "parent", link=joint.parent)
+    sub(element, "child", link=joint.child)
     if joint.axis is not None and joint.limits is not None:
-        values = " ".join(
-            f'{name}="{numbers([getattr(joint.limits, name)])}"'
-            for name in ("lower", "upper", "effort", "velocity")
-        )
-        yield f'    <axis xyz="{numbers(joint.axis)}"/>'
-        yield f"    <limit {values}/>"
-    yield "  </joint>"
+        names = ("lower", "upper", "effort", "velocity")
+        sub(element, "axis", xyz=numbers(joint.axis))
+        sub(element, "limit", **{name: numbers(getattr(joint.limits, name)) for name in names})
+    if joint.mimic is not None:
+        sub(element, "mimic", joint=joint.mimic.joint, multiplier=numbers(joint.mimic.multiplier), offset="0")
+
+
+def _ros2_control(root: ET.Element, mechanism: Mechanism) -> None:
+    """Name the effort interfaces of the actuators; the plugin is the mock that ships with ros2_control."""
+    system = sub(root, "ros2_control", name=f"{mechanism.name}_system", type="system")
+    sub(sub(system, "hardware"), "plugin", "mock_components/GenericSystem")
+    for joint in mechanism.moving:
+        if joint.name not in mechanism.actuated or joint.limits is None:
+            continue
+        element = sub(system, "joint", name=joint.name)
+        command = sub(element, "command_interface", name="effort")
+        sub(command, "param", numbers(-joint.limits.effort), name="min")
+        sub(command, "param", numbers(joint.limits.effort), name="max")
+        for interface in ("position", "velocity", "effort"):
+            sub(element, "state_interface", name=interface)

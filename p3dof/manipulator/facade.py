@@ -85,7 +85,18 @@ class Manipulator:
 
     @cached_property
     def urdf(self) -> str:
-        """The URDF of the tree: self-contained, primitives only."""
+        """The URDF of the tree for any reader: self-contained, primitives only, every link with a mass.
+
+        Raises
+        ------
+        ModelError
+            If a body is too light to give its massless neighbours a mass; `exact_urdf` is then left.
+        """
+        return description.urdf(description.with_masses(self.mechanism))
+
+    @cached_property
+    def exact_urdf(self) -> str:
+        """The URDF of the tree with the bodies just as the parameters have them, massless ones included."""
         return description.urdf(self.mechanism)
 
     @cached_property
@@ -96,7 +107,7 @@ class Manipulator:
     @cached_property
     def loop(self) -> ClosedLoopModel:
         """The mechanism as a general closed-loop model on Pinocchio; not for several threads at once."""
-        loop = ClosedLoopModel.from_urdf(self.urdf, Sidecar.parse(self.sidecar, "sidecar"))
+        loop = ClosedLoopModel.from_urdf(self.exact_urdf, Sidecar.parse(self.sidecar, "sidecar"))
         loop.model.gravity.linear = self.parameters.gravity  # a URDF has no place for it
         return loop
 
@@ -113,12 +124,12 @@ class Manipulator:
     @cached_property
     def visual_model(self) -> Any:
         """The visible solids as a plain `pinocchio.GeometryModel`."""
-        return pin.buildGeomFromUrdfString(self.model, self.urdf, pin.GeometryType.VISUAL)
+        return pin.buildGeomFromUrdfString(self.model, self.exact_urdf, pin.GeometryType.VISUAL)
 
     @cached_property
     def collision_model(self) -> Any:
         """The solids for collision checks as a plain `pinocchio.GeometryModel`."""
-        return pin.buildGeomFromUrdfString(self.model, self.urdf, pin.GeometryType.COLLISION)
+        return pin.buildGeomFromUrdfString(self.model, self.exact_urdf, pin.GeometryType.COLLISION)
 
     # -- kinematics -----------------------------------------------------------------------------------
 
