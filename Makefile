@@ -1,40 +1,45 @@
 # `make demo` runs the main job, `make test` every check. Both need only python3 (>= 3.10), make and a network.
+# `make test EXTRAS=all` also installs every tool that the exports are tested in (about 4 GB, from PyPI and,
+# where apt-get is there and may be used, from Debian); without it, tests of tools that are missing are skipped.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= out
+EXTRAS ?=
+DEV := $(VENV)/.dev$(EXTRAS)
+DEBIAN := liburdfdom-tools libsdformat-dev pkg-config g++
 
-.PHONY: demo test lint types layers generated pytest fuzz benchmark urdf clean
+.PHONY: demo test lint types layers generated pytest fuzz benchmark export clean
 
 demo: $(VENV)/.demo
 	$(BIN)/p3dof compare --out $(OUT)
 
 test: lint types layers generated pytest
 
-lint: $(VENV)/.dev
+lint: $(DEV)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 
-types: $(VENV)/.dev
+types: $(DEV)
 	$(BIN)/mypy
 
-layers: $(VENV)/.dev
+layers: $(DEV)
 	$(BIN)/lint-imports
 
-generated: $(VENV)/.dev
-	$(BIN)/p3dof urdf --check
+generated: $(DEV)
+	$(BIN)/p3dof export --check
 
-pytest: $(VENV)/.dev
+pytest: $(DEV)
 	$(BIN)/pytest -n auto
 
-fuzz: $(VENV)/.dev
+fuzz: $(DEV)
 	$(BIN)/pytest -m fuzz
 
-benchmark: $(VENV)/.dev
+benchmark: $(DEV)
 	$(BIN)/python tests/benchmarks/inverse_dynamics.py
 
-urdf: $(VENV)/.dev
-	$(BIN)/p3dof urdf
+export: $(DEV)
+	$(BIN)/p3dof export
 
 clean:
 	rm -rf $(VENV) $(OUT)
@@ -52,3 +57,10 @@ $(VENV)/.demo: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt
 $(VENV)/.dev: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
 	@touch $@ $(VENV)/.demo
+
+$(VENV)/.devall: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt
+	@if command -v apt-get >/dev/null && [ "$$(id -u)" = 0 ]; then \
+		apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq $(DEBIAN) >/dev/null || \
+		echo "Debian's packages could not be installed; their tests will be skipped: $(DEBIAN)"; fi
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,interop]'
+	@touch $@ $(VENV)/.dev $(VENV)/.demo

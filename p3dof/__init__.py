@@ -16,7 +16,19 @@ Poses are (y, z, θ); forces and sliders are ordered A, B, C, positive along +z0
 from importlib.metadata import version as _version
 
 from p3dof.closed_loop import ClosedLoopModel, FrameTarget, Sidecar
-from p3dof.errors import P3dofError
+from p3dof.errors import (
+    AssemblyError,
+    DynamicsError,
+    FileError,
+    InputError,
+    ModelError,
+    MotionError,
+    P3dofError,
+    ParameterError,
+    ReachError,
+    SampleError,
+    SingularityError,
+)
 from p3dof.manipulator import InverseDynamics, Manipulator, load
 from p3dof.motion import Motion, paper_motion
 from p3dof.parameters import (
@@ -38,19 +50,29 @@ __version__ = _version("p3dof")
 __all__ = [
     "PAPER",
     "SOLIDS",
+    "AssemblyError",
     "Bodies",
     "Body",
     "ClosedLoopModel",
     "Dimensions",
+    "DynamicsError",
+    "FileError",
     "FrameTarget",
     "Geometry",
+    "InputError",
     "InverseDynamics",
     "Limits",
     "Manipulator",
+    "ModelError",
     "Motion",
+    "MotionError",
     "P3dofError",
+    "ParameterError",
     "Parameters",
+    "ReachError",
+    "SampleError",
     "Sidecar",
+    "SingularityError",
     "load",
     "of_solids",
     "paper_motion",

@@ -6,11 +6,25 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import Self
 
 from p3dof.errors import InputError, P3dofError
 
 FloatArray = NDArray[np.float64]
 """An array of double-precision numbers."""
+
+
+class FrozenArrays:
+    """Base of frozen dataclasses with read-only arrays: they stay so in deep copies and after unpickling."""
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        return self  # nothing in it can change
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for name, value in state.items():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+            object.__setattr__(self, name, value)
 
 
 def as_floats(name: str, value: Any, error: type[P3dofError] = InputError) -> FloatArray:

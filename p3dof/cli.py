@@ -5,9 +5,10 @@ Exit codes: 0 done, 1 a check failed (methods disagree, files differ), 2 bad inp
 
 from __future__ import annotations
 
+import io
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -19,10 +20,13 @@ from rich.table import Table
 
 from p3dof import __version__, description
 from p3dof.checks import FloatArray
-from p3dof.errors import MissingExtraError, P3dofError
+from p3dof.errors import InputError, MissingExtraError, P3dofError
 from p3dof.manipulator import METHODS, InverseDynamics, Manipulator, load
 from p3dof.manipulator.results import LEGS, write_table
 from p3dof.motion import Motion, paper_motion
+
+SHOWN = 20
+"""Most differences that ``--check`` prints."""
 
 PARAMETERS = click.option(
     "--parameters",
@@ -37,9 +41,7 @@ MOTION = click.option(
 SAMPLES = click.option(
     "--samples",
     type=click.IntRange(2, 1_000_000),
-    default=1001,
-    show_default=True,
-    help="Samples of the paper's motion.",
+    help="Samples of the paper's motion; 1001 without it.",
 )
 ON_INVALID = click.option(
     "--on-invalid",
@@ -63,16 +65,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
     int
         The exit code.
     """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal without Greek letters still gets its tables
     try:
         code = app(
             args=None if arguments is None else list(arguments), standalone_mode=False, prog_name="p3dof"
         )
     except P3dofError as error:
         return _fail(str(error))
+    except click.exceptions.NoArgsIsHelpError as error:
+        sys.stderr.write(f"{error.format_message()}\n")
+        return 2
     except click.exceptions.Abort:
         return _fail("interrupted", 130)
     except click.ClickException as error:
         return _fail(error.format_message())
+    except OSError as error:  # such as a full disk behind the standard output
+        return _fail(f"cannot write the output ({error.strerror or error})")
     return int(code or 0)
 
 
@@ -105,7 +115,7 @@ def app() -> None:
 def compare(
     parameters: Path | None,
     motion: Path | None,
-    samples: int,
+    samples: int | None,
     out: Path,
     tolerance: float,
     on_invalid: str,
@@ -115,6 +125,9 @@ def compare(
 
     Exit code 1 when they disagree by more than the tolerance.
     """
+    if not np.isfinite(tolerance):
+        raise click.BadParameter(f"expected a finite number, got {tolerance:g}", param_hint="--tolerance")
+    _protect((parameters, motion), [out / name for name in ("forces.csv", "forces.png", "forces.svg")])
     robot, given = load(parameters), _motion(motion, samples)
     first, first_seconds = _timed(robot, given, "pinocchio", on_invalid)
     second, second_seconds = _timed(robot, given, "virtual-power", on_invalid)
@@ -129,11 +142,7 @@ def compare(
     console = Console()
     console.print(_agreement_table(first, second, difference))
     console.print(_evidence_table((first, first_seconds), (second, second_seconds)))
-    if first.valid.sum() < len(given):
-        console.print(
-            f"{len(given) - int(first.valid.sum())} of {len(given)} samples are invalid and left NaN"
-        )
-    _print_exceedances(console, robot, second)
+    _print_warnings(console, robot, second)
     for path in written:
         _print_plain(console, f"wrote {path}")
     verdict = "agree" if agree else "DISAGREE"
@@ -172,13 +181,15 @@ def compare(
 def forces(
     parameters: Path | None,
     motion: Path | None,
-    samples: int,
+    samples: int | None,
     method: str,
     out: Path | None,
     figure: Path | None,
     on_invalid: str,
 ) -> None:
     """Compute the forces over a motion by one method: peaks on the screen, all samples in a file."""
+    _protect((parameters, motion, figure), [out])
+    _protect((parameters, motion), [figure])
     robot, given = load(parameters), _motion(motion, samples)
     result, seconds = _timed(robot, given, method, on_invalid)
     written = [] if out is None else [result.to_csv(out)]
@@ -194,7 +205,7 @@ def forces(
         table.add_row(name, f"{low:.4f}", f"{high:.4f}", f"{result.rms_forces[leg]:.4f}")
     console.print(table)
     console.print(_evidence_table((result, seconds)))
-    _print_exceedances(console, robot, result)
+    _print_warnings(console, robot, result)
     for path in written:
         _print_plain(console, f"wrote {path}")
 
@@ -216,7 +227,7 @@ CHECK = click.option("--check", is_flag=True, help="Write nothing; exit code 1 i
 @click.option("--exact", is_flag=True, help="Leave massless links massless, which many readers misread.")
 def urdf(parameters: Path | None, out: Path, check: bool, exact: bool) -> int:
     """Write the URDF and its sidecar (loop closures, actuated joints), or check those in a folder."""
-    return _write_or_check(load(parameters), out, ("urdf",), check, exact)
+    return _write_or_check(parameters, out, ("urdf",), check, exact)
 
 
 @app.command()
@@ -234,20 +245,40 @@ def urdf(parameters: Path | None, out: Path, check: bool, exact: bool) -> int:
 )
 def export(parameters: Path | None, out: Path, check: bool, formats: tuple[str, ...]) -> int:
     """Write the model for other tools, with its loops where the format can hold them."""
-    chosen = tuple(description.FORMATS) if "all" in formats else tuple(dict.fromkeys(formats))
-    return _write_or_check(load(parameters), out, chosen, check, exact=False)
+    if "all" not in formats:
+        return _write_or_check(parameters, out, tuple(dict.fromkeys(formats)), check)
+    return _write_or_check(parameters, out, tuple(description.FORMATS), check, skip_missing=True)
 
 
-def _write_or_check(robot: Manipulator, out: Path, formats: tuple[str, ...], check: bool, exact: bool) -> int:
-    console = Console()
+def _write_or_check(
+    source: Path | None,
+    out: Path,
+    formats: tuple[str, ...],
+    check: bool,
+    exact: bool = False,
+    skip_missing: bool = False,
+) -> int:
+    """Write or check formats; with `skip_missing` one whose library is not installed is passed over aloud."""
+    console, differences = Console(), []
     if not check:
-        for path in description.write(robot.parameters, out, formats, exact):
-            _print_plain(console, f"wrote {path}")
-        return 0
-    differences = description.check(robot.parameters, out, formats, exact)
-    for line in differences:
+        _protect((source,), [out / file for name in formats for file in description.FORMATS[name]])
+    robot = load(source)
+    for name in formats:
+        try:
+            if check:
+                differences += description.check(robot.parameters, out, (name,), exact)
+                continue
+            for path in description.write(robot.parameters, out, (name,), exact):
+                _print_plain(console, f"wrote {path}")
+        except MissingExtraError as error:
+            if not skip_missing:
+                raise
+            sys.stderr.write(f"p3dof: {name} left out: {error}\n")
+    for line in differences[:SHOWN]:
         _print_plain(console, line)
-    if not differences:
+    if len(differences) > SHOWN:
+        _print_plain(console, f"... and {len(differences) - SHOWN} more differences")
+    if check and not differences:
         _print_plain(console, f"{out}: up to date")
     return 1 if differences else 0
 
@@ -258,8 +289,20 @@ def _fail(message: str, code: int = 2) -> int:
     return code
 
 
-def _motion(path: Path | None, samples: int) -> Motion:
-    return paper_motion(samples) if path is None else Motion.from_csv(path)
+def _protect(inputs: Iterable[Path | None], outputs: Iterable[Path | None]) -> None:
+    """Refuse to write over a file that is read in the same command, or twice to one file."""
+    used = {path.resolve() for path in inputs if path is not None}
+    for path in outputs:
+        if path is not None and path.resolve() in used:
+            raise click.UsageError(f"{path} would be overwritten: it is already used by this command")
+
+
+def _motion(path: Path | None, samples: int | None) -> Motion:
+    if path is None:
+        return paper_motion(1001 if samples is None else samples)
+    if samples is not None:
+        raise click.UsageError("--samples belongs to the paper's motion, and --motion gives another one")
+    return Motion.from_csv(path)
 
 
 def _timed(robot: Manipulator, motion: Motion, method: str, on_invalid: str) -> tuple[InverseDynamics, float]:
@@ -272,7 +315,10 @@ def _timed(robot: Manipulator, motion: Motion, method: str, on_invalid: str) -> 
             on_invalid=on_invalid,  # type: ignore[arg-type]  # likewise
             progress=progress,
         )
-        return result, time.perf_counter() - start
+        seconds = time.perf_counter() - start
+    if not result.valid.any():
+        raise InputError(f"no sample of the motion is within what the machine can do ({len(motion)} samples)")
+    return result, seconds
 
 
 @contextmanager
@@ -315,9 +361,19 @@ def _evidence_table(*runs: tuple[InverseDynamics, float]) -> Table:
     return table
 
 
-def _print_exceedances(console: Console, robot: Manipulator, result: InverseDynamics) -> None:
-    for exceedance in result.exceedances(robot.parameters.limits):
-        console.print(f"limit exceeded: {exceedance}", style="yellow", highlight=False)
+def _print_warnings(console: Console, robot: Manipulator, result: InverseDynamics) -> None:
+    """Say what is wrong with a motion although its forces could be computed."""
+    invalid = len(result.time) - int(result.valid.sum())
+    warnings = [f"{invalid} of {len(result.time)} samples are invalid and left NaN"] if invalid else []
+    warnings += [
+        f"limit exceeded: {exceedance}" for exceedance in result.exceedances(robot.parameters.limits)
+    ]
+    warnings += [
+        f"after t = {time:g} s the motion crosses an actuation singularity: no force can do that"
+        for time in result.crossings
+    ]
+    for warning in warnings:
+        console.print(warning, style="yellow", highlight=False, soft_wrap=True)
 
 
 def _print_plain(console: Console, text: str) -> None:

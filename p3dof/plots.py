@@ -22,7 +22,6 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73")
 
 _STYLES: tuple[dict[str, Any], ...] = ({"lw": 3.0, "alpha": 0.35}, {"lw": 1.2})
 _NAMES = {"pinocchio": "Pinocchio (URDF, closures, RNEA)", "virtual-power": "virtual power (paper)"}
-_PAPER_FIGURES = (3, 4, 5)
 
 
 def forces_figure(results: Sequence[InverseDynamics]) -> Figure:
@@ -49,16 +48,16 @@ def forces_figure(results: Sequence[InverseDynamics]) -> Figure:
     if len(results) == 2 and not np.array_equal(results[0].time, results[1].time):
         raise InputError("results: expected two results of the same motion, got different times")
     rows = len(results)
-    figure = _new_figure(figsize=(10.5, 2.9 if rows == 1 else 4.6))
+    figure = _new_figure(figsize=(10.5, 3.1 if rows == 1 else 4.8))
+    from matplotlib.lines import Line2D
+
     axes = figure.subplots(rows, 3, sharex=True, squeeze=False, height_ratios=(3, 1.4)[:rows])
     for leg, name in enumerate("ABC"):
         top = axes[0, leg]
         for result, style in zip(results, _STYLES[-rows:], strict=True):
-            label = _NAMES.get(result.method, result.method)
-            top.plot(result.time, result.forces[:, leg], color=COLOURS[leg], label=label, **style)
-        top.set_title(f"Actuator {name} (paper, Fig. {_PAPER_FIGURES[leg]})", fontsize=10)
-        top.set_ylabel(f"force $f_{{10}}^{name}$ [N]")
-        top.legend(fontsize=7, frameon=False, loc="best")
+            top.plot(result.time, result.forces[:, leg], color=COLOURS[leg], **style)
+        top.set_title(f"actuator {name}", fontsize=10)
+        top.set_ylabel("force [N]")
         if rows == 2:
             difference = results[0].forces[:, leg] - results[1].forces[:, leg]
             axes[1, leg].plot(results[0].time, difference, color=COLOURS[leg], lw=0.7)
@@ -66,6 +65,9 @@ def forces_figure(results: Sequence[InverseDynamics]) -> Figure:
             axes[1, leg].set_ylabel("difference [N]")
             axes[1, leg].ticklabel_format(axis="y", style="sci", scilimits=(0, 0))
         axes[-1, leg].set_xlabel("time [s]")
+    handles = [Line2D([], [], color="0.3", **style) for style in _STYLES[-rows:]]
+    labels = [_NAMES.get(result.method, result.method) for result in results]
+    figure.legend(handles, labels, loc="outside upper center", ncols=2, frameon=False, fontsize=9)
     for axis in axes.ravel():
         axis.grid(color="0.9", lw=0.6)
         axis.spines[["top", "right"]].set_visible(False)
@@ -110,4 +112,8 @@ def _new_figure(figsize: tuple[float, float]) -> Figure:
         from matplotlib.figure import Figure
     except ImportError as error:
         raise MissingExtraError("figures need matplotlib: pip install 'p3dof[plot]'") from error
+    except (
+        ValueError
+    ) as error:  # matplotlib refuses its own settings, such as MPLBACKEND, when it is imported
+        raise InputError(f"matplotlib cannot start: {error}") from error
     return Figure(figsize=figsize, layout="constrained")

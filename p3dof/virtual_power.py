@@ -41,8 +41,7 @@ from p3dof.algebra import (
     steiner,
     subtract,
 )
-from p3dof.checks import FloatArray, batch_of
-from p3dof.errors import InputError
+from p3dof.checks import FloatArray
 from p3dof.kinematics.formulas import (
     Lengths,
     Rates,
@@ -52,15 +51,9 @@ from p3dof.kinematics.formulas import (
     platform_velocity,
     velocities,
 )
-from p3dof.kinematics.inverse import singularity
 from p3dof.kinematics.recursion import Frame, body_axes, frames, rigid_acceleration
-from p3dof.kinematics.validity import (
-    ACTUATION_TOLERANCE,
-    OnInvalid,
-    raise_not_finite,
-    raise_singular,
-    reachable_states,
-)
+from p3dof.kinematics.states import holdable_states, wrench_like
+from p3dof.kinematics.validity import OnInvalid, raise_not_finite
 from p3dof.parameters import Bodies, Parameters
 
 BLOCK = 4096
@@ -187,79 +180,14 @@ def forces(
         xp: Namespace = np if len(table) > 1 else math
         q, v, a, force, moment = (components(rows[i : i + 3]) for i in range(0, 15, 3))
         external = NO_WRENCH if wrench is None else Wrench(force, moment)
-        f = actuator_forces(lengths, bodies, gravity, q, v, a, xp, external)
+        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is told below
+            f = actuator_forces(lengths, bodies, gravity, q, v, a, xp, external)
         for leg in range(3):
             result[block, leg] = f[leg]
-    return result.reshape(*shape, 3)
-
-
-def holdable_states(
-    parameters: Parameters,
-    pose: ArrayLike,
-    velocity: ArrayLike,
-    acceleration: ArrayLike,
-    on_invalid: OnInvalid,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return states with one shape, checked for reach and for the actuation singularity.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        The machine.
-    pose, velocity, acceleration : array-like, shape (..., 3)
-        What the user gave.
-    on_invalid : {"raise", "nan"}
-        What to do with invalid samples.
-
-    Returns
-    -------
-    pose, velocity, acceleration : ndarray, shape (..., 3)
-        Invalid rows are NaN in all three.
-
-    Raises
-    ------
-    ReachError, SingularityError, InputError
-        As `forces`.
-    """
-    states = reachable_states(parameters.geometry, pose, velocity, acceleration, on_invalid)
-    actuation = singularity(parameters.geometry, states[0]).actuation
-    singular = np.abs(actuation) < ACTUATION_TOLERANCE
+    forces_ = result.reshape(*shape, 3)
     if on_invalid == "raise":
-        raise_singular(states[0], singular, actuation)
-        return states
-    poses, speeds, rates = np.where(singular[..., None], np.nan, np.stack(states))
-    return poses, speeds, rates
-
-
-def wrench_like(wrench: ArrayLike | None, shape: tuple[int, ...], on_invalid: OnInvalid) -> FloatArray:
-    """Return the external wrench for every sample of a batch.
-
-    Parameters
-    ----------
-    wrench : array-like, shape (..., 6), or None
-        What the user gave; None is no wrench.
-    shape : tuple of int
-        Leading shape of the batch.
-    on_invalid : {"raise", "nan"}
-        Raise for numbers that are not finite, or let them through as NaN.
-
-    Returns
-    -------
-    ndarray, shape (*shape, 6)
-
-    Raises
-    ------
-    InputError
-        If the shape does not fit the batch, or a number is not finite.
-    """
-    array = batch_of("wrench", np.zeros(6) if wrench is None else wrench, 6)
-    if on_invalid == "raise":
-        raise_not_finite("wrench", array)
-    array = np.where(np.isfinite(array).all(axis=-1, keepdims=True), array, np.nan)
-    try:
-        return np.broadcast_to(array, (*shape, 6))
-    except ValueError as error:
-        raise InputError(f"wrench: expected shape {(*shape, 6)} or (6,), got {array.shape}") from error
+        raise_not_finite("forces", forces_)
+    return forces_
 
 
 def inertials(bodies: Bodies) -> dict[str, Inertial]:

@@ -72,6 +72,31 @@ def test_compare_with_files_and_invalid_samples(tmp_path, capsys):
     assert "of 21 samples are invalid and left NaN" in " ".join(out.split())
 
 
+def test_compare_sees_that_the_methods_find_other_samples_valid(tmp_path, capsys, monkeypatch):
+    from p3dof.manipulator import virtual_power_route
+
+    real = virtual_power_route.virtual_power.forces
+
+    def lame(*args, **kwargs):
+        forces = real(*args, **kwargs)
+        forces[3] = np.nan
+        return forces
+
+    monkeypatch.setattr(virtual_power_route.virtual_power, "forces", lame)
+    code, out, _ = run(capsys, "compare", "--samples", 11, "--out", tmp_path, "--no-plot")
+    assert code == 1
+    assert "the methods DISAGREE" in out
+
+
+def test_nothing_valid_is_not_agreement(tmp_path, capsys):
+    (tmp_path / "m.csv").write_text("t,y,z,theta\n0,0.5,0,0\n1,0.5,0,0\n", encoding="utf-8")
+    for command in ("compare", "forces"):
+        code, out, err = run(capsys, command, "--motion", tmp_path / "m.csv", "--on-invalid", "nan")
+        one_line(code, err)
+        assert "no sample of the motion is within what the machine can do (2 samples)" in err
+        assert "agree" not in out
+
+
 def test_limits_are_told(tmp_path, capsys):
     text = (tmp_path / "m.yaml").write_text
     machine = p3dof.parameters.serialization.dump(PAPER).replace("force: 500.0", "force: 100")
@@ -92,7 +117,7 @@ def test_forces(tmp_path, capsys, method):
     assert code == 0
     assert "118.4980" in out
     table = np.genfromtxt(tmp_path / "f.csv", delimiter=",", skip_header=1)
-    assert table.shape == (51, 10)
+    assert table.shape == (51, 13)
     assert (tmp_path / "f.pdf").read_bytes().startswith(b"%PDF")
 
 
@@ -181,20 +206,27 @@ def test_bad_parameter_files(tmp_path, capsys, old, new, words):
         ["compare", "--samples", "1"],
         ["compare", "--samples", "many"],
         ["compare", "--tolerance", "-1"],
+        ["compare", "--tolerance", "nan"],
+        ["compare", "--tolerance", "inf"],
+        ["compare", "--motion", "m.csv", "--samples", "5"],
         ["compare", "--motion", "no such file.csv"],
         ["compare", "--parameters", "/"],
         ["forces", "--method", "adams"],
         ["forces", "--colour", "red"],
         ["forces", "--figure", "out/forces.doc", "--method", "virtual-power"],
         ["simulatee"],
-        [],
     ],
 )
 def test_bad_arguments(capsys, arguments):
     code, _, err = run(capsys, *arguments)
+    one_line(code, err)
+
+
+def test_without_arguments_the_help_is_shown(capsys):
+    code, _, err = run(capsys)
     assert code == 2
-    if arguments:
-        one_line(code, err)
+    assert err.startswith("Usage: p3dof")
+    assert len(err.splitlines()) > 5
 
 
 def one_line(code, err):

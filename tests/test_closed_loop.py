@@ -226,6 +226,8 @@ def test_no_actuator_can_hold_a_tilted_pendulum():
     with pytest.raises(DynamicsError, match=r"no actuator gives: .* is missing"):
         loop.inverse_dynamics(q, zero, zero)
     fall = loop.forward_dynamics(q, zero, [])
+    with pytest.raises(DynamicsError, match="is missing"):  # a part in a million of it is missing already
+        loop.inverse_dynamics(q, zero, fall.a * (1 - 1e-6))
     result = loop.inverse_dynamics(q, zero, fall.a)  # but its own fall needs none
     assert result.tau.size == 0
     assert result.conditioning == 0.0
@@ -452,7 +454,10 @@ def test_a_free_motion_without_inertia_is_refused():
         ({"a": [0, 0, np.inf]}, "a: expected finite"),
         ({"q": np.array([0.9, 0, 0])}, "q: the closure coupler_tip/rocker_tip is open by"),
         ({"v": np.array([1.0, 0, 0])}, "v: opens the closure coupler_tip/rocker_tip"),
+        ({"v": np.array([1e-4, 0, 0])}, "v: opens the closure coupler_tip/rocker_tip"),
         ({"a": np.array([1.0, 0, 0])}, "a: opens the closure coupler_tip/rocker_tip"),
+        ({"a": np.array([1e-4, 0, 0])}, "a: opens the closure coupler_tip/rocker_tip"),
+        ({"external": [np.zeros(6)]}, "external: expected a mapping of frame names to wrenches, got list"),
         ({"external": {"nowhere": np.zeros(6)}}, "external: the frame 'nowhere' does not exist; known: "),
         ({"external": {"rockr": np.zeros(6)}}, "did you mean 'rocker'"),
         ({"external": {"rocker": np.zeros(3)}}, r"external rocker: expected shape \(6,\)"),
@@ -470,6 +475,8 @@ def test_forward_dynamics_refuses_bad_arguments(four_bar, hexapod):
         four_bar.forward_dynamics(q, np.zeros(3), [1.0, 2.0])
     with pytest.raises(InputError, match="open by"):
         four_bar.forward_dynamics(np.zeros(3), np.zeros(3), [1.0])
+    with pytest.raises(InputError, match="v: opens the closure"):
+        four_bar.forward_dynamics(q, [1.0, 0, 0], [1.0])
     with pytest.raises(InputError, match="q: not normalised"):
         hexapod.rank(2 * pin.neutral(hexapod.model))
 

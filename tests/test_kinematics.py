@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from lagrange import BODIES, LagrangeModel
-from machines import SEEDS, derivative, drops, random_geometry, random_machine, random_states
+from machines import SEEDS, derivative, drops, random_machine, random_states
 
 from p3dof import kinematics
 from p3dof.errors import InputError, ReachError
@@ -43,7 +43,6 @@ def test_home():
 @given(SEEDS)
 def test_closed_form_of_the_paper(seed):
     """The sliders of (6), printed as in the notes on the paper."""
-    geometry = random_geometry(np.random.default_rng(seed))
     parameters = random_machine(seed)
     geometry = parameters.geometry
     pose = random_states(parameters, seed, 20).pose
@@ -321,6 +320,35 @@ def test_sliders_that_do_not_assemble(sliders, leg, words):
         kinematics.forward_kinematics(G, sliders)
     assert info.value.leg == leg
     assert info.value.margin < 0
+
+
+def test_margin_of_leg_c_is_that_of_the_circle_it_misses():
+    """Slider C below P: at y = 0 the rods (.4) and the platform's arm (.1) leave distances .3 to .5."""
+    with pytest.raises(ReachError, match=r"leg C misses the platform by 0\.05 m") as info:
+        kinematics.forward_kinematics(G, [0, 0, np.sqrt(0.25**2 - 0.25**2) - G.h])
+    assert info.value.margin == pytest.approx(-0.05)
+    with pytest.raises(ReachError) as info:
+        kinematics.forward_kinematics(G, [0, 0, 0.6 - G.h])
+    assert info.value.margin == pytest.approx(0.5 - np.hypot(0.6, 0.25))
+
+
+def test_huge_sliders_do_not_assemble():
+    with pytest.raises(ReachError):
+        kinematics.forward_kinematics(G, [1e200, 0, 0])
+    assert np.isnan(kinematics.forward_kinematics(G, [1e200, 0, 0], on_invalid="nan")).all()
+
+
+def test_points_of_a_body_may_differ_between_samples():
+    poses = random_states(PAPER, 1, 3).pose
+    body = kinematics.mechanism_motion(G, poses, np.ones(3), np.ones(3)).bodies["platform"]
+    points = np.arange(9.0).reshape(3, 3)
+    for i in range(3):
+        one = kinematics.mechanism_motion(G, poses[i], np.ones(3), np.ones(3)).bodies["platform"]
+        for all_, single in zip(body.at(points), one.at(points[i]), strict=True):
+            np.testing.assert_allclose(all_[i], single, rtol=1e-13)
+    for bad in ("abc", [1.0, 2.0]):
+        with pytest.raises(InputError, match="point: expected"):
+            body.at(bad)
 
 
 def test_no_mode_at_all():

@@ -3,6 +3,7 @@
 import copy
 import dataclasses
 import math
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -754,4 +755,35 @@ def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
 
 
 def test_parameters_can_be_copied():
-    assert_same_parameters(copy.deepcopy(PAPER), PAPER)
+    for other in (copy.deepcopy(PAPER), pickle.loads(pickle.dumps(PAPER))):  # noqa: S301 - our own
+        assert_same_parameters(other, PAPER)
+        with pytest.raises(ValueError, match="read-only"):
+            other.bodies.platform.com[0] = 9
+        with pytest.raises(ValueError, match="read-only"):
+            other.gravity[0] = 9
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: box((-0.1, -0.1, 0.1)), "size: expected a positive number"),
+        (lambda: box("abc"), "size: expected real numbers"),
+        (lambda: cylinder(-0.01, 0.4), "radius: expected a positive number"),
+        (lambda: cylinder(0.01, 0.4, axis=5), "axis: expected 0, 1 or 2"),
+        (lambda: cylinder(0.01, 0.4, density=0), "density: expected a positive number"),
+        (lambda: rounded_plate([[0, 0], [1, 1], [2, 2]], 0.1, 0.1), "corners: expected a triangle"),
+        (lambda: rounded_plate([[0, 0], [1, 1]], 0.1, 0.1), "corners: expected shape"),
+        (lambda: of_solids(geometry=3), "geometry: expected Geometry, got int"),
+        (lambda: of_solids(limits=3), "limits: expected Limits, got int"),
+    ],
+)
+def test_solids_that_are_none(make, words):
+    with pytest.raises(ParameterError, match=words):
+        make()
+
+
+def test_a_clockwise_plate_is_the_same():
+    corners = np.array([[0.0, -0.1], [0.0, 0.1], [-0.1, 0.0]])
+    one, other = (rounded_plate(c, 0.02, 0.05) for c in (corners, corners[::-1]))
+    assert one.mass == pytest.approx(other.mass, rel=1e-14)
+    np.testing.assert_allclose(one.inertia, other.inertia, rtol=1e-12, atol=1e-15)

@@ -14,6 +14,7 @@ from machines import SEEDS, conditioning, derivative, random_machine, random_sta
 from p3dof import kinematics, virtual_power
 from p3dof.errors import InputError, ReachError, SingularityError
 from p3dof.kinematics.formulas import Lengths
+from p3dof.kinematics.validity import ACTUATION_TOLERANCE
 from p3dof.parameters import PAPER, SOLIDS, Bodies, Body, Geometry
 
 HOME = np.zeros(3)
@@ -40,7 +41,7 @@ def test_agrees_with_lagrange_near_singular_poses(seed):
     s = random_states(parameters, seed, 5, drop=0.005, angle=1e-5, near=near)
     ours = virtual_power.forces(parameters, s.pose, s.velocity, s.acceleration)
     expected = LagrangeModel(parameters).forces(s.pose, s.velocity, s.acceleration)
-    allowed = 1e-11 * conditioning(parameters.geometry, s.pose) * np.abs(expected).max(axis=-1)
+    allowed = 1e-12 * conditioning(parameters.geometry, s.pose) * np.abs(expected).max(axis=-1)
     assert np.all(np.abs(ours - expected).max(axis=-1) <= allowed)
 
 
@@ -193,6 +194,9 @@ def test_singular_poses_raise_with_the_sample():
     forces = virtual_power.forces(PAPER, poses, HOME, HOME, on_invalid="nan")
     assert np.isnan(forces[1]).all()
     assert np.isfinite(forces[[0, 2]]).all()
+    with pytest.raises(SingularityError):
+        virtual_power.forces(PAPER, [0, 0, theta - 0.5 * ACTUATION_TOLERANCE], HOME, HOME)
+    assert np.isfinite(virtual_power.forces(PAPER, [0, 0, theta - 2 * ACTUATION_TOLERANCE], HOME, HOME)).all()
     near = virtual_power.forces(PAPER, [0, 0, theta - 1e-4], HOME, HOME)
     assert np.isfinite(near).all()
     assert np.abs(near).max() > 1e4  # unbounded toward the singularity
@@ -210,6 +214,11 @@ def test_unreachable_and_nan_rows():
     forces = virtual_power.forces(PAPER, poses, HOME, HOME, wrench, on_invalid="nan")
     assert np.isnan(forces[1:]).all()
     np.testing.assert_array_equal(forces[0], virtual_power.forces(PAPER, HOME, HOME, HOME))
+
+
+def test_overflow_is_told():
+    with pytest.raises(InputError, match="forces: expected finite"):
+        virtual_power.forces(PAPER, np.zeros((2, 3)), [0, 0, 1e200], HOME)
 
 
 @pytest.mark.parametrize(

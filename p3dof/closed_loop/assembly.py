@@ -50,8 +50,9 @@ class Assembly:
         Newton steps taken in all.
     same_assembly : bool
         True if the configuration was reached from the guess without leaving its assembly, and its closures
-        have the rank that is usual for the mechanism. False if this could not be established. A guess whose
-        own loops are open by more than 1e-3 has no assembly; that of the neutral configuration is meant then.
+        have the rank that is usual for the mechanism. False if this could not be established, as behind a
+        pose in which assemblies meet. A guess whose own loops are open by more than 1e-3 has no assembly;
+        that of the neutral configuration is meant then.
     """
 
     q: FloatArray
@@ -184,7 +185,7 @@ class Assembler:
             count += other.iterations
             best = min(best, other, key=lambda found: found.point.gap)
         moved = max_abs(pin.difference(self.model, path.point.q, best.point.q))
-        return Path(best.point, best.complete, count), moved < _NEAR
+        return Path(best.point, best.complete, count), moved < _NEAR and path.point.same_branch(best.point)
 
     def _equals_from_neutral(self, system: System, q: FloatArray, tolerance: float) -> bool:
         try:

@@ -32,6 +32,8 @@ from p3dof.errors import DynamicsError, SingularityError
 
 _ACCURACY = 1e-9
 """Largest error of an equation of motion, relative to the forces in it."""
+_NEAR_SINGULAR = 1e-6
+"""Conditioning below which a motion that no actuator can give is put down to the singularity."""
 _UNIQUE = 1e-7
 """Size of the undetermined part of a multiplier from which on it is not unique."""
 
@@ -149,15 +151,17 @@ class Dynamics:
         actuation = Decomposition.of(A, RANK_TOLERANCE, 1.0)
         mobility, count = A.shape
         conditioning = 1.0 if not mobility else 0.0 if count < mobility else float(actuation.s[-1])
-        if actuation.rank < mobility <= count:
+        free = N.T @ f
+        tau = actuation.solve(free) if point.J.size else f[self.actuated_v]  # (2); exact in an open tree
+        rounding = 100 * np.finfo(float).eps * max_abs(A) * max_abs(tau)  # large forces near a singularity
+        missing = max(0.0, max_abs(free - A @ tau) - rounding)
+        fits = missing <= _ACCURACY * max_abs(f) or missing <= _ACCURACY * self._scale(q, v, a, f)
+        near_singular = not fits and conditioning < _NEAR_SINGULAR
+        if mobility <= count and (actuation.rank < mobility or near_singular):
             raise SingularityError(
                 f"the actuators cannot hold the mechanism here: they resist {actuation.rank} of its "
                 f"{mobility} free motions (smallest singular value {conditioning:.1e})"
             )
-        free = N.T @ f
-        tau = actuation.solve(free) if point.J.size else f[self.actuated_v]  # (2); exact in an open tree
-        missing = max_abs(free - A @ tau)
-        fits = missing <= _ACCURACY * max_abs(f) or missing <= _ACCURACY * self._scale(q, v, a, f)
         if not fits:  # also when something is not a number
             raise DynamicsError(
                 f"the motion needs a force that no actuator gives: {missing:.3g} N or N m is missing "

@@ -26,6 +26,8 @@ NEARLY_CLOSED = 1e-3
 """Largest gap at which forward dynamics has: an integrator's intermediate stages are a little open."""
 CONSISTENT = 1e-6
 """Largest relative error of velocities and accelerations at the closures, for inverse dynamics."""
+NEARLY_CONSISTENT = 1e-2
+"""Largest relative error of velocities at the closures, for forward dynamics: likewise."""
 
 TargetLike = FrameTarget | ArrayLike | None
 """A frame's placement, the values of the actuated joints, or nothing but closed loops."""
@@ -79,13 +81,16 @@ class ClosedLoopModel:
     ) -> ClosedLoopModel:
         """Build the model from a tree URDF and its sidecar.
 
+        As in Pinocchio's own reader, ``<mimic>`` joints are independent (the closures must tie them), and the
+        damping and friction of ``<dynamics>`` exert no force.
+
         Parameters
         ----------
         path_or_xml : str or path-like
             The path of a URDF, or its text.
         closures : Sidecar, mapping, str or path-like, optional
-            The sidecar, a mapping with the keys of its file, or the path of the file. Without one the robot
-            is an open tree and every joint with one degree of freedom is actuated.
+            The sidecar, a mapping with the keys of its file, or the path of the file or its text. Without one
+            the robot is an open tree and every joint with one degree of freedom is actuated.
         root_joint : pin.JointModel, optional
             The joint between the world and the root link; by default the root link is fixed.
 
@@ -97,13 +102,20 @@ class ClosedLoopModel:
         ------
         ModelError
             If a file is missing or malformed, or names something that does not exist.
+        InputError
+            If `root_joint` is not a joint model.
         """
-        if isinstance(closures, str | os.PathLike):
-            sidecar: Sidecar | None = Sidecar.from_yaml(closures)
+        sidecar: Sidecar | None
+        if isinstance(closures, str) and "\n" in closures:
+            sidecar = Sidecar.parse(closures)
+        elif isinstance(closures, str | os.PathLike):
+            sidecar = Sidecar.from_yaml(closures)
         elif closures is None or isinstance(closures, Sidecar):
             sidecar = closures
         else:
             sidecar = Sidecar.from_mapping(closures)
+        if root_joint is not None and not hasattr(root_joint, "nq"):
+            raise InputError(f"root_joint: expected a pinocchio joint model, got {type(root_joint).__name__}")
         model = build_tree(path_or_xml, root_joint)
         return cls(model, Sidecar.serial(model) if sidecar is None else sidecar)
 
@@ -180,7 +192,7 @@ class ClosedLoopModel:
         return self._at(q).J.copy()
 
     def rank(self, q: ArrayLike) -> int:
-        """Return the rank of the closures' Jacobian at `q` (nq,); redundant rows do not count."""
+        """Return the rank of the closures' Jacobian at `q` (nq,), whose loops should be closed."""
         return self._at(q).svd.rank
 
     def mobility(self, q: ArrayLike) -> int:
@@ -313,10 +325,13 @@ class ClosedLoopModel:
         DynamicsError
             If no acceleration satisfies closures and equation of motion to the accuracy of the method.
         InputError
-            If an argument has the wrong shape or is not finite, or the loops are open by more than 1e-3.
+            If an argument has the wrong shape or is not finite, the loops are open by more than 1e-3, or the
+            velocity opens them by more than 1e-2 of itself.
         """
         point = self._at(q, NEARLY_CLOSED)
         v = frozen_array("v", v, (self.model.nv,))
+        if point.J.size:
+            self._check_opening("v", point.J @ v, NEARLY_CONSISTENT * max(1.0, max_abs(v)))
         force = self._external(external)
         force[self.actuated_v] += frozen_array("tau", tau, (len(self.actuated),))
         return self._dynamics.forward(point, v, force)
@@ -386,21 +401,25 @@ class ClosedLoopModel:
     def _check_motion(self, point: ClosurePoint, v: FloatArray, a: FloatArray) -> None:
         if not point.J.size:
             return
-        k = self._kinematics
-        k.move(point.q, v, a)
         relative = CONSISTENT + 100.0 * point.gap
-        for name, error, scale in (
-            ("v", point.J @ v, max(1.0, max_abs(v))),
-            ("a", k.acceleration(), max(1.0, max_abs(a), max_abs(v) ** 2)),
-        ):
-            worst = max_abs(error)
-            if worst > relative * scale:
-                raise InputError(
-                    f"{name}: opens the closure {k.worst(error)} by {worst:.3g} (SI units), expected "
-                    f"at most {relative * scale:.1g}; complete() finds motions that keep the loops closed"
-                )
+        self._check_opening("v", point.J @ v, relative * max(1.0, max_abs(v)))
+        self._kinematics.move(point.q, v, a)
+        opening = self._kinematics.acceleration()
+        self._check_opening("a", opening, relative * max(1.0, max_abs(a), max_abs(v) ** 2))
+
+    def _check_opening(self, name: str, opening: FloatArray, allowed: float) -> None:
+        worst = max_abs(opening)
+        if worst > allowed:
+            raise InputError(
+                f"{name}: opens the closure {self._kinematics.worst(opening)} by {worst:.3g} (SI units), "
+                f"expected at most {allowed:.1g}; complete() finds motions that keep the loops closed"
+            )
 
     def _external(self, external: External | None) -> FloatArray:
+        if external is not None and not isinstance(external, Mapping):
+            raise InputError(
+                f"external: expected a mapping of frame names to wrenches, got {type(external).__name__}"
+            )
         wrenches = []
         for name, wrench in (external or {}).items():
             frame = self._kinematics.frame(name, "external", InputError)

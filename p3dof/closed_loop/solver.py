@@ -17,9 +17,9 @@ _CONTRACTION = 0.25
 """A Newton step may be at most this fraction of the one before it."""
 _NEGLIGIBLE = 1e-9
 """After a Newton step this small, quadratic convergence leaves nothing but round-off [m or rad]."""
-_ON_THE_WAY = 1e-5
+_ON_THE_WAY = 1e-8
 """Newton step after which an intermediate point of a path is good enough [m or rad]."""
-_SHORTEST = 2.0**-14
+_SHORTEST = 2.0**-22
 """Smallest fraction of a path that is tried."""
 _MOST = 2000
 """Newton steps after which a path is given up."""
@@ -54,6 +54,17 @@ class Point:
     def gap(self) -> float:
         """The largest entry of `r` [m or rad]."""
         return max_abs(self.r)
+
+    def same_branch(self, other: Point) -> bool:
+        """Whether the Jacobian keeps its orientation from here to a neighbouring solution.
+
+        Two solutions that meet in a fold have Jacobians of opposite orientation, so a Newton step that jumps
+        from one to the other, across targets out of reach, is found out. The determinant is that of the rows
+        and columns which matter here: redundant closures and free motions have none.
+        """
+        U, s, Vt = np.linalg.svd(self.J, full_matrices=False)
+        rank = int(np.count_nonzero(s > self.rank_tolerance * s[:1]))
+        return bool(np.linalg.det(U[:, :rank].T @ other.J @ Vt[:rank].T) > 0)
 
     def step_to(self, goal: FloatArray | float) -> FloatArray:
         """Return the shortest step (nv,) that brings `r` to `goal` to first order."""
@@ -115,9 +126,9 @@ class System:
 def follow(system: System, q: FloatArray, tolerance: float) -> Path:
     """Drive the residual from its value r0 at `q` to zero along (1 - s) r0, never leaving the path.
 
-    Each step of s is one predictor and a few Newton steps. It is taken when the predictor is small and every
-    Newton step contracts, which certifies that the same solution is being followed; otherwise s takes half
-    the step. The first attempt is the whole way, so a near start costs two or three iterations.
+    Each step of s is one predictor and a few Newton steps. It is taken when the predictor is small, every
+    Newton step contracts and the Jacobian keeps its orientation; otherwise s takes half the step. The first
+    attempt is the whole way, so a near start costs two or three iterations.
 
     Parameters
     ----------
@@ -145,7 +156,7 @@ def follow(system: System, q: FloatArray, tolerance: float) -> Path:
         end = min(s + step, 1.0)
         arrived, iterations = _correct(system, point, (1.0 - end) * r0, end == 1.0, tolerance)
         count += iterations
-        if arrived is not None:
+        if arrived is not None and point.same_branch(arrived):
             point, s, step = arrived, end, 2.0 * step
         elif step > _SHORTEST and count < _MOST:
             step = min(step, 1.0 - s) / 2.0

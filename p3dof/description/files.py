@@ -10,10 +10,16 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import TypeAlias
 
+from p3dof.description.drake_text import drake
 from p3dof.description.masses import with_masses
 from p3dof.description.mechanism import Mechanism
+from p3dof.description.mjcf_text import mjcf
+from p3dof.description.sdf_text import sdf
+from p3dof.description.srdf_text import srdf
 from p3dof.description.tree import describe
+from p3dof.description.urdf_plus_text import urdf_plus
 from p3dof.description.urdf_text import sidecar, urdf
+from p3dof.description.usd_stage import usd
 from p3dof.errors import InputError
 from p3dof.files import read_text, write_atomic
 from p3dof.parameters import Parameters
@@ -21,7 +27,15 @@ from p3dof.parameters import Parameters
 Writer: TypeAlias = Callable[[Mechanism], str]
 """Turns a description into the text of one file."""
 
-FORMATS: dict[str, Mapping[str, Writer]] = {"urdf": {"p3dof.urdf": urdf, "p3dof.yaml": sidecar}}
+FORMATS: dict[str, Mapping[str, Writer]] = {
+    "urdf": {"p3dof.urdf": urdf, "p3dof.yaml": sidecar},
+    "drake": {"p3dof_drake.urdf": drake},
+    "mjcf": {"p3dof_mjcf.xml": mjcf},
+    "sdf": {"p3dof.sdf": sdf},
+    "urdf+": {"p3dof_plus.urdf": urdf_plus},
+    "srdf": {"p3dof.srdf": srdf},
+    "usd": {"p3dof.usda": usd},
+}
 """The formats by name: which files each has, and what writes them. A new format is one more entry."""
 
 TOLERANCE = 1e-12

@@ -19,11 +19,12 @@ from p3dof.algebra import (
     transpose,
     vector_array,
 )
-from p3dof.checks import FloatArray
+from p3dof.checks import FloatArray, batch_of
 from p3dof.kinematics.formulas import Lengths, Rates, accelerations, configuration, velocities
 from p3dof.kinematics.inverse import joint_coordinates, paper_angles
 from p3dof.kinematics.recursion import Frame, body_axes, frames
-from p3dof.kinematics.validity import OnInvalid, reachable_states
+from p3dof.kinematics.states import reachable_states
+from p3dof.kinematics.validity import OnInvalid
 from p3dof.parameters import Geometry
 
 
@@ -59,15 +60,20 @@ class BodyMotion:
 
         Parameters
         ----------
-        point : array-like, shape (3,)
-            The point in the `Body` frame [m].
+        point : array-like, shape (..., 3)
+            The point in the `Body` frame [m]: one for all samples, or one for each.
 
         Returns
         -------
         position, velocity, acceleration : ndarray, shape (..., 3)
             In the fixed frame [m, m/s, m/s²].
+
+        Raises
+        ------
+        InputError
+            If the shape does not fit.
         """
-        position = self.origin + self.rotation @ np.asarray(point, dtype=float)
+        position = self.origin + np.einsum("...ij,...j->...i", self.rotation, batch_of("point", point, 3))
         arm = position - self.joint
         spin = np.cross(self.omega, arm)
         velocity = self.velocity + spin

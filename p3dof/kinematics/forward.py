@@ -79,6 +79,11 @@ def forward_kinematics(
 
 def _solve(geometry: Geometry, sliders: FloatArray, below: int, branch: int) -> _Solution:
     """Solve the closures with one sign of each root; where a root is not real the pose is NaN."""
+    with np.errstate(over="ignore", invalid="ignore"):  # sliders light years apart do not assemble either
+        return _circles(geometry, sliders, below, branch)
+
+
+def _circles(geometry: Geometry, sliders: FloatArray, below: int, branch: int) -> _Solution:
     r, R, L = geometry.r, geometry.R, geometry.L
     width = R - r
     mean = (sliders[..., 0] + sliders[..., 1]) / 2

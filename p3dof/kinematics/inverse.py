@@ -11,11 +11,12 @@ from numpy.typing import ArrayLike
 from p3dof.algebra import components, matrix_array, vector_array
 from p3dof.checks import FloatArray, batch_of
 from p3dof.kinematics.formulas import Configuration, Lengths, configuration, jacobian
+from p3dof.kinematics.states import reachable_poses
 from p3dof.kinematics.validity import (
     OnInvalid,
     Singularity,
+    actuation_angle,
     reach_margins,
-    reachable_poses,
     reached,
 )
 from p3dof.parameters import Geometry
@@ -70,7 +71,7 @@ def singularity(geometry: Geometry, pose: ArrayLike) -> Singularity:
     x = configuration(lengths, components(inside), np)
     J = jacobian(lengths, x)
     determinant = J[2][2] * (J[0][0] - J[1][0])
-    return Singularity(serial, np.arcsin(np.clip(x.cos_54, -1, 1)), np.asarray(determinant))
+    return Singularity(serial, actuation_angle(x), np.asarray(determinant))
 
 
 def inverse_kinematics(

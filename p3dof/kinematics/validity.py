@@ -6,21 +6,22 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from p3dof.algebra import components
-from p3dof.checks import FloatArray, batch_of
+from p3dof.checks import FloatArray
 from p3dof.errors import InputError, ReachError, SingularityError
+from p3dof.kinematics.formulas import Configuration
 from p3dof.parameters import Geometry
 
 OnInvalid: TypeAlias = Literal["raise", "nan"]
 """What to do with invalid samples: raise, or fill their rows with NaN."""
 
-ACTUATION_TOLERANCE = 1e-8
+ACTUATION_TOLERANCE = 1e-6
 """Angle from the actuation singularity below which forces are refused [rad].
 
-One unit in the last place of the pose moves the forces by about 1e-16 / angle of themselves; at this angle
-half of the digits are left.
+One unit in the last place of the pose moves the forces by about 1e-16 / angle of themselves, and the forces
+are about the weight / angle: nearer than this no machine could use the number.
 """
 
 REACH_TOLERANCE = 1e-14
@@ -112,9 +113,10 @@ def raise_out_of_reach(geometry: Geometry, pose: FloatArray, serial: FloatArray)
     leg = int(np.argmin(serial[index]))
     margin = float(serial[index][leg])
     y, z, theta = pose[index]
+    shortage = f"is too short by {-margin:g} m" if margin < 0 else "would be horizontal"
     raise ReachError(
         f"pose (y = {y:g} m, z = {z:g} m, theta = {theta:g} rad) is out of reach: leg {LEGS[leg].upper()} "
-        f"is too short by {max(-margin, 0):g} m{where}",
+        f"{shortage}{where}",
         LEGS[leg],
         margin,
         index,
@@ -199,6 +201,22 @@ def reach_margins(geometry: Geometry, poses: FloatArray) -> FloatArray:
     return margins
 
 
+def actuation_angle(x: Configuration) -> FloatArray:
+    """Return the angle from the pose where the platform's arm lies in the plane of the rods of leg C.
+
+    Parameters
+    ----------
+    x : Configuration
+        Of arrays.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        [rad]; see `Singularity`.
+    """
+    return np.asarray(np.arcsin(np.clip(x.cos_54, -1, 1)))
+
+
 def reached(geometry: Geometry, serial: FloatArray) -> NDArray[np.bool_]:
     """Return whether every leg reaches, by more than what rounding can tell.
 
@@ -216,81 +234,3 @@ def reached(geometry: Geometry, serial: FloatArray) -> NDArray[np.bool_]:
     """
     inside: NDArray[np.bool_] = np.all(serial > REACH_TOLERANCE * geometry.L, axis=-1)
     return inside
-
-
-def reachable_poses(geometry: Geometry, pose: ArrayLike, on_invalid: OnInvalid) -> FloatArray:
-    """Return poses as an array whose invalid rows are NaN, or raise for them.
-
-    Parameters
-    ----------
-    geometry : Geometry
-        Lengths of the mechanism.
-    pose : array-like, shape (..., 3)
-        The poses.
-    on_invalid : {"raise", "nan"}
-        What to do with samples that are not finite or out of reach.
-
-    Returns
-    -------
-    ndarray, shape (..., 3)
-
-    Raises
-    ------
-    ReachError, InputError
-        As `inverse_kinematics`.
-    """
-    check_policy(on_invalid)
-    poses = batch_of("pose", pose, 3)
-    if on_invalid == "raise":
-        raise_not_finite("pose", poses)
-        raise_out_of_reach(geometry, poses, reach_margins(geometry, poses))
-        return poses
-    poses = np.where(np.isfinite(poses).all(axis=-1, keepdims=True), poses, np.nan)
-    inside = reached(geometry, reach_margins(geometry, poses))
-    return np.where(inside[..., None], poses, np.nan)
-
-
-def reachable_states(
-    geometry: Geometry,
-    pose: ArrayLike,
-    velocity: ArrayLike,
-    acceleration: ArrayLike,
-    on_invalid: OnInvalid,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return pose, velocity and acceleration with one shape; invalid rows are NaN in all three, or raise.
-
-    Parameters
-    ----------
-    geometry : Geometry
-        Lengths of the mechanism.
-    pose, velocity, acceleration : array-like, shape (..., 3)
-        What the user gave.
-    on_invalid : {"raise", "nan"}
-        What to do with samples that are not finite or out of reach.
-
-    Returns
-    -------
-    pose, velocity, acceleration : ndarray, shape (..., 3)
-
-    Raises
-    ------
-    ReachError, InputError
-        As `inverse_kinematics`; also when the shapes do not broadcast.
-    """
-    poses = reachable_poses(geometry, pose, on_invalid)
-    speeds, rates = batch_of("velocity", velocity, 3), batch_of("acceleration", acceleration, 3)
-    if on_invalid == "raise":
-        raise_not_finite("velocity", speeds)
-        raise_not_finite("acceleration", rates)
-    try:
-        poses, speeds, rates = np.broadcast_arrays(poses, speeds, rates)
-    except ValueError as error:
-        shapes = f"{poses.shape}, {speeds.shape} and {rates.shape}"
-        raise InputError(
-            f"pose, velocity, acceleration: expected shapes that fit each other, got {shapes}"
-        ) from error
-    if on_invalid == "nan":
-        states = np.stack((poses, speeds, rates))  # (3, ..., 3)
-        valid = np.asarray(np.isfinite(states).all(axis=(0, -1)))[..., None]
-        poses, speeds, rates = np.where(valid, states, np.nan)
-    return poses, speeds, rates

@@ -13,14 +13,14 @@ from numpy.typing import ArrayLike
 
 from p3dof import description, kinematics, virtual_power
 from p3dof.checks import FloatArray
-from p3dof.closed_loop import ClosedLoopModel, Sidecar
+from p3dof.closed_loop import ClosedLoopModel
 from p3dof.errors import InputError
 from p3dof.kinematics import InverseKinematics, MechanismMotion, OnInvalid, Singularity
+from p3dof.kinematics.states import holdable_states, wrench_like
 from p3dof.manipulator import pinocchio_route, virtual_power_route
-from p3dof.manipulator.results import InverseDynamics, Solution
+from p3dof.manipulator.results import SLIDES, InverseDynamics, Solution
 from p3dof.motion import Motion
 from p3dof.parameters import PAPER, Parameters, read_parameters
-from p3dof.virtual_power import holdable_states, wrench_like
 
 Method: TypeAlias = Literal["pinocchio", "virtual-power"]
 """The two ways to the forces; they share only the parameters."""
@@ -47,10 +47,12 @@ def load(parameters: Parameters | str | os.PathLike[str] | None = None) -> Manip
     ------
     ParameterError, FileError
         If the file cannot be read or is not right.
+    InputError
+        If `parameters` is something else.
     """
     if parameters is None:
         return Manipulator(PAPER)
-    if isinstance(parameters, Parameters):
+    if not isinstance(parameters, str | os.PathLike):
         return Manipulator(parameters)
     return Manipulator(read_parameters(parameters))
 
@@ -59,7 +61,8 @@ class Manipulator:
     """The 3-DOF spatial parallel manipulator: parameters, model and both dynamics.
 
     Poses are (y [m], z [m], θ [rad]), zero at home; sliders and forces are ordered A, B, C, positive along
-    +z0. Arrays may have any leading batch dimensions.
+    +z0. Arrays may have any leading batch dimensions. The Pinocchio route works in buffers of its own: give
+    each thread its own manipulator.
 
     Parameters
     ----------
@@ -70,7 +73,12 @@ class Manipulator:
     def __init__(self, parameters: Parameters = PAPER) -> None:
         if not isinstance(parameters, Parameters):
             raise InputError(f"parameters: expected Parameters, got {type(parameters).__name__}")
-        self.parameters = parameters
+        self._parameters = parameters
+
+    @property
+    def parameters(self) -> Parameters:
+        """The machine; make another `Manipulator` for another one."""
+        return self._parameters
 
     def __repr__(self) -> str:
         g = self.parameters.geometry
@@ -107,7 +115,7 @@ class Manipulator:
     @cached_property
     def loop(self) -> ClosedLoopModel:
         """The mechanism as a general closed-loop model on Pinocchio; not for several threads at once."""
-        loop = ClosedLoopModel.from_urdf(self.exact_urdf, Sidecar.parse(self.sidecar, "sidecar"))
+        loop = ClosedLoopModel.from_urdf(self.exact_urdf, self.sidecar)
         loop.model.gravity.linear = self.parameters.gravity  # a URDF has no place for it
         return loop
 
@@ -291,6 +299,7 @@ class Manipulator:
             velocity,
             acceleration,
             wrench=None if loads is None else loads.reshape(-1, 6),
+            on_invalid=on_invalid,
         )
         return solution.forces.reshape(states[0].shape)
 
@@ -337,11 +346,17 @@ class Manipulator:
         loads = None if wrench is None else wrench_like(wrench, motion.time.shape, on_invalid)
         if method == "pinocchio":
             solution = pinocchio_route.solve(
-                self.loop, self.parameters.geometry.h, *states, wrench=loads, progress=progress
+                self.loop,
+                self.parameters.geometry.h,
+                *states,
+                wrench=loads,
+                on_invalid=on_invalid,
+                progress=progress,
             )
         else:
             solution = virtual_power_route.solve(self.parameters, *states, wrench=loads)
-        return _with_evidence(method, motion, solution, loads)
+        actuation = self.singularity(states[0]).actuation
+        return _with_evidence(method, motion, solution, loads, actuation)
 
 
 def _check_method(method: str) -> None:
@@ -350,10 +365,10 @@ def _check_method(method: str) -> None:
 
 
 def _with_evidence(
-    method: str, motion: Motion, solution: Solution, wrench: FloatArray | None
+    method: str, motion: Motion, solution: Solution, wrench: FloatArray | None, actuation: FloatArray
 ) -> InverseDynamics:
     """Balance the power of actuators and wrench with the rate of change of the energy."""
-    speeds = solution.joints.columns(("slide_a", "slide_b", "slide_c")).v
+    speeds = solution.joints.columns(SLIDES).v
     power = np.sum(solution.forces * speeds, axis=-1)
     given = power
     if wrench is not None:
@@ -366,4 +381,5 @@ def _with_evidence(
         solution.closure_error,
         power,
         given - solution.energy_rate,
+        actuation,
     )

@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from p3dof.checks import FloatArray
 from p3dof.closed_loop import ClosedLoopModel, FrameTarget, State
-from p3dof.errors import AssemblyError, SampleError, SingularityError
+from p3dof.errors import AssemblyError, DynamicsError, SampleError, SingularityError
 from p3dof.manipulator.results import JointStates, Solution
 
 PLATFORM = "platform_center"
@@ -29,6 +29,7 @@ def solve(
     velocity: FloatArray,
     acceleration: FloatArray,
     wrench: FloatArray | None = None,
+    on_invalid: str = "raise",
     progress: Callable[[int, int], None] | None = None,
 ) -> Solution:
     """Return forces and joints at every sample, each sample started from the one before.
@@ -43,6 +44,8 @@ def solve(
         Motion of the platform; rows of NaN are left out.
     wrench : ndarray, shape (N, 6), optional
         External force and moment on the platform at P [N, N m].
+    on_invalid : {"raise", "nan"}
+        What to do with a sample that does not assemble or that the actuators cannot hold.
     progress : callable, optional
         Called with (done, total) now and then.
 
@@ -62,21 +65,24 @@ def solve(
     guess: FloatArray | None = None
     every = max(1, count // 200)
     for i in range(count):
+        if progress is not None and i % every == 0:
+            progress(i, count)
         if np.isfinite(pose[i]).all() and (wrench is None or np.isfinite(wrench[i]).all()):
             try:
                 state = _complete(loop, target_of(pose[i], depth), velocity[i], acceleration[i], guess)
-                q, v, a = states[:, i] = state.q, state.v, state.a
-                guess = q
                 external = None if wrench is None else {PLATFORM: wrench[i]}
-                forces[i] = loop.inverse_dynamics(q, v, a, external=external).tau
-            except SingularityError as error:
-                raise SingularityError(f"sample {i}: {error}", (i,)) from error
-            except AssemblyError as error:
-                raise SampleError(f"sample {i}: {error}", (i,)) from error
+                forces[i] = loop.inverse_dynamics(state.q, state.v, state.a, external=external).tau
+            except (AssemblyError, DynamicsError, SingularityError) as error:
+                if on_invalid == "raise":
+                    kind = SingularityError if isinstance(error, SingularityError) else SampleError
+                    raise kind(f"sample {i}: {error}", (i,)) from error
+                continue
+            q, v, a = states[:, i] = state.q, state.v, state.a
+            guess = q
             gap[i] = np.linalg.norm(loop.closure_error(q).reshape(-1, 3), axis=-1).max()
             energy[i] = loop.power(q, v, a)
-        if progress is not None and ((i + 1) % every == 0 or i + 1 == count):
-            progress(i + 1, count)
+    if progress is not None:
+        progress(count, count)
     names = tuple(loop.model.names[1:])
     return Solution(forces, JointStates(names, *states), gap, energy)
 

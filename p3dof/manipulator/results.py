@@ -12,11 +12,14 @@ from pathlib import Path
 import numpy as np
 
 from p3dof.checks import FloatArray
+from p3dof.errors import InputError
 from p3dof.files import write_atomic
 from p3dof.motion import Motion
 from p3dof.parameters import Limits
 
 LEGS = ("A", "B", "C")
+SLIDES = ("slide_a", "slide_b", "slide_c")
+"""The actuated joints, in the order of the legs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,6 +144,8 @@ class InverseDynamics:
     power_residual : ndarray, shape (N,)
         Power of actuators and external wrench less the rate of change of kinetic and potential energy,
         which is summed body by body, Σ v·m(a-g) + ω·(Iα + ω×Iω) [W].
+    actuation : ndarray, shape (N,)
+        Angle from the actuation singularity [rad]; see `p3dof.kinematics.Singularity`.
     """
 
     method: str
@@ -150,6 +155,20 @@ class InverseDynamics:
     closure_error: FloatArray
     power: FloatArray
     power_residual: FloatArray
+    actuation: FloatArray
+
+    def __repr__(self) -> str:
+        peaks = ", ".join(f"{peak:.6g}" for peak in self.peak_forces)
+        return f"InverseDynamics({self.method}, {self.motion!r}, peak forces {peaks} N)"
+
+    @property
+    def crossings(self) -> FloatArray:
+        """Times of the samples after which the motion crosses an actuation singularity, shape (K,) [s].
+
+        Between such a sample and the next one the forces are unbounded, however tame they are at both.
+        """
+        side = np.sign(self.actuation)
+        return np.asarray(self.time[:-1][side[:-1] * side[1:] < 0])
 
     @property
     def time(self) -> FloatArray:
@@ -158,7 +177,7 @@ class InverseDynamics:
 
     @property
     def _slides(self) -> JointStates:
-        return self.joints.columns(("slide_a", "slide_b", "slide_c"))
+        return self.joints.columns(SLIDES)
 
     @property
     def sliders(self) -> FloatArray:
@@ -182,15 +201,17 @@ class InverseDynamics:
 
     @property
     def peak_forces(self) -> FloatArray:
-        """Largest magnitude of each actuator's force over the valid samples, shape (3,) [N]."""
-        return np.asarray(np.abs(self.forces[self.valid]).max(axis=0, initial=0))
+        """Largest magnitude of each actuator's force over the valid samples, shape (3,) [N]; NaN if none."""
+        if not self.valid.any():
+            return np.full(3, np.nan)
+        return np.asarray(np.abs(self.forces[self.valid]).max(axis=0))
 
     @property
     def rms_forces(self) -> FloatArray:
-        """Root mean square over time of each actuator's force over the valid samples, shape (3,) [N]."""
+        """Root mean square over time of each force over the valid samples, shape (3,) [N]; NaN if none."""
         time, forces = self.time[self.valid], self.forces[self.valid]
         if len(time) < 2:
-            return self.peak_forces
+            return self.peak_forces  # of one sample, or of none
         return np.asarray(np.sqrt(np.trapezoid(forces**2, time, axis=0) / (time[-1] - time[0])))
 
     def exceedances(self, limits: Limits) -> list[Exceedance]:
@@ -205,7 +226,14 @@ class InverseDynamics:
         -------
         list of Exceedance
             Empty when the machine can do the motion.
+
+        Raises
+        ------
+        InputError
+            If `limits` is not a `Limits`.
         """
+        if not isinstance(limits, Limits):
+            raise InputError(f"limits: expected Limits, got {type(limits).__name__}")
         found: list[Exceedance] = []
         for leg, name in enumerate(LEGS):
             found += self._outside("travel", name, self.sliders[:, leg], *limits.travel)
@@ -225,7 +253,7 @@ class InverseDynamics:
         return [Exceedance(quantity, leg, float(self.time[worst]), value, high if value > high else low)]
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write time, forces, sliders, closure error and power to a CSV file, 17 significant digits.
+        """Write time, forces, pose, sliders, closure error and power to a CSV file, 17 significant digits.
 
         Parameters
         ----------
@@ -244,11 +272,13 @@ class InverseDynamics:
         """
         header = ["t [s]"]
         header += [f"f{leg} [N]" for leg in LEGS]
-        header += [f"lambda{leg} [m]" for leg in LEGS]
+        header += ["y [m]", "z [m]", "theta [rad]"]
+        header += [f"slider {leg} [m]" for leg in LEGS]
         header += ["closure_error [m]", "power [W]", "power_residual [W]"]
         columns = (
             self.time,
             *self.forces.T,
+            *self.motion.pose.T,
             *self.sliders.T,
             self.closure_error,
             self.power,

@@ -12,7 +12,7 @@ from typing import Any, SupportsIndex
 import numpy as np
 from numpy.typing import ArrayLike
 
-from p3dof.checks import FloatArray, frozen_array, positive
+from p3dof.checks import FloatArray, FrozenArrays, frozen_array, positive
 from p3dof.errors import MotionError
 from p3dof.files import read_text, write_atomic
 from p3dof.motion import csv_files, splines
@@ -24,7 +24,7 @@ _JOINT_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Motion:
+class Motion(FrozenArrays):
     """A motion of the platform, sampled in time: pose, velocity and acceleration.
 
     Parameters

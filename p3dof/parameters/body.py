@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from p3dof.checks import FloatArray, as_floats, frozen_array
+from p3dof.checks import FloatArray, FrozenArrays, as_floats, frozen_array
 from p3dof.errors import ParameterError
 
 _TOLERANCE = 1e-9
@@ -16,7 +16,7 @@ _TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class Body(FrozenArrays):
     """Mass, mass centre and inertia of one rigid body, in its body frame.
 
     Parameters

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
 
-from p3dof.checks import FloatArray, frozen_array, positive
+from p3dof.checks import FloatArray, FrozenArrays, frozen_array, positive
 from p3dof.errors import ParameterError
 from p3dof.parameters.body import Body
 
@@ -165,7 +165,7 @@ class Limits:
 
 
 @dataclass(frozen=True, eq=False)
-class Parameters:
+class Parameters(FrozenArrays):
     """One machine: geometry, bodies, limits and gravity.
 
     Parameters

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from p3dof.checks import FloatArray
+from p3dof.errors import ParameterError
 from p3dof.parameters.body import Body
 from p3dof.parameters.machine import Bodies, Geometry, Limits, Parameters
 from p3dof.parameters.solids import STEEL_DENSITY, Dimensions, box, cylinder, rounded_plate
@@ -32,7 +33,19 @@ def of_solids(
     Returns
     -------
     parameters : Parameters
+
+    Raises
+    ------
+    ParameterError
+        If an argument has the wrong type, or the sizes do not make bodies.
     """
+    for name, value, kind in (
+        ("geometry", geometry, Geometry),
+        ("dimensions", dimensions, Dimensions),
+        ("limits", limits, Limits),
+    ):
+        if value is not None and not isinstance(value, kind):
+            raise ParameterError(f"{name}: expected {kind.__name__}, got {type(value).__name__}")
     geometry = geometry or Geometry()
     size = dimensions or Dimensions.scaled(geometry)
     edge = size.slider_edge

@@ -70,7 +70,11 @@ def write_parameters(parameters: Parameters, path: str | os.PathLike[str]) -> No
     ------
     FileError
         If the file cannot be written.
+    ParameterError
+        If `parameters` are none.
     """
+    if not isinstance(parameters, Parameters):
+        raise ParameterError(f"parameters: expected Parameters, got {type(parameters).__name__}")
     write_atomic(path, dump(parameters))
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from p3dof.checks import positive
+from p3dof.checks import FloatArray, frozen_array, positive
 from p3dof.errors import ParameterError
 from p3dof.parameters.body import Body
 from p3dof.parameters.machine import Geometry
@@ -83,9 +83,14 @@ def box(size: tuple[float, float, float], density: float = STEEL_DENSITY) -> Bod
     -------
     Body
         Origin at the middle of the box.
+
+    Raises
+    ------
+    ParameterError
+        If an edge or the density is not a positive number.
     """
-    x, y, z = size
-    mass = density * x * y * z
+    x, y, z = (positive("size", edge, ParameterError) for edge in _three("size", size))
+    mass = positive("density", density, ParameterError) * x * y * z
     return Body(mass, np.zeros(3), mass / 12 * np.array([y * y + z * z, x * x + z * z, x * x + y * y]))
 
 
@@ -120,7 +125,8 @@ def cylinder(
     """
     if axis not in {0, 1, 2}:
         raise ParameterError(f"axis: expected 0, 1 or 2, got {axis!r}")
-    mass = density * math.pi * radius**2 * length
+    radius, length = (positive(*given, ParameterError) for given in (("radius", radius), ("length", length)))
+    mass = positive("density", density, ParameterError) * math.pi * radius**2 * length
     com = np.zeros(3)
     com[axis] = start + length / 2
     inertia = np.full(3, mass * (3 * radius**2 + length**2) / 12)
@@ -148,7 +154,17 @@ def rounded_plate(
     -------
     Body
         In the frame that `corners` are given in.
+
+    Raises
+    ------
+    ParameterError
+        If a size is not a positive number, or the corners are on one line.
     """
+    corners = frozen_array("corners", corners, (3, 2), ParameterError)
+    radius, thickness, density = (
+        positive(name, value, ParameterError)
+        for name, value in (("radius", radius), ("thickness", thickness), ("density", density))
+    )
     areas, centroids, moments = zip(*_pieces(corners, radius), strict=True)
     area = np.array(areas)  # (pieces,)
     total = area.sum()
@@ -172,6 +188,8 @@ def _pieces(corners: NDArray[np.float64], radius: float) -> list[_Piece]:
     area = 0.5 * (edges[0, 0] * edges[1, 1] - edges[0, 1] * edges[1, 0])
     if area < 0:  # normals point outward on a counter-clockwise walk
         return _pieces(corners[::-1], radius)
+    if area <= 1e-12 * float(np.abs(edges).max()) ** 2:
+        raise ParameterError("corners: expected a triangle, got three points on a line")
     spokes = corners - middle
     pieces: list[_Piece] = [(area, middle, area / 12 * spokes.T @ spokes)]
     normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
@@ -190,6 +208,10 @@ def _pieces(corners: NDArray[np.float64], radius: float) -> list[_Piece]:
         bisector = (normal + previous) / np.linalg.norm(normal + previous)
         pieces.append(_sector(corner, bisector, half, radius))
     return pieces
+
+
+def _three(name: str, value: object) -> FloatArray:
+    return frozen_array(name, value, (3,), ParameterError)
 
 
 def _sector(apex: NDArray[np.float64], axis: NDArray[np.float64], half: float, radius: float) -> _Piece:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -49,3 +50,63 @@ def placements(q: dict[str, float], urdf: Path = URDF) -> dict[str, np.ndarray]:
 def closed_states(samples: int = 11) -> p3dof.InverseDynamics:
     """The paper's motion with joints (names, q, v, a) and forces, by the paper's method."""
     return p3dof.load().inverse_dynamics(p3dof.paper_motion(samples), "virtual-power")
+
+
+def closed_joints(count: int, seed: int = 0) -> list[dict[str, float]]:
+    """Joint values of closed poses all over the workspace, its corners included: sliders within travel."""
+    geometry, (low, high) = PAPER.geometry, PAPER.limits.travel
+    rng = np.random.default_rng(seed)
+    far, (down, up) = geometry.L - (geometry.R - geometry.r), PAPER.limits.tilt
+    corners = [(share * far, tilt) for share in (-0.999, 0, 0.999) for tilt in (down, 0, up)]
+    found: list[dict[str, float]] = []
+    while len(found) < count:
+        y, tilt = corners.pop() if corners else (0.999 * far * rng.uniform(-1, 1), rng.uniform(down, up))
+        joints = p3dof.load().inverse_kinematics([y, 0.0, tilt]).joints
+        sliders = [joints[name] for name in MECHANISM.actuated]
+        bottom, top = low - min(sliders), high - max(sliders)
+        for share in (0, rng.random(), 1) if bottom <= top else ():
+            z = bottom + share * (top - bottom)
+            found.append({name: float(joints[name]) + z * (name in MECHANISM.actuated) for name in MOVING})
+    return found[:count]
+
+
+def composed(steps: Mapping[str, tuple[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """Placement of every link in base_link from its placement in its parent link, parents first."""
+    found = {"base_link": np.eye(4)}
+    for name, (parent, step) in steps.items():
+        found[name] = found[parent] @ step
+    return found
+
+
+def assert_placements(
+    found: Mapping[str, np.ndarray], q: dict[str, float], tolerance: float = 1e-9, urdf: Path = URDF
+) -> None:
+    """Assert that every link is where Pinocchio has it."""
+    expected = placements(q, urdf)
+    assert sorted(found) == sorted(expected)
+    for name, placement in expected.items():
+        np.testing.assert_allclose(found[name], placement, rtol=0, atol=tolerance, err_msg=name)
+
+
+def assert_bodies(found: Mapping[str, tuple[float, np.ndarray, np.ndarray]], relative: float = 1e-12) -> None:
+    """Assert mass, mass centre and inertia about it, in link axes, of every link."""
+    assert sorted(found) == sorted(LINKS)
+    for name, (mass, com, inertia) in found.items():
+        body = LINKS[name].body
+        np.testing.assert_allclose(mass, body.mass, rtol=relative, err_msg=name)
+        np.testing.assert_allclose(com, body.com, rtol=relative, atol=1e-15, err_msg=name)
+        size = np.abs(body.inertia).max()
+        np.testing.assert_allclose(inertia, body.inertia, rtol=0, atol=relative * size, err_msg=name)
+
+
+def tree_forces(seed: int) -> tuple[dict[str, float], dict[str, float], dict[str, float], dict[str, float]]:
+    """Random positions, speeds, accelerations of the open tree and the joint forces they take, by name."""
+    model = pin.buildModelFromUrdf(str(URDF))
+    model.gravity.linear = GRAVITY
+    rng = np.random.default_rng(seed)
+    names = list(model.names)[1:]
+    q = np.array([random_joints(seed)[name] for name in names])
+    v, a = rng.normal(0, 1, (2, model.nv))
+    forces = pin.rnea(model, model.createData(), q, v, a)
+    q, v, a, forces = (dict(zip(names, map(float, values), strict=True)) for values in (q, v, a, forces))
+    return q, v, a, forces

@@ -1,0 +1,59 @@
+"""URDF for Drake: with the loops as Drake's ball constraints, and the actuators as transmissions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from xml.etree import ElementTree as ET
+
+from p3dof.description.mechanism import Mechanism
+from p3dof.description.urdf_text import urdf_tree
+from p3dof.description.xml_text import document, sub
+
+NAMESPACE = "http://drake.mit.edu"
+
+
+def drake(mechanism: Mechanism) -> str:
+    """Return a mechanism as URDF with Drake's own elements for the loops.
+
+    The tree is that of `urdf`, without ``<mimic>``: Drake makes coupler constraints of it, which would close
+    the parallelogram a second time. Each loop is a ``<drake:ball_constraint>`` between the origins of its two
+    frames. Drake keeps them in discrete plants only (a continuous one refuses to move), and neither its
+    inverse dynamics nor its mass matrix know of them. What a URDF has no place for is left to the reader:
+    gravity, and a weld of the root to the world.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        What to write.
+
+    Returns
+    -------
+    str
+
+    References
+    ----------
+    Drake, "Parsing Models for MultibodyPlant", tag drake:ball_constraint.
+    """
+    joints = tuple(replace(joint, mimic=None) for joint in mechanism.joints)
+    root = urdf_tree(replace(mechanism, joints=joints))
+    root.set("xmlns:drake", NAMESPACE)
+    for joint in mechanism.moving:
+        if joint.name in mechanism.actuated:
+            _transmission(root, joint.name)
+    for closure in mechanism.closures:
+        element = sub(root, "drake:ball_constraint")
+        for side, point, frame in (("A", "AP", closure.frame1), ("B", "BQ", closure.frame2)):
+            sub(element, f"drake:ball_constraint_body_{side}", name=frame)
+            sub(element, f"drake:ball_constraint_p_{point}", value="0 0 0")
+    return document(root, mechanism, "For discrete plants of Drake.")
+
+
+def _transmission(root: ET.Element, joint: str) -> None:
+    """Make a joint an actuated one; Drake takes the largest force from the joint's limits."""
+    interface = "hardware_interface/EffortJointInterface"
+    element = sub(root, "transmission", name=f"{joint}_transmission")
+    sub(element, "type", "transmission_interface/SimpleTransmission")
+    sub(sub(element, "joint", name=joint), "hardwareInterface", interface)
+    actuator = sub(element, "actuator", name=f"{joint}_actuator")
+    sub(actuator, "hardwareInterface", interface)
+    sub(actuator, "mechanicalReduction", "1")
