@@ -171,6 +171,7 @@ def test_link_frames_at_home():
     r, b, h = PAPER.geometry.r, PAPER.geometry.b, PAPER.geometry.h
     origins = {name: origin for name, (origin, _) in frames.items()}
     origins["crossbar_lower"], origins["platform"] = np.array([-r, b, -h]), np.array([-r, 0, -h])
+    frames["crossbar_lower"] = frames["rod_left"]  # its link frame has the rods' axes
     for name, (_, axes) in frames.items():
         found = placement(model, data, name)
         np.testing.assert_allclose(found.translation, origins[name], rtol=0, atol=1e-14)

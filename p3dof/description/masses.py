@@ -20,7 +20,7 @@ from typing import TypeAlias
 import numpy as np
 
 from p3dof.checks import FloatArray
-from p3dof.description.mechanism import Box, Cylinder, Mechanism, Solid, Sphere
+from p3dof.description.mechanism import Box, Cylinder, Joint, Mechanism, Solid, Sphere
 from p3dof.errors import ModelError, ParameterError
 from p3dof.parameters import STEEL_DENSITY, Body, box, cylinder
 from p3dof.parameters.body import steiner
@@ -30,6 +30,9 @@ BAR_MASS, MARKER_MASS = 0.02, 0.001
 
 BAR_INERTIA, MARKER_INERTIA = 1e-6, 1e-9
 """ε of a cross-bar, and the inertia of a marker [kg m²]; less where their donors are light."""
+
+SHARES = tuple(4.0**-n for n in range(7))
+"""What is tried of these, one after the other, until every donor is left a possible body."""
 
 _Part: TypeAlias = tuple[float, FloatArray, FloatArray]
 """Mass, centre and inertia about it of something to add; negative to take away."""
@@ -52,44 +55,51 @@ def with_masses(mechanism: Mechanism) -> Mechanism:
     ModelError
         If a body is too light or too slender to give what a massless neighbour needs.
     """
-    bodies = {link.name: link.body for link in mechanism.links if link.body is not None}
-    try:
-        for bar in ("crossbar_upper", "crossbar_lower"):
-            if bodies[bar].mass == 0:
-                _endow_bar(mechanism, bodies, bar)
-        for name, joint in mechanism.markers.items():
-            _endow_marker(bodies, name, joint.parent, joint.placement.position)
-    except ParameterError as error:
+    for share in SHARES:
+        try:
+            bodies = _endowed(mechanism, share)
+            break
+        except ParameterError as error:
+            refusal = error
+    else:
         raise ModelError(
-            f"a massless link cannot take its mass from its neighbours exactly ({error}); "
-            "give the cross-bars a mass, or write the exact variant"
-        ) from error
+            f"a massless link cannot take its mass from its neighbours exactly ({refusal}); "
+            "give the cross-bars a mass and the rods a thickness, or write the exact variant"
+        ) from refusal
     root = mechanism.links[0]
     bodies[root.name] = _of_solids(root.visuals)
     links = tuple(replace(link, body=bodies[link.name]) for link in mechanism.links)
     return replace(mechanism, links=links)
 
 
-def _endow_bar(mechanism: Mechanism, bodies: dict[str, Body], bar: str) -> None:
+def _endowed(mechanism: Mechanism, share: float) -> dict[str, Body]:
+    """Return the bodies after all gifts, each of them a share of the usual one."""
+    bodies = {link.name: link.body for link in mechanism.links if link.body is not None}
+    for bar in ("crossbar_upper", "crossbar_lower"):
+        if bodies[bar].mass == 0:
+            _endow_bar(mechanism, bodies, bar, share)
+    for name, joint in mechanism.markers.items():
+        _endow_marker(bodies, name, joint, share)
+    return bodies
+
+
+def _endow_bar(mechanism: Mechanism, bodies: dict[str, Body], bar: str, share: float) -> None:
     """Give a cross-bar its mass, from the two rods at its ends."""
     rods = ("rod_left", "rod_right")
     ends = _ends(mechanism, bar)
-    mass = min(BAR_MASS, *(bodies[rod].mass / 40 for rod in rods))
-    spare = min(min(bodies[rod].inertia[0, 0], bodies[rod].inertia[2, 2]) for rod in rods)
-    epsilon = min(BAR_INERTIA, float(spare) / 50)
+    across = ends[1][1] - ends[0][1]  # from one end of the bar to the other
+    length = float(np.linalg.norm(across))
+    mass = share * min(BAR_MASS, *(bodies[rod].mass / 40 for rod in rods))
+    spare = min(_spare(rod, bodies[rod], bodies[rod].inertia[[0, 2], [0, 2]]) for rod in rods)
+    epsilon = min(share * BAR_INERTIA, spare / 50, mass * length**2 / 16)
     shared: list[_Part] = []
     for rod, (at_rod, at_bar) in zip(rods, ends, strict=True):
-        taken = np.diag([epsilon / 2, 0.0, epsilon / 2])
-        bodies[rod] = _sum(
-            rod,
-            [
-                _part(bodies[rod]),
-                (-mass / 2, at_rod, np.zeros((3, 3))),
-                (0.0, np.zeros(3), -taken),
-            ],
-        )
+        taken: FloatArray = np.array([[-epsilon / 2, 0, 0], [0, 0, 0], [0, 0, -epsilon / 2]])
+        parts: list[_Part] = [(-mass / 2, at_rod, np.zeros((3, 3))), (0.0, np.zeros(3), taken)]
+        bodies[rod] = _sum(rod, [_part(bodies[rod]), *parts])
         shared.append((mass / 2, at_bar, np.zeros((3, 3))))
-    bodies[bar] = _sum(bar, [*shared, (0.0, np.zeros(3), np.diag([0.0, epsilon, 0.0]))])
+    axis = across / length
+    bodies[bar] = _sum(bar, [*shared, (0.0, np.zeros(3), epsilon * np.outer(axis, axis))])
 
 
 def _ends(mechanism: Mechanism, bar: str) -> list[tuple[FloatArray, FloatArray]]:
@@ -104,13 +114,23 @@ def _ends(mechanism: Mechanism, bar: str) -> list[tuple[FloatArray, FloatArray]]
     ]
 
 
-def _endow_marker(bodies: dict[str, Body], marker: str, carrier: str, position: FloatArray) -> None:
+def _endow_marker(bodies: dict[str, Body], marker: str, joint: Joint, share: float) -> None:
     """Give a marker its mass, from the body that carries it."""
+    carrier = joint.parent
     body = bodies[carrier]
-    mass = min(MARKER_MASS, body.mass / 20)
-    speck = min(MARKER_INERTIA, float(np.diag(body.inertia).min()) / 1000) * np.eye(3)
-    bodies[carrier] = _sum(carrier, [_part(body), (-mass, position, -speck)])
+    mass = share * min(MARKER_MASS, body.mass / 20)
+    spare = _spare(carrier, body, np.asarray(np.linalg.eigvalsh(body.inertia)))
+    speck = min(share * MARKER_INERTIA, spare / 1000) * np.eye(3)
+    bodies[carrier] = _sum(carrier, [_part(body), (-mass, joint.placement.position, -speck)])
     bodies[marker] = Body(mass, np.zeros(3), speck)
+
+
+def _spare(name: str, body: Body, moments: FloatArray) -> float:
+    """Return the smallest of some moments of inertia, of which a part can be given away."""
+    spare = float(moments.min())
+    if spare <= 1e-9 * float(np.abs(body.inertia).max()):
+        raise ParameterError(f"{name} is too slender: it has no inertia about an axis")
+    return spare
 
 
 def _part(body: Body) -> _Part:

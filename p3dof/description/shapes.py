@@ -73,9 +73,9 @@ class Solids:
             "slider_b": _slider(edge, beside, SLIDER_B),
             "leg_b": (_bar("x", rod, 0.0, geometry.L, LEG_B),),
             "slider_c": _slider(edge, behind, SLIDER_C),
-            "crossbar_upper": (_bar("y", rod, -b, b, LEG_C), *_knobs(rod, bar)),
+            "crossbar_upper": (_bar("y", rod, -b, b, LEG_C), *_knobs("y", rod, bar)),
             "rod_left": (_bar("x", rod, 0.0, geometry.L, LEG_C),),
-            "crossbar_lower": (_bar("y", rod, -2 * b, 0.0, LEG_C), *_knobs(rod, (0.0, -2 * b))),
+            "crossbar_lower": (_bar("z", rod, 0.0, 2 * b, LEG_C), *_knobs("z", rod, (0.0, 2 * b))),
             "platform": plate,
             "rod_right": (_bar("x", rod, 0.0, geometry.L, LEG_C),),
         }
@@ -89,8 +89,8 @@ class Solids:
             "crossbar_upper": (_bar("y", rod, inner, b, LEG_C), _bar("y", rod, -b, -inner, LEG_C)),
             "rod_left": (_bar("x", rod, *leaning, LEG_C),),
             "crossbar_lower": (
-                _bar("y", rod, outer - b, 0.0, LEG_C),
-                _bar("y", rod, -2 * b, -outer - b, LEG_C),
+                _bar("z", rod, 0.0, b - outer, LEG_C),
+                _bar("z", rod, b + outer, 2 * b, LEG_C),
             ),
             "platform": plate,
             "rod_right": (_bar("x", rod, *leaning, LEG_C),),
@@ -146,9 +146,9 @@ def _bar(axis: str, radius: float, start: float, end: float, colour: Colour) -> 
     return _solid(Cylinder(radius, end - start), colour, along[:, 2] * (start + end) / 2, along)
 
 
-def _knobs(radius: float, ends: tuple[float, float]) -> tuple[Solid, ...]:
+def _knobs(axis: str, radius: float, ends: tuple[float, float]) -> tuple[Solid, ...]:
     """Return balls at the ends of a cross-bar, where the rods turn."""
-    return tuple(_solid(Sphere(1.5 * radius), LEG_C, (0.0, y, 0.0)) for y in ends)
+    return tuple(_solid(Sphere(1.5 * radius), LEG_C, _ALONG[axis][:, 2] * end) for end in ends)
 
 
 def _slider(edge: float, shoe: Point, colour: Colour) -> tuple[Solid, Solid]:

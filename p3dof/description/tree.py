@@ -11,15 +11,14 @@ lower cross-bar::
                   ─ hinge_right ─ rod_right (rod_right_tip)
 
 Home is y = z = θ = 0: all joints at 0, all loops closed. Link frames have their origin on the joint's axis.
-Those of sliders, cross-bars and platform are parallel to the fixed frame at home: a slider's at its pivot,
-the upper cross-bar's at its middle, the lower one's at its left pivot, the platform's at C5. A leg or rod has
-its frame at its upper joint, x along the rod and y along the hinge axis; a positive angle of the rods moves
-the platform toward +y0. Left is the side of +y0.
+Those of sliders, upper cross-bar and platform are parallel to the fixed frame at home: a slider's at its
+pivot, the cross-bar's at its middle, the platform's at C5. A leg or rod has its frame at its upper joint, x
+along the rod and y along the hinge axis; a positive angle of the rods moves the platform toward +y0. The
+lower cross-bar has its frame at its left pivot, with the rods' axes at home: some readers misplace what hangs
+on an axis that is not one of x, y and z. Left is the side of +y0.
 """
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 
@@ -59,9 +58,11 @@ def describe(parameters: Parameters) -> Mechanism:
     """
     geometry = parameters.geometry
     bodies = dict(parameters.bodies.items())
-    # Where a body frame's origin lies in its link frame, where the two differ.
-    for name, origin in (("crossbar_lower", (0.0, -geometry.b, 0.0)), ("platform", (geometry.r, 0.0, 0.0))):
-        bodies[name] = _moved(bodies[name], origin)
+    # Where the body frame is in the link frame, where the two differ.
+    bodies["crossbar_lower"] = _moved(
+        bodies["crossbar_lower"], Placement(np.array([0.0, 0.0, geometry.b]), rod_axes(geometry).T)
+    )
+    bodies["platform"] = _moved(bodies["platform"], _at((geometry.r, 0.0, 0.0)))
     solids = Solids(parameters)
     joints = _joints(parameters)
     links = tuple(
@@ -71,28 +72,23 @@ def describe(parameters: Parameters) -> Mechanism:
     return Mechanism("p3dof", links, joints, CLOSURES, ACTUATED, parameters.gravity)
 
 
-def _moved(body: Body, origin: _Point) -> Body:
-    """Return a body seen from a parallel frame in which its own frame is at `origin`."""
-    return replace(body, com=body.com + np.array(origin))
+def _moved(body: Body, place: Placement) -> Body:
+    """Return a body seen from a frame in which its own frame has this placement."""
+    turn = place.rotation
+    inertia = turn @ body.inertia @ turn.T
+    return Body(body.mass, place.position + turn @ body.com, (inertia + inertia.T) / 2)
 
 
 def _joints(parameters: Parameters) -> tuple[Joint, ...]:
     geometry, limits = parameters.geometry, joint_limits(parameters)
     R, r, L, b = geometry.R, geometry.r, geometry.L, geometry.b
-    rod, n = _rod_axes(geometry)
+    rod = rod_axes(geometry)
 
     def slide(name: str, child: str, place: _Point) -> Joint:
         return Joint(name, "prismatic", "base_link", child, _at(place), _Z, limits[name])
 
-    def hinge(
-        name: str,
-        parent: str,
-        child: str,
-        place: Placement,
-        axis: FloatArray = _Y,
-        mimic: Mimic | None = None,
-    ) -> Joint:
-        return Joint(name, "revolute", parent, child, place, axis, limits[name], mimic)
+    def hinge(name: str, parent: str, child: str, place: Placement, mimic: Mimic | None = None) -> Joint:
+        return Joint(name, "revolute", parent, child, place, _Y, limits[name], mimic)
 
     return (
         slide("slide_a", "slider_a", (0.0, -R, 0.0)),
@@ -104,12 +100,10 @@ def _joints(parameters: Parameters) -> tuple[Joint, ...]:
         slide("slide_c", "slider_c", (-R, 0.0, 0.0)),
         hinge("hinge_c", "slider_c", "crossbar_upper", Placement()),
         hinge("hinge_left", "crossbar_upper", "rod_left", _at((0.0, b, 0.0), rod)),
-        # The lower cross-bar undoes the rod's frame: at hinge_lower = -hinge_left it stays upright.
-        hinge(
-            "hinge_lower", "rod_left", "crossbar_lower", _at((L, 0.0, 0.0), rod.T), n, Mimic("hinge_left", -1)
-        ),
-        _marker("crossbar_lower", "crossbar_lower_right", (0.0, -2 * b, 0.0)),
-        hinge("hinge_platform", "crossbar_lower", "platform", _at((0.0, -b, 0.0))),
+        # At hinge_lower = -hinge_left the lower cross-bar stays parallel to the upper one.
+        hinge("hinge_lower", "rod_left", "crossbar_lower", _at((L, 0.0, 0.0)), mimic=Mimic("hinge_left", -1)),
+        _marker("crossbar_lower", "crossbar_lower_right", (0.0, 0.0, 2 * b)),
+        hinge("hinge_platform", "crossbar_lower", "platform", _at((0.0, 0.0, b), rod.T)),
         _marker("platform", "platform_a", (r, -r, 0.0)),
         _marker("platform", "platform_b", (r, r, 0.0)),
         _marker("platform", "platform_center", (r, 0.0, 0.0)),
@@ -138,8 +132,18 @@ def _leg_axes(geometry: Geometry, side: int) -> FloatArray:
     return np.array([[0.0, 1.0, 0.0], [s, 0.0, -c], [-c, 0.0, -s]])
 
 
-def _rod_axes(geometry: Geometry) -> tuple[FloatArray, FloatArray]:
-    """Return the axes of a rod at home, x = e down the rod, y = n, z = e × n = -y0; and n, its hinge axis."""
+def rod_axes(geometry: Geometry) -> FloatArray:
+    """Return the axes of a rod at home: x = e down the rod, y = n its hinge axis, z = e × n = -y0.
+
+    Parameters
+    ----------
+    geometry : Geometry
+        Lengths of the mechanism.
+
+    Returns
+    -------
+    ndarray, shape (3, 3)
+        The axes are its columns, in the fixed frame.
+    """
     s, c = (geometry.R - geometry.r) / geometry.L, geometry.h / geometry.L
-    n = np.array([c, 0.0, s])
-    return np.array([[s, c, 0.0], [0.0, 0.0, -1.0], [-c, s, 0.0]]), n
+    return np.array([[s, c, 0.0], [0.0, 0.0, -1.0], [-c, s, 0.0]])
