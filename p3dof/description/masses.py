@@ -94,12 +94,14 @@ def _endow_bar(mechanism: Mechanism, bodies: dict[str, Body], bar: str, share: f
     epsilon = min(share * BAR_INERTIA, spare / 50, mass * length**2 / 16)
     shared: list[_Part] = []
     for rod, (at_rod, at_bar) in zip(rods, ends, strict=True):
-        taken: FloatArray = np.array([[-epsilon / 2, 0, 0], [0, 0, 0], [0, 0, -epsilon / 2]])
+        taken = np.zeros((3, 3))
+        taken[[0, 2], [0, 2]] = -epsilon / 2
         parts: list[_Part] = [(-mass / 2, at_rod, np.zeros((3, 3))), (0.0, np.zeros(3), taken)]
         bodies[rod] = _sum(rod, [_part(bodies[rod]), *parts])
         shared.append((mass / 2, at_bar, np.zeros((3, 3))))
     axis = across / length
-    bodies[bar] = _sum(bar, [*shared, (0.0, np.zeros(3), epsilon * np.outer(axis, axis))])
+    about: FloatArray = np.asarray(epsilon * np.outer(axis, axis), dtype=np.float64)
+    bodies[bar] = _sum(bar, [*shared, (0.0, np.zeros(3), about)])
 
 
 def _ends(mechanism: Mechanism, bar: str) -> list[tuple[FloatArray, FloatArray]]:
