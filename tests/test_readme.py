@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from p3dof.cli import main
+from p3dof.parameters import PAPER
+from p3dof.parameters.serialization import parse
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -22,6 +24,15 @@ def test_python_blocks():
         exec(compile(block, "README.md", "exec"), session)  # noqa: S102 - our own text
     assert session["result"].tau.shape == (1,)
     assert np.isfinite(session["result"].lambda_).all()
+
+
+def test_the_parameter_file_is_one():
+    (text,) = re.findall(r"```yaml\n(.*?)```", README, re.DOTALL)
+    parameters = parse(text, "README.md")
+    assert parameters.geometry == PAPER.geometry
+    np.testing.assert_allclose(
+        parameters.bodies.leg_a.inertia, PAPER.bodies.leg_a.inertia, rtol=1e-12, atol=1e-12
+    )
 
 
 @pytest.fixture(scope="module")
