@@ -43,6 +43,7 @@ from p3dof.algebra import (
 )
 from p3dof.checks import FloatArray
 from p3dof.kinematics.formulas import (
+    Configuration,
     Lengths,
     Rates,
     accelerations,
@@ -83,6 +84,7 @@ class _Load(NamedTuple):
 
 
 NO_WRENCH = Wrench(ZERO, ZERO)
+SLIDERS = ("slider_a", "slider_b", "slider_c")
 
 
 def actuator_forces(
@@ -117,21 +119,46 @@ def actuator_forces(
     tuple
         f10 of A, B, C [N].
     """
-    x = configuration(lengths, pose, xp)
-    v = velocities(lengths, x, velocity)
-    a = accelerations(lengths, x, v, velocity, acceleration)
-    T = frames(lengths, x, v, a)
-    axes = body_axes(lengths)
-    own = {name: _own_load(T[name], bodies[name], axes[name], gravity) for name in T}
-    own["platform"] = _with_wrench(own["platform"], T["platform"], wrench, (lengths.r, 0, 0))
-    load = _accumulate(T, own)
+    x, load = _loads(lengths, bodies, gravity, (pose, velocity, acceleration), xp, wrench)
     J = jacobian(lengths, x)
     virtual = [velocities(lengths, x, platform_velocity(J, unit)) for unit in (U1, U2, U3)]
-    sliders = ("slider_a", "slider_b", "slider_c")
     forces = [
-        load[slider].force[2] + _passive_power(load, w) for slider, w in zip(sliders, virtual, strict=True)
+        load[slider].force[2] + _passive_power(load, w) for slider, w in zip(SLIDERS, virtual, strict=True)
     ]
     return (forces[0], forces[1], forces[2])
+
+
+def generalized_forces(
+    lengths: Lengths,
+    bodies: Mapping[str, Inertial],
+    gravity: Vector,
+    pose: Vector,
+    velocity: Vector,
+    acceleration: Vector,
+    xp: Namespace,
+    wrench: Wrench = NO_WRENCH,
+) -> Vector:
+    """Return the forces of y, z and θ that the motion takes: the virtual powers of unit platform velocities.
+
+    They are Jᵀ times the actuator forces, and stay finite where those do not; arguments as `actuator_forces`.
+
+    Parameters
+    ----------
+    lengths, bodies, gravity, pose, velocity, acceleration, xp, wrench
+        As for `actuator_forces`.
+
+    Returns
+    -------
+    tuple
+        [N, N, N m].
+    """
+    x, load = _loads(lengths, bodies, gravity, (pose, velocity, acceleration), xp, wrench)
+    powers = []
+    for unit in (U1, U2, U3):
+        w = velocities(lengths, x, unit)
+        sliders = sum(w.sliders[k] * load[slider].force[2] for k, slider in enumerate(SLIDERS))
+        powers.append(sliders + _passive_power(load, w))
+    return (powers[0], powers[1], powers[2])
 
 
 def forces(
@@ -172,7 +199,7 @@ def forces(
     table = np.concatenate([*states, wrench_like(wrench, shape, on_invalid)], axis=-1).reshape(-1, 15)
     result = np.empty((len(table), 3))
     lengths, bodies = Lengths.of(parameters.geometry), inertials(parameters.bodies)
-    gravity = _numbers(parameters.gravity)
+    gravity = numbers(parameters.gravity)
     for start in range(0, len(table), BLOCK):
         block = slice(start, start + BLOCK)
         # One sample runs on plain numbers, which cost a tenth of arrays of one.
@@ -205,16 +232,36 @@ def inertials(bodies: Bodies) -> dict[str, Inertial]:
     return {
         name: Inertial(
             body.mass or 0,
-            _numbers(body.com),
-            (_numbers(body.inertia[0]), _numbers(body.inertia[1]), _numbers(body.inertia[2])),
+            numbers(body.com),
+            (numbers(body.inertia[0]), numbers(body.inertia[1]), numbers(body.inertia[2])),
         )
         for name, body in bodies.items()
     }
 
 
-def _numbers(row: FloatArray) -> Vector:
+def numbers(row: FloatArray) -> Vector:
     """Return three Python numbers, exact zeros as structural ones."""
     return (float(row[0]) or 0, float(row[1]) or 0, float(row[2]) or 0)
+
+
+def _loads(
+    lengths: Lengths,
+    bodies: Mapping[str, Inertial],
+    gravity: Vector,
+    motion: tuple[Vector, Vector, Vector],
+    xp: Namespace,
+    wrench: Wrench,
+) -> tuple[Configuration, dict[str, _Load]]:
+    """Return where the mechanism is, and F_k and M_k of every body, for pose, velocity and acceleration."""
+    pose, velocity, acceleration = motion
+    x = configuration(lengths, pose, xp)
+    v = velocities(lengths, x, velocity)
+    a = accelerations(lengths, x, v, velocity, acceleration)
+    T = frames(lengths, x, v, a)
+    axes = body_axes(lengths)
+    own = {name: _own_load(T[name], bodies[name], axes[name], gravity) for name in T}
+    own["platform"] = _with_wrench(own["platform"], T["platform"], wrench, (lengths.r, 0, 0))
+    return x, _accumulate(T, own)
 
 
 def _own_load(frame: Frame, body: Inertial, axes: tuple[Matrix, Vector], gravity: Vector) -> _Load:

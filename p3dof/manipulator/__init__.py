@@ -1,6 +1,7 @@
 """The facade: `Manipulator` puts parameters, description and both dynamics behind a few calls."""
 
-from p3dof.manipulator.facade import METHODS, Manipulator, Method, load
+from p3dof.manipulator.facade import Manipulator, load
+from p3dof.manipulator.minimal_form import METHODS, Method
 from p3dof.manipulator.results import Exceedance, InverseDynamics, JointStates
 
 __all__ = [

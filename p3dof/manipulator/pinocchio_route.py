@@ -87,6 +87,51 @@ def solve(
     return Solution(forces, JointStates(names, *states), gap, energy)
 
 
+def accelerate(
+    loop: ClosedLoopModel,
+    depth: float,
+    pose: FloatArray,
+    velocity: FloatArray,
+    forces: FloatArray,
+    wrench: FloatArray | None = None,
+) -> FloatArray:
+    """Return the platform's acceleration under actuator forces, by Pinocchio's constrained dynamics.
+
+    Parameters
+    ----------
+    loop : ClosedLoopModel
+        The mechanism.
+    depth : float
+        h, depth of the platform below the sliders at home [m].
+    pose, velocity, forces : ndarray, shape (N, 3)
+        State of the platform and actuator forces [N]; rows of NaN are left out.
+    wrench : ndarray, shape (N, 6), optional
+        External force and moment on the platform at P [N, N m].
+
+    Returns
+    -------
+    ndarray, shape (N, 3)
+        ÿ, z̈ [m/s²], θ̈ [rad/s²].
+    """
+    result = np.full(pose.shape, np.nan)
+    data = loop.model.createData()
+    frame = loop.model.getFrameId(PLATFORM)
+    guess: FloatArray | None = None
+    for i in range(len(pose)):
+        given = (pose[i], velocity[i], forces[i], *(() if wrench is None else (wrench[i],)))
+        if not all(np.isfinite(row).all() for row in given):
+            continue
+        state = _complete(loop, target_of(pose[i], depth), velocity[i], np.zeros(3), guess)
+        guess = state.q
+        external = None if wrench is None else {PLATFORM: wrench[i]}
+        a = loop.forward_dynamics(state.q, state.v, forces[i], external).a
+        pin.forwardKinematics(loop.model, data, state.q, state.v, a)
+        pin.updateFramePlacement(loop.model, data, frame)
+        moving = pin.getFrameClassicalAcceleration(loop.model, data, frame, pin.LOCAL_WORLD_ALIGNED)
+        result[i] = moving.linear[1], moving.linear[2], moving.angular[1]
+    return result
+
+
 def target_of(pose: FloatArray, depth: float) -> FrameTarget:
     """Return the frame target of a pose: P at (0, y, z - h), turned by θ about y0.
 

@@ -1,0 +1,154 @@
+"""The equations of motion of a manipulator in y, z, θ, as methods."""
+
+from __future__ import annotations
+
+from typing import Literal, TypeAlias, get_args
+
+from numpy.typing import ArrayLike
+
+from p3dof import minimal
+from p3dof.checks import FloatArray
+from p3dof.errors import InputError
+from p3dof.kinematics import OnInvalid
+from p3dof.kinematics.states import wrench_like
+from p3dof.manipulator import pinocchio_route
+from p3dof.manipulator.kinematic import KinematicMachine
+
+Method: TypeAlias = Literal["pinocchio", "virtual-power"]
+"""The two ways to the forces; they share only the parameters."""
+
+METHODS: tuple[str, ...] = get_args(Method)
+
+
+class MovingMachine(KinematicMachine):
+    """A machine that knows how it accelerates: mass matrix, Coriolis matrix, gravity, forward dynamics."""
+
+    def mass_matrix(self, pose: ArrayLike, on_invalid: OnInvalid = "raise") -> FloatArray:
+        """Return the mass matrix M (..., 3, 3) in y, z, θ; see `p3dof.minimal`.
+
+        Parameters
+        ----------
+        pose : array-like, shape (..., 3)
+            y [m], z [m], θ [rad].
+        on_invalid : {"raise", "nan"}
+            Raise for samples out of reach, or leave NaN in their rows.
+
+        Returns
+        -------
+        ndarray, shape (..., 3, 3)
+
+        Raises
+        ------
+        ReachError, InputError
+            Naming leg, margin and sample.
+        """
+        return minimal.mass_matrix(self.parameters, pose, on_invalid)
+
+    def coriolis_matrix(
+        self, pose: ArrayLike, velocity: ArrayLike, on_invalid: OnInvalid = "raise"
+    ) -> FloatArray:
+        """Return the Coriolis matrix C (..., 3, 3) in y, z, θ, with Ṁ - 2C skew; see `p3dof.minimal`.
+
+        Parameters
+        ----------
+        pose, velocity : array-like, shape (..., 3)
+            Of (y, z, θ) [m, m, rad] and per second.
+        on_invalid : {"raise", "nan"}
+            Raise for samples out of reach, or leave NaN in their rows.
+
+        Returns
+        -------
+        ndarray, shape (..., 3, 3)
+
+        Raises
+        ------
+        ReachError, InputError
+            Naming leg, margin and sample.
+        """
+        return minimal.coriolis_matrix(self.parameters, pose, velocity, on_invalid)
+
+    def gravity_forces(self, pose: ArrayLike, on_invalid: OnInvalid = "raise") -> FloatArray:
+        """Return the gradient of the potential energy (..., 3) in y, z, θ; see `p3dof.minimal`.
+
+        Parameters
+        ----------
+        pose : array-like, shape (..., 3)
+            y [m], z [m], θ [rad].
+        on_invalid : {"raise", "nan"}
+            Raise for samples out of reach, or leave NaN in their rows.
+
+        Returns
+        -------
+        ndarray, shape (..., 3)
+
+        Raises
+        ------
+        ReachError, InputError
+            Naming leg, margin and sample.
+        """
+        return minimal.gravity_forces(self.parameters, pose, on_invalid)
+
+    def forward_dynamics(
+        self,
+        pose: ArrayLike,
+        velocity: ArrayLike,
+        forces: ArrayLike,
+        method: Method = "virtual-power",
+        wrench: ArrayLike | None = None,
+        on_invalid: OnInvalid = "raise",
+    ) -> FloatArray:
+        """Return the acceleration of the platform under actuator forces.
+
+        Parameters
+        ----------
+        pose, velocity, forces : array-like, shape (..., 3)
+            State of (y, z, θ) [m, m, rad] and per second, and forces of A, B, C [N].
+        method : {"virtual-power", "pinocchio"}
+            The minimal form of the paper's closed forms, vectorised; or Pinocchio's constrained dynamics of
+            the whole tree, sample by sample.
+        wrench : array-like, shape (..., 6), optional
+            External force and moment on the platform at P, in the fixed frame [N, N m].
+        on_invalid : {"raise", "nan"}
+            Raise for samples out of reach or not finite, or leave NaN in their rows.
+
+        Returns
+        -------
+        ndarray, shape (..., 3)
+            ÿ, z̈ [m/s²] and θ̈ [rad/s²].
+
+        Raises
+        ------
+        ReachError, InputError
+            Naming leg, margin and sample; also when shapes do not fit or the method is unknown.
+        """
+        check_method(method)
+        if method == "virtual-power":
+            return minimal.forward_dynamics(self.parameters, pose, velocity, forces, wrench, on_invalid)
+        poses, speeds, given = minimal.forced_states(self.parameters, pose, velocity, forces, on_invalid)
+        loads = None if wrench is None else wrench_like(wrench, poses.shape[:-1], on_invalid)
+        found = pinocchio_route.accelerate(
+            self.loop,
+            self.parameters.geometry.h,
+            poses.reshape(-1, 3),
+            speeds.reshape(-1, 3),
+            given.reshape(-1, 3),
+            None if loads is None else loads.reshape(-1, 6),
+        )
+        return found.reshape(poses.shape)
+
+
+def check_method(method: str) -> None:
+    """Raise unless a method is known.
+
+    Parameters
+    ----------
+    method : str
+        What the user gave.
+
+    Raises
+    ------
+    InputError
+        If it is not one of `METHODS`.
+    """
+    if method not in METHODS:
+        raise InputError(f"method: expected {' or '.join(map(repr, METHODS))}, got {method!r}")
