@@ -285,6 +285,111 @@ def test_as_a_process_with_a_closed_pipe(tmp_path):
     assert (tmp_path / "forces.csv").read_text().count("\n") == 22  # files come before the tables
 
 
+def test_inputs_and_outputs_are_never_the_same_file(tmp_path, capsys):
+    motion, machine = tmp_path / "motion.csv", tmp_path / "p3dof.yaml"
+    p3dof.paper_motion(5).to_csv(motion)
+    p3dof.write_parameters(PAPER, machine)
+    before = {path: path.read_bytes() for path in (motion, machine)}
+    for arguments in (
+        ["forces", "--motion", motion, "--out", motion],
+        ["forces", "--motion", motion, "--out", tmp_path / "." / "motion.csv"],
+        ["forces", "--parameters", machine, "--out", machine],
+        ["forces", "--out", tmp_path / "a.png", "--figure", tmp_path / "a.png"],
+        ["urdf", "--parameters", machine, "--out", tmp_path],
+        ["export", "--parameters", machine, "--out", tmp_path],
+    ):
+        code, _, err = run(capsys, *arguments)
+        one_line(code, err)
+        assert "would be overwritten" in err
+    assert {path: path.read_bytes() for path in before} == before
+    motion.rename(tmp_path / "forces.csv")
+    code, _, err = run(capsys, "compare", "--motion", tmp_path / "forces.csv", "--out", tmp_path)
+    one_line(code, err)
+
+
+def test_crossing_a_singularity_is_told(tmp_path, capsys):
+    theta = np.arange(0, 1.95, 0.1)
+    p3dof.Motion.from_poses(theta, np.column_stack([0 * theta, 0 * theta, theta])).to_csv(tmp_path / "m.csv")
+    code, out, _ = run(capsys, "forces", "--motion", tmp_path / "m.csv")
+    assert code == 0
+    assert "after t = 1 s the motion crosses an actuation singularity" in out
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "utf-8"])
+def test_any_terminal_gets_its_tables(tmp_path, encoding):
+    command = [
+        sys.executable,
+        "-m",
+        "p3dof",
+        "compare",
+        "--samples",
+        "5",
+        "--no-plot",
+        "--out",
+        str(tmp_path),
+    ]
+    environment = {**os.environ, "PYTHONIOENCODING": encoding}
+    done = subprocess.run(command, capture_output=True, env=environment, check=False)
+    assert done.returncode == 0, done.stderr
+    assert b"the methods agree" in done.stdout
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
+def test_a_full_disk_behind_the_output_is_one_line(tmp_path):
+    command = [
+        sys.executable,
+        "-m",
+        "p3dof",
+        "compare",
+        "--samples",
+        "5",
+        "--no-plot",
+        "--out",
+        str(tmp_path),
+    ]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    one_line(done.returncode, done.stderr)
+
+
+def test_export_writes_and_checks_every_format(tmp_path, capsys):
+    from p3dof import description
+
+    code, out, err = run(capsys, "export", "--out", tmp_path / "ö x")
+    assert code == 0, err
+    files = {file for formats in description.FORMATS.values() for file in formats}
+    written = {path.name for path in (tmp_path / "ö x").iterdir()}
+    assert written == files or "usd left out" in err
+    assert out.count("wrote ") == len(written)
+    assert run(capsys, "export", "--out", tmp_path / "ö x", "--check")[0] == 0
+    code, out, _ = run(capsys, "export", "--out", tmp_path / "two", "--format", "mjcf", "--format", "sdf")
+    assert code == 0
+    assert {path.name for path in (tmp_path / "two").iterdir()} == {"p3dof_mjcf.xml", "p3dof.sdf"}
+    code, out, _ = run(capsys, "export", "--out", tmp_path / "two", "--check")
+    assert code == 1
+    assert "p3dof.urdf: missing" in out
+    code, _, err = run(capsys, "export", "--format", "cad")
+    one_line(code, err)
+
+
+def test_many_differences_are_not_all_printed(tmp_path, capsys):
+    run(capsys, "urdf", "--out", tmp_path)
+    file = tmp_path / "p3dof.urdf"
+    file.write_text(file.read_text().replace("<robot", "<!-- one line more -->\n<robot", 1))
+    code, out, _ = run(capsys, "urdf", "--out", tmp_path, "--check")
+    assert code == 1
+    assert len(out.splitlines()) < 30
+    assert "more differences" in out
+
+
+def test_the_exact_variant(tmp_path, capsys):
+    assert run(capsys, "urdf", "--exact", "--out", tmp_path)[0] == 0
+    assert '<link name="crossbar_upper">' in (tmp_path / "p3dof.urdf").read_text()
+    assert (tmp_path / "p3dof.urdf").read_text().count("<inertial>") == 8
+    assert run(capsys, "urdf", "--exact", "--out", tmp_path, "--check")[0] == 0
+    assert run(capsys, "urdf", "--out", tmp_path, "--check")[0] == 1
+
+
 def test_interrupt_is_one_line(monkeypatch, capsys):
     from p3dof import cli
 
