@@ -27,6 +27,61 @@ class FrozenArrays:
             object.__setattr__(self, name, value)
 
 
+_PLAIN_WORDS = {
+    "U": "text",
+    "T": "text",
+    "S": "bytes",
+    "b": "true or false",
+    "c": "complex numbers",
+    "M": "dates",
+    "m": "time spans",
+}
+"""What to call an array of something else than real numbers, by NumPy's letter for its type."""
+
+
+def shown(value: Any) -> str:
+    """Return how to show a foreign value in an error: short, on one line, never the whole of a large object.
+
+    Parameters
+    ----------
+    value : object
+        Anything.
+
+    Returns
+    -------
+    str
+        The beginning of a text, a number, or in words of what type the value is.
+    """
+    if isinstance(value, str):
+        return repr(str(value[:80])) + ("..." if len(value) > 80 else "")
+    if isinstance(value, int) and value.bit_length() > 63:
+        return "a huge integer"
+    if value is None or isinstance(value, int | float):
+        return repr(value)
+    if isinstance(value, bytes):
+        return "bytes"
+    kind = type(value).__name__
+    return f"{'an' if kind[0].lower() in 'aeiou' else 'a'} {kind}"
+
+
+def one_line(text: str, limit: int = 400) -> str:
+    """Return a text on one line, its end left out if it is long.
+
+    Parameters
+    ----------
+    text : str
+        Part of an error message.
+    limit : int
+        How many characters to keep.
+
+    Returns
+    -------
+    str
+    """
+    line = " ".join(text[: 2 * limit].split())
+    return line if len(line) <= limit and len(text) <= 2 * limit else f"{line[:limit]}..."
+
+
 def as_floats(name: str, value: Any, error: type[P3dofError] = InputError) -> FloatArray:
     """Return `value` as an array of real numbers, of any shape, NaN and infinity included.
 
@@ -50,11 +105,13 @@ def as_floats(name: str, value: Any, error: type[P3dofError] = InputError) -> Fl
     """
     try:
         array = np.asarray(value)
-        if array.dtype.kind not in "fiu":
-            raise TypeError(f"got {array.dtype.name}")
-        floats: FloatArray = np.asarray(array, dtype=np.float64)
     except (TypeError, ValueError) as problem:
-        raise error(f"{name}: expected real numbers ({problem})") from problem
+        ragged = isinstance(value, list | tuple) and isinstance(problem, ValueError)
+        got = "rows of different lengths" if ragged else f"{shown(value)} ({one_line(str(problem))})"
+        raise error(f"{name}: expected real numbers, got {got}") from problem
+    if array.dtype.kind not in "fiu":
+        raise error(f"{name}: expected real numbers, got {_in_words(array)}")
+    floats: FloatArray = np.asarray(array, dtype=np.float64)
     return floats
 
 
@@ -151,3 +208,14 @@ def positive(name: str, value: Any, error: type[P3dofError]) -> float:
     if number <= 0:
         raise error(f"{name}: expected a positive number, got {number:g}")
     return number
+
+
+def _in_words(array: NDArray[Any]) -> str:
+    """Say what an array holds instead of real numbers."""
+    if array.dtype.kind != "O":
+        return _PLAIN_WORDS.get(array.dtype.kind, "something else")
+    for item in array.flat:
+        words = shown(item)
+        if isinstance(item, bool) or not isinstance(item, int | float) or words == "a huge integer":
+            return words
+    return "objects"

@@ -257,6 +257,77 @@ def test_a_bad_urdf_is_one_clear_error(xml, message, capfd):
     capfd.readouterr()  # urdfdom prints its own reasons
 
 
+@pytest.mark.parametrize("mass", ["1_0", "١", "1\t", "1 ", "1&#10;"])
+def test_numbers_that_only_python_reads_are_refused(mass):
+    """Pinocchio alone reads some of them as a massless link."""
+    with pytest.raises(ModelError, match="<mass> value: expected a finite number"):
+        ClosedLoopModel.from_urdf(robot(A, INERTIAL.replace('"1"/><', f'"{mass}"/><'), HINGE))
+
+
+def chain(count, kind="fixed"):
+    joints = [joint(f"j{i}", f"l{i}", f"l{i + 1}") for i in range(count)]
+    return robot(*(link(f"l{i}") for i in range(count + 1)), *joints).replace("revolute", kind)
+
+
+LONG = "a" * 1_000_000
+
+
+@pytest.mark.parametrize(
+    ("xml", "message"),
+    [
+        (chain(1000), "expected at most 1000 links"),
+        (robot(A, B, *(joint(f"j{i}", "a", "b") for i in range(1001))), "expected at most 1000 joints"),
+        (chain(201, "continuous"), "expected at most 200 degrees of freedom, got 201"),
+        (robot("<q>" * 200_000), "expected elements nested at most 100 deep"),
+        (
+            robot("<q " + " ".join(f"a{i}=''" for i in range(101)) + "/>"),
+            "at most 100 attributes, <q> has 101",
+        ),
+        (robot(A, " " * 20_000_000), "expected at most 20000000 characters"),
+        (robot(A, B, joint("j", "a", LONG)), "its child link 'aaa.* "),
+        (robot(link(LONG), link(LONG)), "the link 'aaa.* is defined twice"),
+        (robot(A, INERTIAL.replace('"1"/><', f'"{LONG}"/><')), "expected a finite number, got 'aaa"),
+        (f"<{LONG}/>", "expected the element <robot>, got <aaa"),
+    ],
+    ids=range(10),
+)
+def test_a_urdf_too_large_is_one_short_error(xml, message):
+    with pytest.raises(ModelError, match=message) as caught:
+        ClosedLoopModel.from_urdf(xml)
+    assert len(str(caught.value)) < 600
+
+
+def test_the_longest_chain_is_read():
+    assert ClosedLoopModel.from_urdf(chain(999)).model.nframes > 1000
+
+
+@pytest.mark.parametrize("huge", [10**100_000, -(10**5000), LONG, list(range(10**5))], ids=range(4))
+def test_a_sidecar_error_never_shows_the_whole_of_a_huge_object(huge):
+    good = {"closed_loop": [["a", "b"]], "type": ["3d"], "name_mot": ["j"]}
+    bad = [
+        huge,
+        *({**good, key: huge} for key in good if not isinstance(huge, list)),
+        *({**good, key: [huge]} for key in good if not (key == "name_mot" and huge is LONG)),
+        {**good, "name_mot": [LONG, LONG]},
+        {**good, "closed_loop": [[huge, huge]]},
+        *([] if isinstance(huge, list) else [{**good, huge: 1}]),
+    ]
+    for content in bad:
+        with pytest.raises(ModelError) as caught:
+            Sidecar.from_mapping(content)
+        assert len(str(caught.value)) < 300
+    for act in (lambda: Sidecar((huge,), ()), lambda: Closure("a", "b", huge), lambda: Closure(huge, huge)):
+        with pytest.raises(ModelError) as caught:
+            act()
+        assert len(str(caught.value)) < 300
+
+
+@pytest.mark.parametrize("path", [None, 5, b"robot.yaml", ["robot.yaml"]])
+def test_what_is_no_path_of_a_sidecar(path):
+    with pytest.raises(ModelError, match="expected the path of a file, got"):
+        Sidecar.from_yaml(path)
+
+
 def test_an_inertial_that_urdfdom_would_drop_in_silence():
     """The reason for the check above: Pinocchio alone reads a NaN mass as a massless link."""
     good = ClosedLoopModel.from_urdf(robot(A, INERTIAL, HINGE))

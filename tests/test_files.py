@@ -140,6 +140,21 @@ def test_a_null_byte_in_the_name(tmp_path):
             act(f"{tmp_path}/a\0b")
 
 
+@pytest.mark.parametrize("path", [None, 5, b"f.txt", ["f.txt"], object()])
+def test_what_is_no_path(path):
+    for act in (read_text, lambda path: write_atomic(path, "new")):
+        with pytest.raises(FileError, match="expected the path of a file, got"):
+            act(path)
+
+
+@pytest.mark.parametrize("path", ["text\nof a file\n" * 10_000, "a" * 1_000_000], ids=["lines", "long"])
+def test_the_content_given_for_the_path_is_not_repeated(path):
+    with pytest.raises(FileError, match="cannot be read") as caught:
+        read_text(path)
+    assert len(str(caught.value)) < 200
+    assert "\n" not in str(caught.value)
+
+
 def test_a_pipe_or_device_is_not_replaced_by_a_file(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     with contextlib.suppress(FileError):
@@ -263,6 +278,29 @@ def test_bad_yaml_is_one_clear_error(text, message):
     with pytest.raises(ParameterError, match=message) as caught:
         parse_yaml(text, "here", ParameterError)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("#" * 1_000_001, "here: expected at most 1000000 characters of YAML, got 1000001"),
+        ("- a\n" * 30_000, "here, line 20000: not valid YAML: expected at most 20000 values"),
+        ("a:\n  b: " + "x" * 1001, "here, line 2: .* expected at most 1000 characters a value, got 1001"),
+        ("9" * 5000, "here, line 1: .* expected at most 1000 characters a value, got 5000"),
+        ("!" + "x" * 100_000 + " 1", "here, line 1: not valid YAML"),
+        ("*" + "x" * 100_000, "here, line 1: not valid YAML"),
+        ("a:\n  b: !!int ''", "here, line 2: not valid YAML: '' does not fit its type, int"),
+        ("a: 2024-99-99", "here, line 1: .* '2024-99-99' does not fit its type, timestamp"),
+        ("[" * 5000, "here: not valid YAML: nested too deeply"),
+        (None, "here: expected YAML text, got None"),
+        (b"a: 1", "here: expected YAML text, got bytes"),
+    ],
+    ids=range(11),
+)
+def test_yaml_is_bounded_and_the_error_is_short(text, message):
+    with pytest.raises(ParameterError, match=message) as caught:
+        parse_yaml(text, "here", ParameterError)
+    assert len(str(caught.value)) < 600
 
 
 def test_a_python_tag_does_nothing(tmp_path):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from p3dof import errors
 from p3dof.errors import FileError, MotionError, P3dofError
-from p3dof.motion import Motion, paper_motion
+from p3dof.motion import Motion, csv_files, paper_motion
 from p3dof.motion.consistency import MINIMUM
 
 REPEATABLE = settings(derandomize=True, deadline=None, max_examples=60)
@@ -534,6 +534,11 @@ def test_joined_motions_follow_each_other():
         )
     with pytest.raises(MotionError, match="at least one"):
         Motion.joined()
+    for wrong in (5, None, "motion", [there, back]):
+        with pytest.raises(MotionError, match="motions: expected Motion objects, got"):
+            Motion.joined(wrong)
+    with pytest.raises(MotionError, match="motions: expected Motion objects, got 5"):
+        Motion.joined(there, 5)
 
 
 # ---------------------------------------------------------------- files
@@ -679,7 +684,12 @@ MALFORMED = {
     "same_time": ("t,y,z,theta\n0,0,0,0\n0,0,0,0\n", "line 3, column t: expected a time after 0, got 0"),
     "open_quote": ('t,y,z,theta\n0,"0,0,0\n1,0,0,0\n', "line [23]: "),
     "one_pose": ("t,y,z,theta\n0,0,0,0\n", "at least two samples to differentiate"),
-    "huge_field": ("t,y,z,theta\n0,0,0," + "1" * 200_000, "line 2: not valid CSV"),
+    "huge_field": (
+        "t,y,z,theta\n0,0,0," + "1" * 200_000,
+        "line 2: expected at most 10000 characters, got 200006",
+    ),
+    "huge_header": ("t," * 1_000_000, "line 1: expected at most 10000 characters"),
+    "line_end_in_quotes": ('t,y,z,theta\n0,0,0,"0\n"\n', "line 2: not valid CSV"),
     "nul": ("t,y,z,theta\n0,0,0,\0\n", "line 2"),
 }
 
@@ -714,6 +724,22 @@ def test_unreadable_files(tmp_path):
         Motion.from_csv(write(tmp_path, "t,y,z,theta\n".encode("utf-16")))
     with pytest.raises(FileError, match="folder"):
         paper_motion(3).to_csv(tmp_path)
+
+
+@pytest.mark.parametrize("path", [None, 5, 2.5, b"m.csv", ["m.csv"]])
+def test_what_is_no_path(path):
+    for act in (Motion.from_csv, paper_motion(3).to_csv):
+        with pytest.raises(FileError, match="expected the path of a file, got"):
+            act(path)
+
+
+def test_a_bad_header_is_refused_before_the_rest_is_split(monkeypatch):
+    lines = csv_files._lines
+    taken = []
+    monkeypatch.setattr(csv_files, "_lines", lambda text: (taken.append(x) or x for x in lines(text)))
+    with pytest.raises(MotionError, match="m, line 2, column 1: expected t, got 'x'"):
+        csv_files.parse("# a comment\nx,y\n" + "0,0\n" * 1000, "m")
+    assert len(taken) == 2
 
 
 def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):

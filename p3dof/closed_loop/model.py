@@ -82,7 +82,8 @@ class ClosedLoopModel:
         """Build the model from a tree URDF and its sidecar.
 
         As in Pinocchio's own reader, ``<mimic>`` joints are independent (the closures must tie them), and the
-        damping and friction of ``<dynamics>`` exert no force.
+        damping and friction of ``<dynamics>`` exert no force. At most 1000 links and 200 degrees of freedom
+        are read.
 
         Parameters
         ----------
@@ -101,7 +102,7 @@ class ClosedLoopModel:
         Raises
         ------
         ModelError
-            If a file is missing or malformed, or names something that does not exist.
+            If a file is missing, malformed or too large, or names something that does not exist.
         InputError
             If `root_joint` is not a joint model.
         """

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import difflib
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import pinocchio as pin
 import yaml
 
+from p3dof.checks import shown
 from p3dof.errors import FileError, ModelError
 from p3dof.files import parse_yaml, read_text
 
@@ -46,9 +47,12 @@ class Closure:
         for field in ("frame1", "frame2"):
             _name(f"closure: {field}", getattr(self, field))
         if self.frame1 == self.frame2:
-            raise ModelError(f"closure: expected two different frames, got {self.frame1!r} twice")
-        if self.kind not in KINDS:
-            raise ModelError(f"closure {self.name}: expected kind '3d' or '6d', got {self.kind!r}")
+            raise ModelError(f"closure: expected two different frames, got {shown(self.frame1)} twice")
+        if not isinstance(self.kind, str) or self.kind not in KINDS:
+            raise ModelError(
+                f"closure of {shown(self.frame1)} and {shown(self.frame2)}: expected kind '3d' or '6d', "
+                f"got {shown(self.kind)}"
+            )
 
     @property
     def name(self) -> str:
@@ -89,15 +93,12 @@ class Sidecar:
         for field in ("closures", "actuated"):
             value = getattr(self, field)
             if isinstance(value, str) or not isinstance(value, Iterable):
-                raise ModelError(f"{field}: expected a sequence, got {value!r}")
+                raise ModelError(f"{field}: expected a sequence, got {shown(value)}")
             object.__setattr__(self, field, tuple(value))
         for closure in self.closures:
             if not isinstance(closure, Closure):
-                raise ModelError(f"closures: expected Closure objects, got {closure!r}")
-        for index, joint in enumerate(self.actuated):
-            _name(f"actuated[{index}]", joint)
-            if joint in self.actuated[:index]:
-                raise ModelError(f"actuated[{index}]: the joint {joint!r} is named twice")
+                raise ModelError(f"closures: expected Closure objects, got {shown(closure)}")
+        _distinct("actuated", self.actuated)
 
     @classmethod
     def serial(cls, model: pin.Model) -> Sidecar:
@@ -182,25 +183,24 @@ class Sidecar:
             If a key is missing or unknown, or a value has the wrong type or length.
         """
         if not isinstance(content, Mapping):
-            raise ModelError(f"{source}: expected a mapping with {_listed(_REQUIRED)}, got {content!r:.80}")
+            raise ModelError(f"{source}: expected a mapping with {_listed(_REQUIRED)}, got {shown(content)}")
         for key in content:
             if key not in _REQUIRED + _IGNORED:
-                raise ModelError(f"{source}: unknown key {key!r}, expected {_listed(_REQUIRED + _IGNORED)}")
+                raise ModelError(
+                    f"{source}: unknown key {shown(key)}, expected {_listed(_REQUIRED + _IGNORED)}"
+                )
         for key in _REQUIRED:
             if key not in content:
                 raise ModelError(f"{source}: the key {key!r} is missing")
             if isinstance(content[key], str | Mapping) or not isinstance(content[key], Iterable):
-                raise ModelError(f"{source}: {key}: expected a list, got {content[key]!r:.80}")
+                raise ModelError(f"{source}: {key}: expected a list, got {shown(content[key])}")
         pairs, kinds, joints = (list(content[key]) for key in _REQUIRED)
         if len(pairs) != len(kinds):
             raise ModelError(
                 f"{source}: type: expected {len(pairs)} entries, one a closure, got {len(kinds)}"
             )
         closures = [_closure(source, i, *entry) for i, entry in enumerate(zip(pairs, kinds, strict=True))]
-        for i, joint in enumerate(joints):
-            _name(f"{source}: name_mot[{i}]", joint)
-            if joint in joints[:i]:
-                raise ModelError(f"{source}: name_mot[{i}]: the joint {joint!r} is named twice")
+        _distinct(f"{source}: name_mot", joints)
         return cls(tuple(closures), tuple(joints))
 
     def to_yaml(self) -> str:
@@ -236,29 +236,39 @@ def suggestion(name: str, known: Iterable[str]) -> str:
         ``"did you mean ...?"`` if names come close, otherwise the known names (at most twenty).
     """
     names = list(dict.fromkeys(known))
-    close = difflib.get_close_matches(name, names, n=3)
+    short = [known for known in names if len(known) <= 100]  # comparing takes length times length
+    close = difflib.get_close_matches(name, short, n=3) if len(name) <= 100 else []
     if close:
         return f"did you mean {' or '.join(map(repr, close))}?"
-    listed = ", ".join(names[:20]) + (", ..." if len(names) > 20 else "")
+    listed = ", ".join(f"{known:.100}" for known in names[:20]) + (", ..." if len(names) > 20 else "")
     return f"known: {listed or 'none'}"
 
 
 def _closure(source: str, index: int, pair: Any, kind: Any) -> Closure:
     where = f"{source}: closed_loop[{index}]"
     if not isinstance(pair, list | tuple) or len(pair) != 2:
-        raise ModelError(f"{where}: expected a pair of frame names, got {pair!r:.80}")
+        raise ModelError(f"{where}: expected a pair of frame names, got {shown(pair)}")
     for frame in pair:
         _name(where, frame)
     if pair[0] == pair[1]:
-        raise ModelError(f"{where}: expected two different frames, got {pair[0]!r} twice")
+        raise ModelError(f"{where}: expected two different frames, got {shown(pair[0])} twice")
     if not isinstance(kind, str) or kind.lower() not in KINDS:
-        raise ModelError(f"{source}: type[{index}]: expected '3d' or '6d', got {kind!r}")
+        raise ModelError(f"{source}: type[{index}]: expected '3d' or '6d', got {shown(kind)}")
     return Closure(pair[0], pair[1], kind.lower())
 
 
 def _name(where: str, value: Any) -> None:
     if not isinstance(value, str) or not value.strip():
-        raise ModelError(f"{where}: expected a name, got {value!r}")
+        raise ModelError(f"{where}: expected a name, got {shown(value)}")
+
+
+def _distinct(where: str, joints: Sequence[Any]) -> None:
+    seen: set[str] = set()
+    for index, joint in enumerate(joints):
+        _name(f"{where}[{index}]", joint)
+        if joint in seen:
+            raise ModelError(f"{where}[{index}]: the joint {shown(joint)} is named twice")
+        seen.add(joint)
 
 
 def _listed(keys: Iterable[str]) -> str:

@@ -8,16 +8,26 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import NoReturn
 from xml.parsers import expat
 
 import pinocchio as pin
 
+from p3dof.checks import one_line, shown
 from p3dof.closed_loop.sidecar import suggestion
 from p3dof.errors import FileError, ModelError
-from p3dof.files import read_text
+from p3dof.files import MAX_BYTES, read_text
+
+MAX_LINKS = 1000
+"""Most links that are read: on a chain of a few thousand, Pinocchio's reader overflows the stack."""
+MAX_FREEDOMS = 200
+"""Most degrees of freedom: Pinocchio's workspaces take the cube of their number, 256 MB each at this one."""
+MAX_DEPTH = 100
+"""Deepest nesting of XML elements that is read; a URDF needs six."""
+MAX_ATTRIBUTES = 100
+"""Most attributes of an element: urdfdom takes a time that grows with the square of their number."""
 
 _NUMBERS = {
     "origin": {"xyz": 3, "rpy": 3},
@@ -45,12 +55,14 @@ def read_urdf(source: str | os.PathLike[str]) -> tuple[str, str]:
     Raises
     ------
     ModelError
-        If the file cannot be read, or `source` is neither text nor a path.
+        If the file cannot be read, the text is longer than 20 MB, or `source` is neither text nor a path.
     """
     if isinstance(source, str) and source.lstrip("\ufeff \t\r\n").startswith("<"):
+        if len(source) > MAX_BYTES:
+            raise ModelError(f"URDF text: expected at most {MAX_BYTES} characters, got {len(source)}")
         return source.lstrip("\ufeff"), "URDF text"
     if not isinstance(source, str | os.PathLike) or not os.fspath(source):
-        raise ModelError(f"URDF: expected XML text or the path of a file, got {source!r}")
+        raise ModelError(f"URDF: expected XML text or the path of a file, got {shown(source)}")
     try:
         return read_text(source), os.fspath(source)
     except (FileError, ValueError) as error:
@@ -58,7 +70,7 @@ def read_urdf(source: str | os.PathLike[str]) -> tuple[str, str]:
 
 
 def build_tree(source: str | os.PathLike[str], root_joint: pin.JointModel | None = None) -> pin.Model:
-    """Build the tree model of a URDF.
+    """Build the tree model of a URDF, of at most 1000 links and 200 degrees of freedom.
 
     Parameters
     ----------
@@ -74,16 +86,19 @@ def build_tree(source: str | os.PathLike[str], root_joint: pin.JointModel | None
     Raises
     ------
     ModelError
-        If the file cannot be read, is not well-formed XML, or is not one tree of links.
+        If the file cannot be read, is not well-formed XML, is not one tree of links, or is too large.
     """
     text, name = read_urdf(source)
     _check(text, name)
     arguments = (text,) if root_joint is None else (text, root_joint)
     try:
-        return pin.buildModelFromXML(*arguments)
+        model = pin.buildModelFromXML(*arguments)
     except Exception as error:  # Boost.Python raises its own types
-        message = " ".join(str(error).split())
-        raise ModelError(f"{name}: Pinocchio cannot read it: {message:.300}") from error
+        message = one_line(str(error)) or type(error).__name__
+        raise ModelError(f"{name}: Pinocchio cannot read it: {message}") from error
+    if model.nv > MAX_FREEDOMS:
+        raise ModelError(f"{name}: expected at most {MAX_FREEDOMS} degrees of freedom, got {model.nv}")
+    return model
 
 
 @dataclass
@@ -107,10 +122,14 @@ class _Reader:
     joint: _Joint | None = None
 
     def fail(self, message: str, line: int | None = None) -> NoReturn:
-        raise ModelError(f"{self.source}, line {line or self.parser.CurrentLineNumber}: {message}")
+        raise ModelError(f"{self.source}, line {line or self.parser.CurrentLineNumber}: {one_line(message)}")
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         self.path.append(tag)
+        if len(self.path) > MAX_DEPTH:
+            self.fail(f"expected elements nested at most {MAX_DEPTH} deep")
+        if len(attributes) > MAX_ATTRIBUTES:
+            self.fail(f"expected at most {MAX_ATTRIBUTES} attributes, <{tag:.80}> has {len(attributes)}")
         if len(self.path) == 1 and tag != "robot":
             self.fail(f"expected the element <robot>, got <{tag}>")
         if self.path[1:] == ["link"]:
@@ -129,22 +148,27 @@ class _Reader:
     def end(self, _tag: str) -> None:
         self.path.pop()
 
-    def _new(self, tag: str, attributes: dict[str, str], known: Iterable[str]) -> None:
+    def _new(self, tag: str, attributes: dict[str, str], known: Collection[str]) -> None:
         name = attributes.get("name", "")
         if not name:
             self.fail(f"<{tag}> has no name")
         if name in known:
-            self.fail(f"the {tag} {name!r} is defined twice")
+            self.fail(f"the {tag} {shown(name)} is defined twice")
+        if len(known) == MAX_LINKS:
+            self.fail(f"expected at most {MAX_LINKS} {tag}s")
 
     def _numbers(self, tag: str, attributes: dict[str, str]) -> None:
         required = tag in ("mass", "inertia") and self.path[-2] == "inertial"
         for name, count in _NUMBERS.get(tag, {}).items():
             if name not in attributes and not required:
                 continue
-            values = [_number(word) for word in attributes.get(name, "").split()]
-            if len(values) != count or not all(map(math.isfinite, values)):
+            text = attributes.get(name, "")
+            values = [_number(word) for word in text.split()]
+            # urdfdom drops the whole <inertial> when white space follows a single number
+            trailing = count == 1 and text != text.rstrip()
+            if trailing or len(values) != count or not all(map(math.isfinite, values)):
                 wanted = "a finite number" if count == 1 else f"{count} finite numbers"
-                self.fail(f"<{tag}> {name}: expected {wanted}, got {attributes.get(name)!r}")
+                self.fail(f"<{tag}> {name}: expected {wanted}, got {shown(attributes.get(name))}")
             if tag == "mass" and values[0] < 0:
                 self.fail(f"<mass> value: expected no negative mass, got {values[0]:g}")
             if tag == "axis" and not any(values):
@@ -153,7 +177,7 @@ class _Reader:
 
 def _number(word: str) -> float:
     try:
-        return float(word)
+        return float(word) if word.isascii() and "_" not in word else math.nan  # as urdfdom does
     except ValueError:
         return math.nan
 
@@ -185,24 +209,29 @@ def _check_tree(reader: _Reader) -> None:
             if link not in reader.links:
                 help_ = suggestion(link or "", reader.links)
                 reader.fail(
-                    f"joint {joint.name!r}: its {end} link {link!r} does not exist; {help_}", joint.line
+                    f"joint {shown(joint.name)}: its {end} link {shown(link)} does not exist; {help_}",
+                    joint.line,
                 )
         child = str(joint.child)
         if child in above:
             reader.fail(
-                f"the link {child!r} has two parent joints, {above[child].name!r} and {joint.name!r}: "
-                "cut the loop there and describe it as a closure in the sidecar",
+                f"the link {shown(child)} has two parent joints, {shown(above[child].name)} and "
+                f"{shown(joint.name)}: cut the loop there and describe it as a closure in the sidecar",
                 joint.line,
             )
         above[child] = joint
     roots = [link for link in reader.links if link not in above]
     if len(roots) > 1:
-        reader.fail(f"expected one root link, got {', '.join(roots[:5])}", reader.links[roots[1]])
-    reached = set(roots)
-    pending = set(reader.links) - reached
-    while new := {link for link in pending if above[link].parent in reached}:
-        reached |= new
-        pending -= new
-    if pending:
+        reader.fail(
+            f"expected one root link, got {', '.join(f'{root:.80}' for root in roots[:5])}",
+            reader.links[roots[1]],
+        )
+    below: dict[str | None, list[str]] = {}
+    for link, joint in above.items():
+        below.setdefault(joint.parent, []).append(link)
+    reached = list(roots)
+    for link in reached:  # grows while it is walked
+        reached += below.get(link, [])
+    if pending := set(reader.links) - set(reached):
         link = min(pending)
-        reader.fail(f"the joint {above[link].name!r} is part of a cycle of links", above[link].line)
+        reader.fail(f"the joint {shown(above[link].name)} is part of a cycle of links", above[link].line)

@@ -12,7 +12,7 @@ from typing import Any, SupportsIndex
 import numpy as np
 from numpy.typing import ArrayLike
 
-from p3dof.checks import FloatArray, FrozenArrays, frozen_array, positive
+from p3dof.checks import FloatArray, FrozenArrays, frozen_array, positive, shown
 from p3dof.errors import MotionError
 from p3dof.files import read_text, write_atomic
 from p3dof.motion import csv_files, splines
@@ -264,10 +264,13 @@ class Motion(FrozenArrays):
         Raises
         ------
         MotionError
-            If there is no motion, or two of them do not meet.
+            If there is no motion, one is something else, or two of them do not meet.
         """
         if not motions:
             raise MotionError("motions: expected at least one, got none")
+        for motion in motions:
+            if not isinstance(motion, Motion):
+                raise MotionError(f"motions: expected Motion objects, got {shown(motion)}")
         for number, (former, latter) in enumerate(pairwise(motions), start=1):
             for name in ("pose", "velocity"):
                 end, begin = getattr(former, name)[-1], getattr(latter, name)[0]

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import csv
 import math
+from array import array
 from collections.abc import Iterator
+from itertools import islice
 from typing import NoReturn
 
 import numpy as np
@@ -19,6 +21,8 @@ from p3dof.errors import MotionError
 
 MAX_BYTES = 500_000_000
 """Largest motion file that is read [bytes]: about two million samples with all columns."""
+MAX_LINE = 10_000
+"""Longest line that is read [characters]."""
 
 _NAMES = ("t", "y", "z", "theta", "ydot", "zdot", "thetadot", "yddot", "zddot", "thetaddot")
 _POSE_ONLY, _COMPLETE = 4, 10
@@ -59,29 +63,27 @@ def parse(text: str, source: str) -> tuple[FloatArray, FloatArray]:
     if not header:
         raise MotionError(f"{source}: expected a motion with {_RULE}, got an empty file")
     factors = _header(header, f"{source}, line {line}")
-    numbers: list[list[float]] = []
-    lines: list[int] = []
+    numbers = array("d")
     for line, row in rows:
         if len(row) != len(header):
             raise MotionError(f"{source}, line {line}: expected {len(header)} columns, got {len(row)}")
         try:
-            values = [float(field) for field in row]
+            numbers.extend([float(field) for field in row])
         except ValueError:
-            values = []
-        if not values or "_" in "".join(row):  # Python reads 1_000, nobody else does
             _name_the_field(row, f"{source}, line {line}")
-        numbers.append(values)
-        lines.append(line)
+        if "_" in "".join(row):  # Python reads 1_000, nobody else does
+            _name_the_field(row, f"{source}, line {line}")
     if not numbers:
         raise MotionError(f"{source}: expected lines of numbers after the header, got none")
-    data = np.array(numbers)
+    data = np.frombuffer(numbers).reshape(-1, len(header))
     for i, j in np.argwhere(~np.isfinite(data)):
         raise MotionError(
-            f"{source}, line {lines[i]}, column {_NAMES[j]}: expected a finite number, got {data[i, j]}"
+            f"{source}, line {_line_of(i, text)}, column {_NAMES[j]}: expected a finite number, "
+            f"got {data[i, j]}"
         )
     for i in np.flatnonzero(data[1:, 0] <= data[:-1, 0]):
         raise MotionError(
-            f"{source}, line {lines[i + 1]}, column t: expected a time after {data[i, 0]:g}, "
+            f"{source}, line {_line_of(i + 1, text)}, column t: expected a time after {data[i, 0]:g}, "
             f"got {data[i + 1, 0]:g}"
         )
     multiply, divide = np.array(factors).T
@@ -111,18 +113,34 @@ def dump(time: FloatArray, columns: FloatArray) -> str:
 
 def _rows(text: str, source: str) -> Iterator[tuple[int, list[str]]]:
     """Yield (line number, fields) of every line that is not blank and not a comment."""
-    kept = [
-        (number, line)
-        for number, line in enumerate(text.split("\n"), start=1)
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
-    reader = csv.reader((line for _, line in kept), strict=True)
-    try:
-        for row in reader:
-            yield kept[reader.line_num - 1][0], row
-    except csv.Error as problem:
-        line = kept[reader.line_num - 1][0]
-        raise MotionError(f"{source}, line {line}: not valid CSV: {problem}") from problem
+    for number, line in _lines(text):
+        if len(line) > MAX_LINE:
+            raise MotionError(
+                f"{source}, line {number}: expected at most {MAX_LINE} characters, got {len(line)}"
+            )
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        if '"' not in line:
+            yield number, line.split(",")
+            continue
+        try:
+            yield number, next(csv.reader([line], strict=True))
+        except csv.Error as problem:
+            raise MotionError(f"{source}, line {number}: not valid CSV: {problem}") from problem
+
+
+def _lines(text: str) -> Iterator[tuple[int, str]]:
+    """Yield (number, line) one by one: a file that is refused at its header is not split to its end."""
+    number, start = 1, 0
+    while (end := text.find("\n", start)) >= 0:
+        yield number, text[start:end]
+        number, start = number + 1, end + 1
+    yield number, text[start:]
+
+
+def _line_of(index: int, text: str) -> int:
+    """Return the number of the line that holds a sample."""
+    return next(islice(_rows(text, ""), index + 1, None))[0]
 
 
 def _header(header: list[str], where: str) -> list[tuple[float, float]]:

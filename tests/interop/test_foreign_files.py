@@ -121,11 +121,6 @@ def test_a_huge_number_among_the_parameters_is_one_error(tmp_path, text):
     refuse(read_parameters, path, ParameterError)
 
 
-@pytest.mark.xfail(
-    strict=True,
-    raises=ValueError,
-    reason="Sidecar.from_mapping shows the value that it found, and Python refuses to print so long a number",
-)
 @pytest.mark.parametrize("text", HUGE.values(), ids=HUGE)
 def test_a_huge_number_in_a_sidecar_is_one_error(tmp_path, text):
     path = tmp_path / "file.yaml"
@@ -251,14 +246,9 @@ LONG = """'<robot name="r"><link name="l0"/>' + ''.join(
 def test_a_nested_urdf_is_one_error():
     code, said = read_elsewhere(DEEP.format(10_000))
     assert code == 0
-    assert "Pinocchio cannot read it" in said or "nested" in said
+    assert "nested" in said
 
 
-@pytest.mark.xfail(
-    strict=True,
-    raises=subprocess.TimeoutExpired,
-    reason="p3dof's check of a URDF takes a time that grows with the square of the depth of nesting",
-)
 def test_a_deeply_nested_urdf_is_refused_soon():
     code, said = read_elsewhere(DEEP.format(300_000), seconds=6)
     assert code == 0
@@ -269,14 +259,10 @@ def test_a_long_chain_of_links_is_read():
     assert read_elsewhere(LONG.format(500)) == (0, "")
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="pin 4.1 itself ends the process (signal 11) on a chain of thousands of links",
-)
 def test_a_chain_too_long_for_pinocchio_is_one_error():
     code, said = read_elsewhere(LONG.format(6_000))
     assert code == 0
-    assert said
+    assert "expected at most 1000 links" in said
 
 
 # --- written anywhere, for any machine ---------------------------------------------------------------------
