@@ -322,10 +322,14 @@ def _timed(robot: Manipulator, motion: Motion, method: str, on_invalid: str) -> 
 
 
 @contextmanager
-def _progress_bar(name: str, total: int) -> Iterator[_Update]:
-    columns = (TextColumn(name), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+def _progress_bar(name: str, total: int) -> Iterator[_Update | None]:
+    """Show a bar while something works; nothing at all where nobody looks."""
     console = Console(stderr=True)
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+    if not console.is_terminal:
+        yield None
+        return
+    columns = (TextColumn(name), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True) as bar:
         yield _Update(bar, total)
 
 
