@@ -391,12 +391,12 @@ def test_the_exact_variant(tmp_path, capsys):
 
 
 def test_interrupt_is_one_line(monkeypatch, capsys):
-    from p3dof import cli
+    from p3dof.cli import commands
 
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cli, "load", interrupted)
+    monkeypatch.setattr(commands, "load", interrupted)
     code, _, err = run(capsys, "compare")
     assert code == 130
     assert err.strip().splitlines()[-1] == "p3dof: error: interrupted"

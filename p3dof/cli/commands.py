@@ -1,25 +1,20 @@
-"""The command line: `p3dof compare`, `p3dof forces`, `p3dof urdf`.
-
-Exit codes: 0 done, 1 a check failed (methods disagree, files differ), 2 bad input (one line on stderr).
-"""
+"""The commands, thin: they read the options, call the package and print what comes back."""
 
 from __future__ import annotations
 
 import io
 import sys
 import time
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import click
 import numpy as np
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from p3dof import __version__, description
-from p3dof.checks import FloatArray
+from p3dof.cli.output import agreement_table, evidence_table, print_plain, print_warnings, progress_bar
 from p3dof.errors import InputError, MissingExtraError, P3dofError
 from p3dof.manipulator import METHODS, InverseDynamics, Manipulator, load
 from p3dof.manipulator.results import LEGS, write_table
@@ -140,11 +135,11 @@ def compare(
     if plot:
         written += _draw(out, (first, second))
     console = Console()
-    console.print(_agreement_table(first, second, difference))
-    console.print(_evidence_table((first, first_seconds), (second, second_seconds)))
-    _print_warnings(console, robot, second)
+    console.print(agreement_table(first, second, difference))
+    console.print(evidence_table((first, first_seconds), (second, second_seconds)))
+    print_warnings(console, robot, second)
     for path in written:
-        _print_plain(console, f"wrote {path}")
+        print_plain(console, f"wrote {path}")
     verdict = "agree" if agree else "DISAGREE"
     share = worst / largest if largest else 0.0
     console.print(
@@ -204,10 +199,10 @@ def forces(
         low, high = (values.min(), values.max()) if len(values) else (np.nan, np.nan)
         table.add_row(name, f"{low:.4f}", f"{high:.4f}", f"{result.rms_forces[leg]:.4f}")
     console.print(table)
-    console.print(_evidence_table((result, seconds)))
-    _print_warnings(console, robot, result)
+    console.print(evidence_table((result, seconds)))
+    print_warnings(console, robot, result)
     for path in written:
-        _print_plain(console, f"wrote {path}")
+        print_plain(console, f"wrote {path}")
 
 
 OUT_FOLDER = click.option(
@@ -269,17 +264,17 @@ def _write_or_check(
                 differences += description.check(robot.parameters, out, (name,), exact)
                 continue
             for path in description.write(robot.parameters, out, (name,), exact):
-                _print_plain(console, f"wrote {path}")
+                print_plain(console, f"wrote {path}")
         except MissingExtraError as error:
             if not skip_missing:
                 raise
             sys.stderr.write(f"p3dof: {name} left out: {error}\n")
     for line in differences[:SHOWN]:
-        _print_plain(console, line)
+        print_plain(console, line)
     if len(differences) > SHOWN:
-        _print_plain(console, f"... and {len(differences) - SHOWN} more differences")
+        print_plain(console, f"... and {len(differences) - SHOWN} more differences")
     if check and not differences:
-        _print_plain(console, f"{out}: up to date")
+        print_plain(console, f"{out}: up to date")
     return 1 if differences else 0
 
 
@@ -307,7 +302,7 @@ def _motion(path: Path | None, samples: int | None) -> Motion:
 
 def _timed(robot: Manipulator, motion: Motion, method: str, on_invalid: str) -> tuple[InverseDynamics, float]:
     """Solve with a progress bar; return the result and the seconds that it took."""
-    with _progress_bar(method, len(motion)) as progress:
+    with progress_bar(method, len(motion)) as progress:
         start = time.perf_counter()
         result = robot.inverse_dynamics(
             motion,
@@ -319,70 +314,6 @@ def _timed(robot: Manipulator, motion: Motion, method: str, on_invalid: str) -> 
     if not result.valid.any():
         raise InputError(f"no sample of the motion is within what the machine can do ({len(motion)} samples)")
     return result, seconds
-
-
-@contextmanager
-def _progress_bar(name: str, total: int) -> Iterator[_Update | None]:
-    """Show a bar while something works; nothing at all where nobody looks."""
-    console = Console(stderr=True)
-    if not console.is_terminal:
-        yield None
-        return
-    columns = (TextColumn(name), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True) as bar:
-        yield _Update(bar, total)
-
-
-class _Update:
-    """What `Manipulator.inverse_dynamics` calls while it works."""
-
-    def __init__(self, bar: Progress, total: int) -> None:
-        self._bar, self._task = bar, bar.add_task("", total=total)
-
-    def __call__(self, done: int, total: int) -> None:
-        self._bar.update(self._task, completed=done, total=total)
-
-
-def _agreement_table(first: InverseDynamics, second: InverseDynamics, difference: FloatArray) -> Table:
-    table = Table("actuator", "largest force [N]", "largest difference [N]", "of its largest force")
-    table.title = f"{first.method} against {second.method}"
-    worst = difference.max(axis=0, initial=0)
-    for leg, name in enumerate(LEGS):
-        peak = second.peak_forces[leg]
-        table.add_row(name, f"{peak:.6f}", f"{worst[leg]:.1e}", f"{worst[leg] / peak if peak else 0:.1e}")
-    return table
-
-
-def _evidence_table(*runs: tuple[InverseDynamics, float]) -> Table:
-    table = Table("method", "closure error [m]", "power residual", "time per sample")
-    for result, seconds in runs:
-        peak = np.abs(result.power[result.valid]).max(initial=0)
-        residual = np.abs(result.power_residual[result.valid]).max(initial=0)
-        share = f"{residual / peak:.1e} of {peak:.1f} W" if peak else f"{residual:.1e} W"
-        gap = result.closure_error[result.valid].max(initial=0)
-        micro = seconds / len(result.time) * 1e6
-        table.add_row(result.method, f"{gap:.1e}", share, f"{micro:.3g} µs")
-    return table
-
-
-def _print_warnings(console: Console, robot: Manipulator, result: InverseDynamics) -> None:
-    """Say what is wrong with a motion although its forces could be computed."""
-    invalid = len(result.time) - int(result.valid.sum())
-    warnings = [f"{invalid} of {len(result.time)} samples are invalid and left NaN"] if invalid else []
-    warnings += [
-        f"limit exceeded: {exceedance}" for exceedance in result.exceedances(robot.parameters.limits)
-    ]
-    warnings += [
-        f"after t = {time:g} s the motion crosses an actuation singularity: no force can do that"
-        for time in result.crossings
-    ]
-    for warning in warnings:
-        console.print(warning, style="yellow", highlight=False, soft_wrap=True)
-
-
-def _print_plain(console: Console, text: str) -> None:
-    """Print without wrapping or markup: a path stays whole and can be copied."""
-    console.print(text, markup=False, highlight=False, soft_wrap=True)
 
 
 def _write_both(path: Path, first: InverseDynamics, second: InverseDynamics) -> Path:

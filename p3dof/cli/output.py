@@ -1,0 +1,104 @@
+"""What the commands show: tables, warnings, a progress bar."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from p3dof.checks import FloatArray
+from p3dof.manipulator import InverseDynamics, Manipulator
+from p3dof.manipulator.results import LEGS
+
+
+@contextmanager
+def progress_bar(name: str, total: int) -> Iterator[Update | None]:
+    """Show a bar while something works; nothing at all where nobody looks."""
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield None
+        return
+    columns = (TextColumn(name), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True) as bar:
+        yield Update(bar, total)
+
+
+class Update:
+    """What `Manipulator.inverse_dynamics` calls while it works."""
+
+    def __init__(self, bar: Progress, total: int) -> None:
+        self._bar, self._task = bar, bar.add_task("", total=total)
+
+    def __call__(self, done: int, total: int) -> None:
+        """Show how far it is."""
+        self._bar.update(self._task, completed=done, total=total)
+
+
+def agreement_table(first: InverseDynamics, second: InverseDynamics, difference: FloatArray) -> Table:
+    """Return the largest difference of two methods for each actuator.
+
+    Parameters
+    ----------
+    first, second : InverseDynamics
+        Results of the two methods.
+    difference : ndarray, shape (N, 3)
+        |first - second| where both are valid [N].
+
+    Returns
+    -------
+    rich.table.Table
+    """
+    table = Table("actuator", "largest force [N]", "largest difference [N]", "of its largest force")
+    table.title = f"{first.method} against {second.method}"
+    worst = difference.max(axis=0, initial=0)
+    for leg, name in enumerate(LEGS):
+        peak = second.peak_forces[leg]
+        table.add_row(name, f"{peak:.6f}", f"{worst[leg]:.1e}", f"{worst[leg] / peak if peak else 0:.1e}")
+    return table
+
+
+def evidence_table(*runs: tuple[InverseDynamics, float]) -> Table:
+    """Return closure error, power residual and time per sample of results.
+
+    Parameters
+    ----------
+    *runs : tuple of (InverseDynamics, float)
+        Results and the seconds that each took.
+
+    Returns
+    -------
+    rich.table.Table
+    """
+    table = Table("method", "closure error [m]", "power residual", "time per sample")
+    for result, seconds in runs:
+        peak = np.abs(result.power[result.valid]).max(initial=0)
+        residual = np.abs(result.power_residual[result.valid]).max(initial=0)
+        share = f"{residual / peak:.1e} of {peak:.1f} W" if peak else f"{residual:.1e} W"
+        gap = result.closure_error[result.valid].max(initial=0)
+        micro = seconds / len(result.time) * 1e6
+        table.add_row(result.method, f"{gap:.1e}", share, f"{micro:.3g} µs")
+    return table
+
+
+def print_warnings(console: Console, robot: Manipulator, result: InverseDynamics) -> None:
+    """Say what is wrong with a motion although its forces could be computed."""
+    invalid = len(result.time) - int(result.valid.sum())
+    warnings = [f"{invalid} of {len(result.time)} samples are invalid and left NaN"] if invalid else []
+    warnings += [
+        f"limit exceeded: {exceedance}" for exceedance in result.exceedances(robot.parameters.limits)
+    ]
+    warnings += [
+        f"after t = {time:g} s the motion crosses an actuation singularity: no force can do that"
+        for time in result.crossings
+    ]
+    for warning in warnings:
+        console.print(warning, style="yellow", highlight=False, soft_wrap=True)
+
+
+def print_plain(console: Console, text: str) -> None:
+    """Print without wrapping or markup: a path stays whole and can be copied."""
+    console.print(text, markup=False, highlight=False, soft_wrap=True)
