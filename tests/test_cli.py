@@ -390,6 +390,12 @@ def test_the_exact_variant(tmp_path, capsys):
     assert run(capsys, "urdf", "--out", tmp_path, "--check")[0] == 1
 
 
+def test_start_up_loads_nothing_that_is_not_used():
+    code = "import sys, p3dof; print([m for m in ('scipy', 'matplotlib', 'pxr', 'rich') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
 def test_interrupt_is_one_line(monkeypatch, capsys):
     from p3dof.cli import commands
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from p3dof.checks import FloatArray
 from p3dof.description.mechanism import Box, Cylinder, Joint, Mechanism, Placement, Solid
@@ -313,6 +312,8 @@ def _axis(axis: FloatArray) -> tuple[str, FloatArray]:
 
 def _quaternion(rotation: FloatArray) -> tuple[float, float, float, float]:
     """Return the quaternion w, x, y, z of a rotation; its first part that is not zero is positive."""
+    from scipy.spatial.transform import Rotation  # not at start-up: it takes as long as Pinocchio
+
     x, y, z, w = Rotation.from_matrix(rotation).as_quat().tolist()
     parts = np.array([w, x, y, z])
     parts[np.abs(parts) < _QUATERNION] = 0.0
