@@ -43,7 +43,7 @@ def test_compare_on_the_papers_motion(tmp_path, capsys):
 
 
 def test_compare_fails_when_the_methods_disagree(tmp_path, capsys, monkeypatch):
-    from p3dof.manipulator import virtual_power_route
+    from p3dof.routes import virtual_power_route
 
     real = virtual_power_route.virtual_power.forces
     monkeypatch.setattr(
@@ -73,7 +73,7 @@ def test_compare_with_files_and_invalid_samples(tmp_path, capsys):
 
 
 def test_compare_sees_that_the_methods_find_other_samples_valid(tmp_path, capsys, monkeypatch):
-    from p3dof.manipulator import virtual_power_route
+    from p3dof.routes import virtual_power_route
 
     real = virtual_power_route.virtual_power.forces
 
@@ -397,12 +397,12 @@ def test_start_up_loads_nothing_that_is_not_used():
 
 
 def test_interrupt_is_one_line(monkeypatch, capsys):
-    from p3dof.cli import commands
+    from p3dof.cli import forces
 
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(commands, "load", interrupted)
+    monkeypatch.setattr(forces, "load", interrupted)
     code, _, err = run(capsys, "compare")
     assert code == 130
     assert err.strip().splitlines()[-1] == "p3dof: error: interrupted"

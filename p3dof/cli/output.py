@@ -12,7 +12,7 @@ from rich.table import Table
 
 from p3dof.checks import FloatArray
 from p3dof.manipulator import InverseDynamics, Manipulator
-from p3dof.manipulator.results import LEGS
+from p3dof.routes.results import LEGS
 
 
 @contextmanager

@@ -14,11 +14,11 @@ from p3dof.checks import FloatArray
 from p3dof.errors import InputError
 from p3dof.kinematics import OnInvalid
 from p3dof.kinematics.states import holdable_states, wrench_like
-from p3dof.manipulator import pinocchio_route, virtual_power_route
 from p3dof.manipulator.minimal_form import Method, MovingMachine, check_method
-from p3dof.manipulator.results import SLIDES, InverseDynamics, Solution
 from p3dof.motion import Motion
 from p3dof.parameters import PAPER, Parameters, read_parameters
+from p3dof.routes import pinocchio_route, virtual_power_route
+from p3dof.routes.results import SLIDES, InverseDynamics, Solution
 
 Progress: TypeAlias = Callable[[int, int], None]
 """Called with (done, total) during long work."""

@@ -11,8 +11,8 @@ from p3dof.checks import FloatArray
 from p3dof.errors import InputError
 from p3dof.kinematics import OnInvalid
 from p3dof.kinematics.states import wrench_like
-from p3dof.manipulator import pinocchio_route
 from p3dof.manipulator.kinematic import KinematicMachine
+from p3dof.routes import pinocchio_route
 
 Method: TypeAlias = Literal["pinocchio", "virtual-power"]
 """The two ways to the forces; they share only the parameters."""

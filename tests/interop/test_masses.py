@@ -11,8 +11,8 @@ import p3dof
 from p3dof import description, virtual_power
 from p3dof.closed_loop import ClosedLoopModel, Sidecar
 from p3dof.errors import ModelError
-from p3dof.manipulator import pinocchio_route
 from p3dof.parameters import PAPER, SOLIDS, Bodies, Body, Geometry
+from p3dof.routes import pinocchio_route
 
 
 def loop_of(parameters, exact=False):

@@ -7,8 +7,8 @@ import numpy as np
 from p3dof import kinematics, virtual_power
 from p3dof.checks import FloatArray
 from p3dof.kinematics import MechanismMotion
-from p3dof.manipulator.results import JointStates, Solution
 from p3dof.parameters import Parameters
+from p3dof.routes.results import JointStates, Solution
 
 
 def solve(

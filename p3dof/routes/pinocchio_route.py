@@ -15,7 +15,7 @@ import pinocchio as pin
 from p3dof.checks import FloatArray
 from p3dof.closed_loop import ClosedLoopModel, FrameTarget, State
 from p3dof.errors import AssemblyError, DynamicsError, SampleError, SingularityError
-from p3dof.manipulator.results import JointStates, Solution
+from p3dof.routes.results import JointStates, Solution
 
 PLATFORM = "platform_center"
 MASK = (False, True, True, False, True, False)
