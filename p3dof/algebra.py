@@ -33,6 +33,9 @@ class Namespace(Protocol):
     def cos(self, x: Any, /) -> Any:
         """Cosine."""
 
+    def tanh(self, x: Any, /) -> Any:
+        """Hyperbolic tangent."""
+
 
 U1: Vector = (1, 0, 0)
 U2: Vector = (0, 1, 0)

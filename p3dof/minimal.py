@@ -1,8 +1,9 @@
 """The equations of motion in the minimal coordinates x = (y, z, θ), from the paper's closed forms.
 
-    M(x) ẍ + C(x, ẋ) ẋ + g(x) = J(x)ᵀ f + Eᵀ w
+    M(x) ẍ + C(x, ẋ) ẋ + g(x) + d(x, ẋ) = J(x)ᵀ f + Eᵀ w
 
-with the actuator forces f, the external wrench w on the platform and E, which picks (F_y, F_z, M_y) of it.
+with the actuator forces f, friction d, the external wrench w on the platform and E, which picks
+(F_y, F_z, M_y) of it.
 All terms stay finite where det J = 0: forward dynamics is defined at actuation-singular poses too. C is that
 of Christoffel's symbols, so that Ṁ - 2C is skew; the derivatives of M are exact, by complex steps through the
 formulas.
@@ -27,6 +28,7 @@ from p3dof.kinematics import inverse_jacobian
 from p3dof.kinematics.formulas import Lengths
 from p3dof.kinematics.states import reachable_poses, reachable_states, wrench_like
 from p3dof.kinematics.validity import OnInvalid, raise_not_finite
+from p3dof.losses import NO_LOSSES, Losses, losses_of
 from p3dof.parameters import Parameters
 from p3dof.virtual_power import generalized_forces, inertials, numbers
 
@@ -160,7 +162,8 @@ def forward_dynamics(
     poses, speeds, given = forced_states(parameters, pose, velocity, forces, on_invalid)
     shape = poses.shape[:-1]
     x, gravity = components(poses), numbers(parameters.gravity)
-    bias = vector_array(_generalized(parameters, gravity, x, components(speeds), _REST), shape)
+    losses = losses_of(parameters.friction)
+    bias = vector_array(_generalized(parameters, gravity, x, components(speeds), _REST, losses), shape)
     J = inverse_jacobian(parameters.geometry, poses, "nan")
     acting = np.einsum("...ij,...i->...j", J, given) - bias
     if wrench is not None:
@@ -212,9 +215,11 @@ def forced_states(
     return poses, speeds, given
 
 
-def _generalized(parameters: Parameters, gravity: Vector, x: Vector, v: Vector, a: Vector) -> Vector:
+def _generalized(
+    parameters: Parameters, gravity: Vector, x: Vector, v: Vector, a: Vector, losses: Losses = NO_LOSSES
+) -> Vector:
     lengths, bodies = Lengths.of(parameters.geometry), inertials(parameters.bodies)
-    return generalized_forces(lengths, bodies, gravity, x, v, a, np)
+    return generalized_forces(lengths, bodies, gravity, x, v, a, np, losses=losses)
 
 
 def _columns(parameters: Parameters, x: Vector) -> list[Vector]:

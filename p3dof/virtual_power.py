@@ -37,6 +37,7 @@ from p3dof.algebra import (
     cross,
     dot,
     matrix_sum,
+    plus,
     scale,
     steiner,
     subtract,
@@ -55,6 +56,7 @@ from p3dof.kinematics.formulas import (
 from p3dof.kinematics.recursion import Frame, body_axes, frames, rigid_acceleration
 from p3dof.kinematics.states import holdable_states, wrench_like
 from p3dof.kinematics.validity import OnInvalid, raise_not_finite
+from p3dof.losses import NO_LOSSES, Losses, joint_rates, losses_of, power_against, resistance
 from p3dof.parameters import Bodies, Parameters
 
 BLOCK = 4096
@@ -96,6 +98,7 @@ def actuator_forces(
     acceleration: Vector,
     xp: Namespace,
     wrench: Wrench = NO_WRENCH,
+    losses: Losses = NO_LOSSES,
 ) -> Vector:
     """Return the actuator forces (16)-(18), on numbers, arrays or symbols; nothing is checked.
 
@@ -113,6 +116,8 @@ def actuator_forces(
         Where sqrt, sin and cos come from: `numpy`, `casadi`, `sympy`.
     wrench : Wrench
         External wrench on the platform at P.
+    losses : Losses
+        Friction of the joints.
 
     Returns
     -------
@@ -121,10 +126,13 @@ def actuator_forces(
     """
     x, load = _loads(lengths, bodies, gravity, (pose, velocity, acceleration), xp, wrench)
     J = jacobian(lengths, x)
-    virtual = [velocities(lengths, x, platform_velocity(J, unit)) for unit in (U1, U2, U3)]
-    forces = [
-        load[slider].force[2] + _passive_power(load, w) for slider, w in zip(SLIDERS, virtual, strict=True)
-    ]
+    resisting = resistance(lengths, x, velocity, losses, xp)
+    forces = []
+    for slider, unit in zip(SLIDERS, (U1, U2, U3), strict=True):
+        moving = platform_velocity(J, unit)
+        w = velocities(lengths, x, moving)
+        force = load[slider].force[2] + _passive_power(load, w)
+        forces.append(plus(force, power_against(resisting, joint_rates(w, moving))))
     return (forces[0], forces[1], forces[2])
 
 
@@ -137,6 +145,7 @@ def generalized_forces(
     acceleration: Vector,
     xp: Namespace,
     wrench: Wrench = NO_WRENCH,
+    losses: Losses = NO_LOSSES,
 ) -> Vector:
     """Return the forces of y, z and θ that the motion takes: the virtual powers of unit platform velocities.
 
@@ -144,7 +153,7 @@ def generalized_forces(
 
     Parameters
     ----------
-    lengths, bodies, gravity, pose, velocity, acceleration, xp, wrench
+    lengths, bodies, gravity, pose, velocity, acceleration, xp, wrench, losses
         As for `actuator_forces`.
 
     Returns
@@ -153,11 +162,13 @@ def generalized_forces(
         [N, N, N m].
     """
     x, load = _loads(lengths, bodies, gravity, (pose, velocity, acceleration), xp, wrench)
+    resisting = resistance(lengths, x, velocity, losses, xp)
     powers = []
     for unit in (U1, U2, U3):
         w = velocities(lengths, x, unit)
         sliders = sum(w.sliders[k] * load[slider].force[2] for k, slider in enumerate(SLIDERS))
-        powers.append(sliders + _passive_power(load, w))
+        power = sliders + _passive_power(load, w)
+        powers.append(plus(power, power_against(resisting, joint_rates(w, unit))))
     return (powers[0], powers[1], powers[2])
 
 
@@ -199,7 +210,7 @@ def forces(
     table = np.concatenate([*states, wrench_like(wrench, shape, on_invalid)], axis=-1).reshape(-1, 15)
     result = np.empty((len(table), 3))
     lengths, bodies = Lengths.of(parameters.geometry), inertials(parameters.bodies)
-    gravity = numbers(parameters.gravity)
+    gravity, losses = numbers(parameters.gravity), losses_of(parameters.friction)
     for start in range(0, len(table), BLOCK):
         block = slice(start, start + BLOCK)
         # One sample runs on plain numbers, which cost a tenth of arrays of one.
@@ -208,7 +219,7 @@ def forces(
         q, v, a, force, moment = (components(rows[i : i + 3]) for i in range(0, 15, 3))
         external = NO_WRENCH if wrench is None else Wrench(force, moment)
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is told below
-            f = actuator_forces(lengths, bodies, gravity, q, v, a, xp, external)
+            f = actuator_forces(lengths, bodies, gravity, q, v, a, xp, external, losses)
         for leg in range(3):
             result[block, leg] = f[leg]
     forces_ = result.reshape(*shape, 3)

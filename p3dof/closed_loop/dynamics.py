@@ -89,7 +89,8 @@ class ForwardDynamics:
     residual : float
         Largest error of the full equation of motion [N or N m].
     closure_residual : float
-        Largest relative acceleration that is left at a closure, J a + J̇ v [m/s² or rad/s²].
+        Largest relative acceleration that is left at a closure, J a + J̇ v [m/s² or rad/s²], besides what the
+        stabilisation puts there.
     gap : float
         Largest closure error of the configuration [m or rad].
     """
@@ -182,7 +183,9 @@ class Dynamics:
             gap=point.gap,
         )
 
-    def forward(self, point: ClosurePoint, v: FloatArray, force: FloatArray) -> ForwardDynamics:
+    def forward(
+        self, point: ClosurePoint, v: FloatArray, force: FloatArray, stabilisation: float = 0.0
+    ) -> ForwardDynamics:
         """Return the acceleration under generalised forces.
 
         Parameters
@@ -193,6 +196,8 @@ class Dynamics:
             Velocity.
         force : (nv,) array
             Generalised force of actuators and external wrenches.
+        stabilisation : float
+            β of Baumgarte's stabilisation [1/s].
 
         Returns
         -------
@@ -213,6 +218,8 @@ class Dynamics:
             a = self._solver.acceleration(q, v, force)
             self.kinematics.move(q, v)
             drift = self.kinematics.acceleration()
+            if stabilisation:
+                drift = drift + stabilisation * (2.0 * point.J @ v + stabilisation * point.error)
             a = self._refined(point, v, a, force, drift)
         constraint = np.array(pin.rnea(self.model, self._data, q, v, a)) - force
         lambda_ = point.svd.solve_transpose(constraint)

@@ -266,7 +266,12 @@ class ClosedLoopModel:
         return self._assembler.complete(bound, self._assembler.assemble(bound, start, TOLERANCE), v, a)
 
     def inverse_dynamics(
-        self, q: ArrayLike, v: ArrayLike, a: ArrayLike, external: External | None = None
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        a: ArrayLike,
+        external: External | None = None,
+        joint_forces: ArrayLike | None = None,
     ) -> InverseDynamics:
         """Return the actuator forces that produce a motion, with the forces in the closures.
 
@@ -278,6 +283,8 @@ class ClosedLoopModel:
             Velocity and acceleration, which keep the loops closed.
         external : mapping of str to (6,) array, optional
             Wrenches that act on frames: force [N], moment [N m], in world axes at the frame's origin.
+        joint_forces : (nv,) array, optional
+            What acts in the joints besides the actuators, such as friction and springs [N or N m].
 
         Returns
         -------
@@ -297,14 +304,21 @@ class ClosedLoopModel:
         v = frozen_array("v", v, (self.model.nv,))
         a = frozen_array("a", a, (self.model.nv,))
         self._check_motion(point, v, a)
-        return self._dynamics.inverse(point, v, a, self._external(external))
+        return self._dynamics.inverse(point, v, a, self._external(external, joint_forces))
 
     def forward_dynamics(
-        self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, external: External | None = None
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        tau: ArrayLike,
+        external: External | None = None,
+        joint_forces: ArrayLike | None = None,
+        stabilisation: float = 0.0,
     ) -> ForwardDynamics:
         """Return the acceleration that actuator forces produce; redundant closures do no harm.
 
-        No stabilisation is added: project drifting configurations back with ``assemble(None, guess=q)``.
+        With stabilisation, integrated loops do not drift open. Without, project configurations that have
+        drifted back with ``assemble(None, guess=q)``.
 
         Parameters
         ----------
@@ -316,6 +330,10 @@ class ClosedLoopModel:
             Forces of the actuated joints [N or N m].
         external : mapping of str to (6,) array, optional
             As in `inverse_dynamics`.
+        joint_forces : (nv,) array, optional
+            As in `inverse_dynamics`.
+        stabilisation : float
+            β of Baumgarte's stabilisation [1/s]: gaps e of the loops follow ë + 2β ė + β² e = 0.
 
         Returns
         -------
@@ -333,9 +351,12 @@ class ClosedLoopModel:
         v = frozen_array("v", v, (self.model.nv,))
         if point.J.size:
             self._check_opening("v", point.J @ v, NEARLY_CONSISTENT * max(1.0, max_abs(v)))
-        force = self._external(external)
+        beta = float(frozen_array("stabilisation", stabilisation, ()))
+        if beta < 0:
+            raise InputError(f"stabilisation: expected zero or more, got {beta:g}")
+        force = self._external(external, joint_forces)
         force[self.actuated_v] += frozen_array("tau", tau, (len(self.actuated),))
-        return self._dynamics.forward(point, v, force)
+        return self._dynamics.forward(point, v, force, beta)
 
     def power(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> float:
         """Return the rate of change of the mechanical energy, summed body by body.
@@ -416,7 +437,8 @@ class ClosedLoopModel:
                 f"expected at most {allowed:.1g}; complete() finds motions that keep the loops closed"
             )
 
-    def _external(self, external: External | None) -> FloatArray:
+    def _external(self, external: External | None, joint_forces: ArrayLike | None) -> FloatArray:
+        """Return the generalised force (nv,) of everything that is not an actuator."""
         if external is not None and not isinstance(external, Mapping):
             raise InputError(
                 f"external: expected a mapping of frame names to wrenches, got {type(external).__name__}"
@@ -425,4 +447,7 @@ class ClosedLoopModel:
         for name, wrench in (external or {}).items():
             frame = self._kinematics.frame(name, "external", InputError)
             wrenches.append((frame, frozen_array(f"external {name}", wrench, (6,))))
-        return self._dynamics.external(wrenches)
+        force = self._dynamics.external(wrenches)
+        if joint_forces is not None:
+            force += frozen_array("joint_forces", joint_forces, (self.model.nv,))
+        return force

@@ -110,6 +110,7 @@ class Manipulator(MovingMachine):
             velocity,
             acceleration,
             wrench=None if loads is None else loads.reshape(-1, 6),
+            friction=self.parameters.friction,
             on_invalid=on_invalid,
         )
         return solution.forces.reshape(states[0].shape)
@@ -161,6 +162,7 @@ class Manipulator(MovingMachine):
                 self.parameters.geometry.h,
                 *states,
                 wrench=loads,
+                friction=self.parameters.friction,
                 on_invalid=on_invalid,
                 progress=progress,
             )
@@ -186,6 +188,7 @@ def _with_evidence(
         solution.joints,
         solution.closure_error,
         power,
-        given - solution.energy_rate,
+        given - solution.dissipation - solution.energy_rate,
+        solution.dissipation,
         actuation,
     )

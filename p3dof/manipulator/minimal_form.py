@@ -133,6 +133,7 @@ class MovingMachine(KinematicMachine):
             speeds.reshape(-1, 3),
             given.reshape(-1, 3),
             None if loads is None else loads.reshape(-1, 6),
+            self.parameters.friction,
         )
         return found.reshape(poses.shape)
 

@@ -6,6 +6,7 @@ given; `dataclasses.replace` makes variants.
 """
 
 from p3dof.parameters.body import Body
+from p3dof.parameters.friction import Friction
 from p3dof.parameters.machine import Bodies, Geometry, Limits, Parameters
 from p3dof.parameters.named import PAPER, SOLIDS, of_solids
 from p3dof.parameters.serialization import read_parameters, write_parameters
@@ -18,6 +19,7 @@ __all__ = [
     "Bodies",
     "Body",
     "Dimensions",
+    "Friction",
     "Geometry",
     "Limits",
     "Parameters",

@@ -95,6 +95,24 @@ class Body(FrozenArrays):
         """Return a body without mass."""
         return cls(0.0, np.zeros(3), np.zeros((3, 3)))
 
+    def joined(self, other: Body) -> Body:
+        """Return the one body that this and another, fixed to it, make.
+
+        Parameters
+        ----------
+        other : Body
+            In the same frame.
+
+        Returns
+        -------
+        Body
+        """
+        mass = self.mass + other.mass
+        if mass == 0:
+            return Body.massless()
+        com = (self.mass * self.com + other.mass * other.com) / mass
+        return Body(mass, com, self.inertia_about(com) + other.inertia_about(com))
+
     def inertia_about(self, point: ArrayLike) -> FloatArray:
         """Return the inertia about a point of the body frame.
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 
 from p3dof.checks import FloatArray, FrozenArrays, frozen_array, positive
 from p3dof.errors import ParameterError
 from p3dof.parameters.body import Body
+from p3dof.parameters.friction import Friction
 
 
 @dataclass(frozen=True)
@@ -122,6 +123,28 @@ class Bodies:
         """Iterate over (link name, body)."""
         return ((item.name, getattr(self, item.name)) for item in fields(self))
 
+    def scaled(self, factor: float) -> Bodies:
+        """Return the bodies with all masses and inertias times a factor: a model that is wrong by so much.
+
+        Parameters
+        ----------
+        factor : float
+            Positive.
+
+        Returns
+        -------
+        Bodies
+
+        Raises
+        ------
+        ParameterError
+            If the factor is not positive.
+        """
+        by = positive("factor", factor, ParameterError)
+        return Bodies(
+            **{name: Body(by * body.mass, body.com, by * body.inertia) for name, body in self.items()}
+        )
+
     @property
     def mass(self) -> float:
         """Total moving mass [kg]."""
@@ -178,6 +201,8 @@ class Parameters(FrozenArrays):
         Actuator limits.
     gravity : array-like, shape (3,)
         Acceleration of gravity in the fixed frame [m/s²].
+    friction : Friction
+        What the joints lose; nothing by default.
 
     Raises
     ------
@@ -189,10 +214,34 @@ class Parameters(FrozenArrays):
     bodies: Bodies
     limits: Limits = field(default_factory=Limits)
     gravity: FloatArray = (0.0, 0.0, -9.806)  # type: ignore[assignment]
+    friction: Friction = field(default_factory=Friction)
 
     def __post_init__(self) -> None:
-        for name, kind in (("geometry", Geometry), ("bodies", Bodies), ("limits", Limits)):
+        kinds = {"geometry": Geometry, "bodies": Bodies, "limits": Limits, "friction": Friction}
+        for name, kind in kinds.items():
             if not isinstance(getattr(self, name), kind):
                 got = type(getattr(self, name)).__name__
                 raise ParameterError(f"{name}: expected {kind.__name__}, got {got}")
         object.__setattr__(self, "gravity", frozen_array("gravity", self.gravity, (3,), ParameterError))
+
+    def carrying(self, payload: Body) -> Parameters:
+        """Return the machine with a payload fixed to its platform.
+
+        Parameters
+        ----------
+        payload : Body
+            In the platform's body frame: origin P, axes parallel to the fixed frame at θ = 0.
+
+        Returns
+        -------
+        machine : Parameters
+
+        Raises
+        ------
+        ParameterError
+            If `payload` is not a `Body`.
+        """
+        if not isinstance(payload, Body):
+            raise ParameterError(f"payload: expected a Body, got {type(payload).__name__}")
+        platform = self.bodies.platform.joined(payload)
+        return replace(self, bodies=replace(self.bodies, platform=platform))

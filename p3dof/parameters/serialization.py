@@ -10,6 +10,11 @@ The form::
       platform: {...}
     limits: {travel: [-0.2, 0.2], speed: 2, force: 500, tilt: [-0.785, 0.785]}      # optional: m, m/s, N, rad
     gravity: [0, 0, -9.806]                                                         # optional: m/s²
+    friction:                                                                       # optional
+      viscous: {sliders: 20, joints: 0.01}                                          # N s/m, N m s/rad
+      coulomb: {sliders: 5, hinge_platform: 0.05}                                   # N, N m
+      smoothing: 0.001                                                              # m/s, rad/s
+    payload: {mass: 5, com: [0, 0, -0.1], inertia: [0.02, 0.02, 0.02]}    # optional, fixed to the platform
 
 ``bodies`` names either these four kinds or all ten links, each on its own. An inertia is a diagonal or a full
 matrix, about the mass centre; with ``about: [x, y, z]`` it is about that point instead.
@@ -27,6 +32,7 @@ import yaml
 from p3dof.errors import ParameterError
 from p3dof.files import parse_yaml, read_text, write_atomic
 from p3dof.parameters.body import Body
+from p3dof.parameters.friction import Friction
 from p3dof.parameters.machine import Bodies, Geometry, Limits, Parameters
 
 _LINKS = tuple(item.name for item in fields(Bodies))
@@ -101,7 +107,7 @@ def parse(text: str, source: str = "parameters") -> Parameters:
         parse_yaml(text, source, ParameterError),
         source,
         required=("geometry", "bodies"),
-        optional=("limits", "gravity"),
+        optional=("limits", "gravity", "friction", "payload"),
     )
     geometry = _record(data["geometry"], f"{source}: geometry", Geometry, required=("r", "R", "L"))
     bodies = _bodies(data["bodies"], f"{source}: bodies")
@@ -110,7 +116,10 @@ def parse(text: str, source: str = "parameters") -> Parameters:
         rest["limits"] = _record(data["limits"], f"{source}: limits", Limits)
     if "gravity" in data:
         rest["gravity"] = _number(data["gravity"], f"{source}: gravity")
-    return _named(source, lambda: Parameters(geometry, bodies, **rest))
+    if "friction" in data:
+        rest["friction"] = _friction(data["friction"], f"{source}: friction")
+    machine = _named(source, lambda: Parameters(geometry, bodies, **rest))
+    return machine.carrying(_body(data["payload"], f"{source}: payload")) if "payload" in data else machine
 
 
 def dump(parameters: Parameters) -> str:
@@ -135,6 +144,8 @@ def dump(parameters: Parameters) -> str:
         "limits": limits,
         "bodies": {name: body.to_dict() for name, body in parameters.bodies.items()},
     }
+    if parameters.friction:
+        data["friction"] = parameters.friction.to_dict()
     header = "# p3dof parameters: m, kg, kg m² about the mass centre, m/s, N, rad, m/s²\n"
     return header + yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=110)
 
@@ -152,6 +163,17 @@ def _body(data: Any, where: str) -> Body:
     values = {key: _number(value, f"{where}.{key}") for key, value in data.items()}
     point = values.pop("about", None)
     return _named(where, lambda: Body(**values) if point is None else Body.about(point, **values))
+
+
+def _friction(data: Any, where: str) -> Friction:
+    data = _mapping(data, where, optional=("viscous", "coulomb", "smoothing"))
+    values: dict[str, Any] = {}
+    for key, value in data.items():
+        if isinstance(value, Mapping):
+            values[key] = {name: _number(number, f"{where}.{key}.{name}") for name, number in value.items()}
+        else:
+            values[key] = _number(value, f"{where}.{key}")
+    return _named(where, lambda: Friction(**values))
 
 
 def _record(data: Any, where: str, kind: Callable[..., _T], required: Iterable[str] = ()) -> _T:

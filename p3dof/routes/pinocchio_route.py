@@ -15,6 +15,8 @@ import pinocchio as pin
 from p3dof.checks import FloatArray
 from p3dof.closed_loop import ClosedLoopModel, FrameTarget, State
 from p3dof.errors import AssemblyError, DynamicsError, SampleError, SingularityError
+from p3dof.parameters import Friction
+from p3dof.routes.friction import FrictionForces
 from p3dof.routes.results import JointStates, Solution
 
 PLATFORM = "platform_center"
@@ -29,6 +31,7 @@ def solve(
     velocity: FloatArray,
     acceleration: FloatArray,
     wrench: FloatArray | None = None,
+    friction: Friction | None = None,
     on_invalid: str = "raise",
     progress: Callable[[int, int], None] | None = None,
 ) -> Solution:
@@ -44,6 +47,8 @@ def solve(
         Motion of the platform; rows of NaN are left out.
     wrench : ndarray, shape (N, 6), optional
         External force and moment on the platform at P [N, N m].
+    friction : Friction, optional
+        What the joints lose.
     on_invalid : {"raise", "nan"}
         What to do with a sample that does not assemble or that the actuators cannot hold.
     progress : callable, optional
@@ -61,7 +66,8 @@ def solve(
     count, nv = len(pose), loop.model.nv
     states = np.full((3, count, nv), np.nan)
     forces = np.full((count, 3), np.nan)
-    gap, energy = np.full(count, np.nan), np.full(count, np.nan)
+    gap, energy, dissipation = np.full((3, count), np.nan)
+    resisting = FrictionForces(loop, friction)
     guess: FloatArray | None = None
     every = max(1, count // 200)
     for i in range(count):
@@ -70,21 +76,22 @@ def solve(
         if np.isfinite(pose[i]).all() and (wrench is None or np.isfinite(wrench[i]).all()):
             try:
                 state = _complete(loop, target_of(pose[i], depth), velocity[i], acceleration[i], guess)
-                external = None if wrench is None else {PLATFORM: wrench[i]}
-                forces[i] = loop.inverse_dynamics(state.q, state.v, state.a, external=external).tau
+                lost = resisting.at(state.q, state.v)
+                external = lost.external if wrench is None else {PLATFORM: wrench[i], **lost.external}
+                found = loop.inverse_dynamics(state.q, state.v, state.a, external, lost.joint_forces)
             except (AssemblyError, DynamicsError, SingularityError) as error:
                 if on_invalid == "raise":
                     kind = SingularityError if isinstance(error, SingularityError) else SampleError
                     raise kind(f"sample {i}: {error}", (i,)) from error
                 continue
             q, v, a = states[:, i] = state.q, state.v, state.a
-            guess = q
+            guess, forces[i], dissipation[i] = q, found.tau, lost.power
             gap[i] = np.linalg.norm(loop.closure_error(q).reshape(-1, 3), axis=-1).max()
             energy[i] = loop.power(q, v, a)
     if progress is not None:
         progress(count, count)
     names = tuple(loop.model.names[1:])
-    return Solution(forces, JointStates(names, *states), gap, energy)
+    return Solution(forces, JointStates(names, *states), gap, energy, dissipation)
 
 
 def accelerate(
@@ -94,6 +101,7 @@ def accelerate(
     velocity: FloatArray,
     forces: FloatArray,
     wrench: FloatArray | None = None,
+    friction: Friction | None = None,
 ) -> FloatArray:
     """Return the platform's acceleration under actuator forces, by Pinocchio's constrained dynamics.
 
@@ -107,6 +115,8 @@ def accelerate(
         State of the platform and actuator forces [N]; rows of NaN are left out.
     wrench : ndarray, shape (N, 6), optional
         External force and moment on the platform at P [N, N m].
+    friction : Friction, optional
+        What the joints lose.
 
     Returns
     -------
@@ -117,14 +127,16 @@ def accelerate(
     data = loop.model.createData()
     frame = loop.model.getFrameId(PLATFORM)
     guess: FloatArray | None = None
+    resisting = FrictionForces(loop, friction)
     for i in range(len(pose)):
         given = (pose[i], velocity[i], forces[i], *(() if wrench is None else (wrench[i],)))
         if not all(np.isfinite(row).all() for row in given):
             continue
         state = _complete(loop, target_of(pose[i], depth), velocity[i], np.zeros(3), guess)
         guess = state.q
-        external = None if wrench is None else {PLATFORM: wrench[i]}
-        a = loop.forward_dynamics(state.q, state.v, forces[i], external).a
+        lost = resisting.at(state.q, state.v)
+        external = lost.external if wrench is None else {PLATFORM: wrench[i], **lost.external}
+        a = loop.forward_dynamics(state.q, state.v, forces[i], external, lost.joint_forces).a
         pin.forwardKinematics(loop.model, data, state.q, state.v, a)
         pin.updateFramePlacement(loop.model, data, frame)
         moving = pin.getFrameClassicalAcceleration(loop.model, data, frame, pin.LOCAL_WORLD_ALIGNED)

@@ -82,12 +82,15 @@ class Solution:
         Largest gap of the loops [m].
     energy_rate : ndarray, shape (N,)
         Rate of change of kinetic and potential energy, summed body by body [W].
+    dissipation : ndarray, shape (N,)
+        Power lost in friction [W].
     """
 
     forces: FloatArray
     joints: JointStates
     closure_error: FloatArray
     energy_rate: FloatArray
+    dissipation: FloatArray
 
 
 @dataclass(frozen=True)
@@ -142,8 +145,10 @@ class InverseDynamics:
     power : ndarray, shape (N,)
         Power of the actuators [W].
     power_residual : ndarray, shape (N,)
-        Power of actuators and external wrench less the rate of change of kinetic and potential energy,
-        which is summed body by body, Σ v·m(a-g) + ω·(Iα + ω×Iω) [W].
+        Power of actuators and external wrench less what friction takes and less the rate of change of
+        kinetic and potential energy, which is summed body by body, Σ v·m(a-g) + ω·(Iα + ω×Iω) [W].
+    dissipation : ndarray, shape (N,)
+        Power lost in friction [W].
     actuation : ndarray, shape (N,)
         Angle from the actuation singularity [rad]; see `p3dof.kinematics.Singularity`.
     """
@@ -155,6 +160,7 @@ class InverseDynamics:
     closure_error: FloatArray
     power: FloatArray
     power_residual: FloatArray
+    dissipation: FloatArray
     actuation: FloatArray
 
     def __repr__(self) -> str:

@@ -5,8 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from p3dof import kinematics, virtual_power
+from p3dof.algebra import components
 from p3dof.checks import FloatArray
 from p3dof.kinematics import MechanismMotion
+from p3dof.kinematics.formulas import Lengths
+from p3dof.kinematics.states import reachable_states
+from p3dof.losses import losses_of, lost_power
 from p3dof.parameters import Parameters
 from p3dof.routes.results import JointStates, Solution
 
@@ -41,7 +45,17 @@ def solve(
         ),
         kinematics.closure_error(parameters.geometry, motion),
         energy_rate(parameters, motion),
+        _dissipation(parameters, pose, velocity),
     )
+
+
+def _dissipation(parameters: Parameters, pose: FloatArray, velocity: FloatArray) -> FloatArray:
+    """Return the power lost in friction (N,) [W], NaN where a sample is invalid."""
+    losses = losses_of(parameters.friction)
+    poses, speeds = reachable_states(parameters.geometry, pose, velocity, np.zeros(3), "nan")[:2]
+    lengths = Lengths.of(parameters.geometry)
+    lost = lost_power(lengths, components(poses), components(speeds), losses, np)
+    return np.where(np.isfinite(poses).all(axis=-1), lost, np.nan)
 
 
 def energy_rate(parameters: Parameters, motion: MechanismMotion) -> FloatArray:
