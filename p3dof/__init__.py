@@ -16,8 +16,10 @@ Poses are (y, z, θ); forces and sliders are ordered A, B, C, positive along +z0
 from importlib.metadata import version as _version
 
 from p3dof.closed_loop import ClosedLoopModel, FrameTarget, Sidecar
+from p3dof.energy import Energy
 from p3dof.errors import (
     AssemblyError,
+    ControllerError,
     DynamicsError,
     FileError,
     InputError,
@@ -30,7 +32,7 @@ from p3dof.errors import (
     SingularityError,
 )
 from p3dof.manipulator import InverseDynamics, Manipulator, load
-from p3dof.motion import Motion, paper_motion
+from p3dof.motion import Motion, WrenchHistory, paper_motion
 from p3dof.parameters import (
     PAPER,
     SOLIDS,
@@ -45,18 +47,25 @@ from p3dof.parameters import (
     read_parameters,
     write_parameters,
 )
+from p3dof.reactions import Reactions
+from p3dof.simulation import PD, ComputedTorque, Feedforward, Measurement, Noise, Simulation, Springs
 
 __version__ = _version("p3dof")
 
 __all__ = [
     "PAPER",
+    "PD",
     "SOLIDS",
     "AssemblyError",
     "Bodies",
     "Body",
     "ClosedLoopModel",
+    "ComputedTorque",
+    "ControllerError",
     "Dimensions",
     "DynamicsError",
+    "Energy",
+    "Feedforward",
     "FileError",
     "FrameTarget",
     "Friction",
@@ -65,16 +74,22 @@ __all__ = [
     "InverseDynamics",
     "Limits",
     "Manipulator",
+    "Measurement",
     "ModelError",
     "Motion",
     "MotionError",
+    "Noise",
     "P3dofError",
     "ParameterError",
     "Parameters",
     "ReachError",
+    "Reactions",
     "SampleError",
     "Sidecar",
+    "Simulation",
     "SingularityError",
+    "Springs",
+    "WrenchHistory",
     "load",
     "of_solids",
     "paper_motion",

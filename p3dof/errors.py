@@ -6,6 +6,8 @@ built-in error that a Python programmer would expect (`ValueError`, `RuntimeErro
 
 from __future__ import annotations
 
+from typing import Any
+
 
 class P3dofError(Exception):
     """Root of all errors raised by p3dof."""
@@ -99,3 +101,24 @@ class DynamicsError(P3dofError, RuntimeError):
 
 class MissingExtraError(P3dofError, ImportError):
     """An optional dependency is not installed; the message says which extra brings it."""
+
+
+class ControllerError(P3dofError, RuntimeError):
+    """A controller raised, or returned something else than three finite forces.
+
+    Its ``__cause__`` is what the controller raised.
+
+    Parameters
+    ----------
+    message : str
+        The sentence shown to the user.
+    time : float
+        When it happened, since the start of the run [s].
+    run : Simulation, optional
+        The run up to then.
+    """
+
+    def __init__(self, message: str, time: float = float("nan"), run: Any = None) -> None:
+        super().__init__(message)
+        self.time = time
+        self.run = run

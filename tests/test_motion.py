@@ -10,9 +10,10 @@ import sympy as sp
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+import p3dof
 from p3dof import errors
 from p3dof.errors import FileError, MotionError, P3dofError
-from p3dof.motion import Motion, csv_files, paper_motion
+from p3dof.motion import Motion, WrenchHistory, csv_files, paper_motion, splines
 from p3dof.motion.consistency import MINIMUM
 
 REPEATABLE = settings(derandomize=True, deadline=None, max_examples=60)
@@ -758,3 +759,118 @@ def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
 def test_a_hundred_thousand_rows_survive_the_file(tmp_path):
     motion = paper_motion(100_000)
     assert_same_bits(Motion.from_csv(motion.to_csv(tmp_path / "m.csv")), motion)
+
+
+# -- from rest ---------------------------------------------------------------------------------------------
+
+
+def test_from_rest_is_the_same_path_entered_slowly():
+    motion = paper_motion(1001)
+    entered = motion.from_rest(0.2)
+    assert entered.duration == pytest.approx(1.1)
+    assert len(entered) == 1101
+    for array in (entered.pose - motion.pose[0], entered.velocity, entered.acceleration):
+        np.testing.assert_allclose(array[0], 0, atol=1e-15)
+    later = entered.time >= 0.2 - 1e-12
+    same = motion.resampled(np.minimum(entered.time[later] - 0.1, 1.0))
+    np.testing.assert_allclose(entered.pose[later], same.pose, atol=1e-14)
+    np.testing.assert_allclose(entered.velocity[later], same.velocity, atol=1e-13)
+    np.testing.assert_allclose(entered.acceleration[later], same.acceleration, atol=1e-10)
+
+
+@pytest.mark.parametrize(("ramp", "stop"), [(0.2, 0.0), (0.3, 0.5), (1.0, 1.0)])
+def test_from_rest_derivatives_are_those_of_its_poses(ramp, stop):
+    eased = paper_motion(2001).from_rest(ramp, stop, samples=4001)
+    assert eased.duration == pytest.approx(1 + (ramp + stop) / 2)
+    velocity, acceleration = splines.derivatives(eased.time, eased.pose, 2)
+    np.testing.assert_allclose(eased.velocity, velocity, atol=1e-8)
+    np.testing.assert_allclose(eased.acceleration, acceleration, atol=1e-5)
+    if stop:
+        np.testing.assert_allclose(eased.pose[-1], paper_motion(2).pose[-1], atol=1e-14)
+        np.testing.assert_allclose([eased.velocity[-1], eased.acceleration[-1]], 0, atol=1e-14)
+
+
+def test_from_rest_keeps_a_late_beginning():
+    motion = paper_motion(101)
+    late = Motion(motion.time + 7, motion.pose, motion.velocity, motion.acceleration)
+    np.testing.assert_allclose(late.from_rest(0.1).pose, motion.from_rest(0.1).pose, atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((0,), "ramp: expected a positive number, got 0"),
+        ((-0.1,), "ramp: expected a positive number, got -0.1"),
+        ((0.1, -1), "stop: expected a positive number, got -1"),
+        ((1.5, 1.0), "ramp, stop: expected at most 2 s together, got 2.5 s"),
+        ((0.1, 0.0, 1), "samples: expected a whole number from 2"),
+        (("slow",), "ramp: expected real numbers, got text"),
+        ((0.1, [1, 2]), r"stop: expected shape \(\)"),
+    ],
+)
+def test_from_rest_refuses(arguments, message):
+    with pytest.raises(MotionError, match=message):
+        paper_motion(101).from_rest(*arguments)
+    with pytest.raises(MotionError, match="ramp, stop: expected at most 0 s together"):
+        paper_motion(1).from_rest(0.1)
+
+
+# -- wrenches ----------------------------------------------------------------------------------------------
+
+
+def test_a_wrench_file(tmp_path):
+    path = tmp_path / "wrench.csv"
+    path.write_text("t [ms],fx,fy [kN],fz,mx,my [N mm],mz\n0,1,2,3,4,5,6\n# more\n1000,3,2,3,4,15,6\n")
+    history = WrenchHistory.from_csv(path)
+    assert repr(history) == "WrenchHistory(2 samples, 0 to 1 s)"
+    np.testing.assert_allclose(history(0.5), [2, 2000, 3, 4, 0.01, 6], rtol=1e-15)
+    np.testing.assert_allclose(history([-1.0, 0.0, 2.0])[:, 0], [1, 1, 3])
+    motion = paper_motion(11)
+    robot = p3dof.load()
+    given = robot.inverse_dynamics(motion, wrench=history)
+    table = robot.inverse_dynamics(motion, "virtual-power", wrench=history(motion.time))
+    np.testing.assert_allclose(given.forces, table.forces, rtol=1e-11)
+    np.testing.assert_array_equal(given.wrench, history(motion.time))
+    assert np.abs(given.power_residual).max() < 1e-10 * np.abs(given.power).max()
+    run = robot.simulate(
+        0.1, controller=lambda _: robot.forces(np.zeros(3), np.zeros(3), np.zeros(3)), wrench=history
+    )
+    np.testing.assert_allclose(run.wrench, history(run.time), rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "expected a wrench with the columns t,fx,fy,fz,mx,my,mz, in this order, got an empty file"),
+        (
+            "t,fx,fy,fz,mx,my\n0,1,2,3,4,5\n",
+            "expected the columns t,fx,fy,fz,mx,my,mz, in this order, got only",
+        ),
+        ("t,fx,fy,fz,mx,mz,my\n0,1,2,3,4,5,6\n", "line 1, column 6: expected my, got 'mz'"),
+        ("t,fx [m],fy,fz,mx,my,mz\n0,1,2,3,4,5,6\n", r"column fx: expected a unit of N, kN, got \[m\]"),
+        (
+            "t,fx,fy,fz,mx,my [N],mz\n0,1,2,3,4,5,6\n",
+            r"column my: expected a unit of N m, Nm, N mm, got \[N\]",
+        ),
+        ("t,fx,fy,fz,mx,my,mz\n0,1,x,3,4,5,6\n", "line 2, column fy: expected a number, got 'x'"),
+        ("t,fx,fy,fz,mx,my,mz\n0,1,2,3,4,5,nan\n", "line 2, column mz: expected a finite number, got nan"),
+        ("t,fx,fy,fz,mx,my,mz\n1,1,2,3,4,5,6\n0,1,2,3,4,5,6\n", "line 3, column t: expected a time after 1"),
+    ],
+)
+def test_a_wrench_file_that_does_not_fit(tmp_path, text, message):
+    path = tmp_path / "wrench.csv"
+    path.write_text(text)
+    with pytest.raises(MotionError, match=message) as caught:
+        WrenchHistory.from_csv(path)
+    assert str(path) in str(caught.value)
+
+
+def test_a_wrench_history_refuses():
+    with pytest.raises(MotionError, match=r"wrench: expected shape \(2, 6\), got \(2, 3\)"):
+        WrenchHistory([0, 1], np.zeros((2, 3)))
+    with pytest.raises(MotionError, match="time: expected at least one sample"):
+        WrenchHistory([], np.zeros((0, 6)))
+    with pytest.raises(MotionError, match="time: expected"):
+        WrenchHistory([1, 0], np.zeros((2, 6)))
+    with pytest.raises(MotionError, match="time: expected real numbers, got text"):
+        WrenchHistory([0], np.zeros((1, 6)))("now")

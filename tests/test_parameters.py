@@ -674,7 +674,10 @@ MALFORMED = {
         KINDS + "geometry: {r: 0.1, R: 0.25, L: 0.5}\n",
         "file, line [0-9]+: .*'geometry' is given more",
     ),
-    "empty": ("", "file: expected the fields geometry, bodies, limits, gravity, friction, payload, got nothing"),
+    "empty": (
+        "",
+        "file: expected the fields geometry, bodies, limits, gravity, friction, payload, got nothing",
+    ),
     "list": ("- geometry\n- bodies\n", r"file: expected the fields geometry, .*got a list"),
     "text": ("hello", "file: expected the fields geometry, .*got a str"),
     "not_yaml": ("geometry: {r: 0.1\nbodies: [", "file, line [0-9]: not valid YAML"),

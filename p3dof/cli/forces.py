@@ -57,8 +57,8 @@ def compare(
         raise click.BadParameter(f"expected a finite number, got {tolerance:g}", param_hint="--tolerance")
     protect((parameters, motion), [out / name for name in ("forces.csv", "forces.png", "forces.svg")])
     robot, given = load(parameters), read_motion(motion, samples)
-    first, first_seconds = _timed(robot, given, "pinocchio", on_invalid)
-    second, second_seconds = _timed(robot, given, "virtual-power", on_invalid)
+    first, first_seconds = timed(robot, given, "pinocchio", on_invalid)
+    second, second_seconds = timed(robot, given, "virtual-power", on_invalid)
     difference = np.abs(first.forces - second.forces)[first.valid & second.valid]
     same_rows = np.array_equal(first.valid, second.valid)
     largest = float(second.peak_forces.max())
@@ -119,7 +119,7 @@ def forces(
     protect((parameters, motion, figure), [out])
     protect((parameters, motion), [figure])
     robot, given = load(parameters), read_motion(motion, samples)
-    result, seconds = _timed(robot, given, method, on_invalid)
+    result, seconds = timed(robot, given, method, on_invalid)
     written = [] if out is None else [result.to_csv(out)]
     if figure is not None:
         from p3dof import plots
@@ -138,7 +138,7 @@ def forces(
         print_plain(console, f"wrote {path}")
 
 
-def _timed(robot: Manipulator, motion: Motion, method: str, on_invalid: str) -> tuple[InverseDynamics, float]:
+def timed(robot: Manipulator, motion: Motion, method: str, on_invalid: str) -> tuple[InverseDynamics, float]:
     """Solve with a progress bar; return the result and the seconds that it took."""
     with progress_bar(method, len(motion)) as progress:
         start = time.perf_counter()

@@ -3,22 +3,33 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from p3dof import virtual_power
+from p3dof import simulation, virtual_power
 from p3dof.checks import FloatArray
+from p3dof.energy import Energy, energy_of
 from p3dof.errors import InputError
 from p3dof.kinematics import OnInvalid
 from p3dof.kinematics.states import holdable_states, wrench_like
 from p3dof.manipulator.minimal_form import Method, MovingMachine, check_method
+from p3dof.minimal import WRENCH_ROWS
 from p3dof.motion import Motion
 from p3dof.parameters import PAPER, Parameters, read_parameters
-from p3dof.routes import pinocchio_route, virtual_power_route
-from p3dof.routes.results import SLIDES, InverseDynamics, Solution
+from p3dof.reactions import Idealisation, Reactions, over_motion
+from p3dof.routes import (
+    SLIDES,
+    InverseDynamics,
+    Solution,
+    WrenchOverTime,
+    pinocchio_route,
+    virtual_power_route,
+    wrenches_at,
+)
+from p3dof.simulation import ControllerLike, Noise, Simulation, WrenchLike
 
 Progress: TypeAlias = Callable[[int, int], None]
 """Called with (done, total) during long work."""
@@ -119,7 +130,7 @@ class Manipulator(MovingMachine):
         self,
         motion: Motion,
         method: Method = "pinocchio",
-        wrench: ArrayLike | None = None,
+        wrench: WrenchOverTime = None,
         on_invalid: OnInvalid = "raise",
         progress: Progress | None = None,
     ) -> InverseDynamics:
@@ -131,8 +142,9 @@ class Manipulator(MovingMachine):
             The motion of the platform.
         method : {"pinocchio", "virtual-power"}
             RNEA and loop closures, or the paper's virtual powers.
-        wrench : array-like, shape (6,) or (N, 6), optional
-            External force and moment on the platform at P, in the fixed frame [N, N m].
+        wrench : array-like, shape (6,) or (N, 6), or callable, optional
+            External force and moment on the platform at P, in the fixed frame [N, N m]; or a function of the
+            times, such as a `p3dof.WrenchHistory`.
         on_invalid : {"raise", "nan"}
             Raise for samples that are out of reach or singular, or leave NaN in their rows.
         progress : callable, optional
@@ -155,7 +167,7 @@ class Manipulator(MovingMachine):
         states = holdable_states(
             self.parameters, motion.pose, motion.velocity, motion.acceleration, on_invalid
         )
-        loads = None if wrench is None else wrench_like(wrench, motion.time.shape, on_invalid)
+        loads = None if wrench is None else wrenches_at(motion.time, wrench, on_invalid)
         if method == "pinocchio":
             solution = pinocchio_route.solve(
                 self.loop,
@@ -171,6 +183,160 @@ class Manipulator(MovingMachine):
         actuation = self.singularity(states[0]).actuation
         return _with_evidence(method, motion, solution, loads, actuation)
 
+    def reactions(
+        self,
+        motion: Motion,
+        joints: Idealisation = "paper",
+        wrench: WrenchOverTime = None,
+        on_invalid: OnInvalid = "raise",
+        progress: Progress | None = None,
+    ) -> Reactions:
+        """Return the force and moment in every joint over a motion; see `p3dof.reactions`.
+
+        Parameters
+        ----------
+        motion : Motion
+            The motion of the platform.
+        joints : {"paper", "points"}
+            How the cuts of the loops are built: universal joints and a hinge, or balls.
+        wrench : array-like, shape (6,) or (N, 6), or callable, optional
+            External force and moment on the platform at P, in the fixed frame [N, N m]; or a function of
+            the times.
+        on_invalid : {"raise", "nan"}
+            Raise for samples that are out of reach or singular, or leave NaN in their rows.
+        progress : callable, optional
+            Called with (done, total) while Pinocchio solves.
+
+        Returns
+        -------
+        Reactions
+
+        Raises
+        ------
+        ReachError, SingularityError, SampleError
+            Naming the first bad sample.
+        InputError
+            If the wrench does not fit, the idealisation is unknown, or `motion` is not a `Motion`.
+        """
+        return over_motion(self.loop, self.parameters, motion, joints, wrench, on_invalid, progress)
+
+    def energy(self, result: InverseDynamics) -> Energy:
+        """Return energy, momentum, work and drive loads over a motion; see `p3dof.energy`.
+
+        Of a run in time, ``robot.inverse_dynamics(run.motion, wrench=run.wrench)`` is such a result.
+
+        Parameters
+        ----------
+        result : InverseDynamics
+            Of this machine, by either method.
+
+        Returns
+        -------
+        Energy
+
+        Raises
+        ------
+        InputError
+            If `result` is something else, or that of a machine of another geometry.
+        """
+        return energy_of(self.parameters, result)
+
+    def simulate(
+        self,
+        duration: float,
+        pose: ArrayLike = (0.0, 0.0, 0.0),
+        velocity: ArrayLike = (0.0, 0.0, 0.0),
+        controller: ControllerLike = None,
+        method: Method = "virtual-power",
+        rate: float | None = None,
+        saturation: bool | ArrayLike = False,
+        noise: Noise | None = None,
+        wrench: WrenchLike = None,
+        samples: int | ArrayLike = 1001,
+        joints: tuple[ArrayLike, ArrayLike] | None = None,
+        stop_at: Sequence[str] = simulation.KINDS,
+        rtol: float = 1e-9,
+        atol: float = 1e-11,
+        stabilisation: float = 10.0,
+        progress: Progress | None = None,
+    ) -> Simulation:
+        """Move the machine in time under a controller, constant forces, or none.
+
+        The run ends early, with its reason in `Simulation.stop` and all samples so far, at a slider stop or
+        tilt limit of `Parameters.limits`, where a leg becomes horizontal, or where the sliders lose hold of
+        the platform.
+
+        Parameters
+        ----------
+        duration : float
+            How long [s].
+        pose, velocity : array-like, shape (3,)
+            Where the platform starts: (y, z, θ) [m, m, rad] and per second.
+        controller : callable or array-like, shape (3,), optional
+            Takes a `p3dof.simulation.Measurement`, returns the forces of A, B, C [N]; or forces that stay.
+        method : {"virtual-power", "pinocchio"}
+            Integrate the minimal form in y, z, θ; or Pinocchio's constrained dynamics of all joints, with
+            stabilised closures. Both by the Runge-Kutta method DOP853 with adaptive steps.
+        rate : float, optional
+            How often the controller acts, its forces held in between [Hz]; continuously by default.
+        saturation : bool or array-like, shape () or (3,)
+            Cut forces off at these values [N]; True for those of `Parameters.limits`.
+        noise : Noise, optional
+            Errors of the measured slider positions and velocities; needs a `rate`.
+        wrench : array-like, shape (6,), or callable, optional
+            External force and moment on the platform at P, in the fixed frame [N, N m]; or a function of
+            time that returns them.
+        samples : int or array-like, shape (N,)
+            How many samples to keep, evenly spaced, or their times [s]; the end is always one.
+        joints : tuple of two array-like, shape (10,), optional
+            Positions and velocities of all joints, instead of `pose` and `velocity`, for
+            ``method="pinocchio"``.
+        stop_at : sequence of str
+            Which limits end the run, of ``"slider stop"``, ``"tilt limit"``, ``"singular pose"``; the
+            ``"reach limit"`` always does.
+        rtol, atol : float
+            Relative and absolute tolerance of the integrator.
+        stabilisation : float
+            β of Baumgarte's stabilisation of the closures [1/s], for ``method="pinocchio"``.
+        progress : callable, optional
+            Called with (done, total) samples.
+
+        Returns
+        -------
+        Simulation
+
+        Raises
+        ------
+        ReachError
+            If the run starts out of reach.
+        ControllerError
+            If the controller raises or returns something else than three finite numbers; with the time, and
+            the run so far in ``run``.
+        InputError
+            If an argument does not fit, the run starts beyond a limit, or with open loops.
+        """
+        check_method(method)
+        return simulation.simulate(
+            self.parameters,
+            lambda: self.loop,
+            duration,
+            pose,
+            velocity,
+            controller,
+            method,
+            rate,
+            saturation,
+            noise,
+            wrench,
+            samples,
+            joints,
+            stop_at,
+            rtol,
+            atol,
+            stabilisation,
+            progress,
+        )
+
 
 def _with_evidence(
     method: str, motion: Motion, solution: Solution, wrench: FloatArray | None, actuation: FloatArray
@@ -178,15 +344,15 @@ def _with_evidence(
     """Balance the power of actuators and wrench with the rate of change of the energy."""
     speeds = solution.joints.columns(SLIDES).v
     power = np.sum(solution.forces * speeds, axis=-1)
-    given = power
-    if wrench is not None:
-        given = power + np.sum(wrench[:, (1, 2, 4)] * motion.velocity, axis=-1)
+    loads = np.zeros((len(motion), 6)) if wrench is None else wrench
+    given = power + np.sum(loads[:, WRENCH_ROWS] * motion.velocity, axis=-1)
     return InverseDynamics(
         method,
         motion,
         solution.forces,
         solution.joints,
         solution.closure_error,
+        loads,
         power,
         given - solution.dissipation - solution.energy_rate,
         solution.dissipation,

@@ -2,5 +2,6 @@
 
 from p3dof.motion.core import Motion
 from p3dof.motion.paper import paper_motion
+from p3dof.motion.wrenches import WrenchHistory
 
-__all__ = ["Motion", "paper_motion"]
+__all__ = ["Motion", "WrenchHistory", "paper_motion"]

@@ -327,6 +327,47 @@ class Motion(FrozenArrays):
         curve = splines.hermite(self.time, self.pose, self.velocity, self.acceleration)
         return self._along(curve, time)
 
+    def from_rest(self, ramp: float, stop: float = 0.0, samples: int | None = None) -> Motion:
+        """Return the motion along the same path that starts at rest, and may end so too.
+
+        Time runs slower at the beginning: its rate rises from 0 to 1 within `ramp` by the polynomial of
+        degree 7 whose first three derivatives vanish at both ends. The motion takes half of `ramp` longer.
+
+        Parameters
+        ----------
+        ramp : float
+            Time from rest to the full rate [s].
+        stop : float
+            Time from the full rate to rest at the end [s]; zero to end as this motion does.
+        samples : int, optional
+            Number of samples, evenly spaced; about as dense as in this motion by default.
+
+        Returns
+        -------
+        Motion
+
+        Raises
+        ------
+        MotionError
+            If a time is not positive, or the ramps take more than the whole motion.
+        """
+        ramp = positive("ramp", ramp, MotionError)
+        stop = positive("stop", stop, MotionError) if np.ndim(stop) or stop != 0 else 0.0
+        if (ramp + stop) / 2 > self.duration:
+            raise MotionError(
+                f"ramp, stop: expected at most {2 * self.duration:g} s together, got {ramp + stop:g} s"
+            )
+        duration = self.duration + (ramp + stop) / 2
+        if samples is None:
+            samples = round((len(self) - 1) * duration / self.duration) + 1
+        time = evenly(0.0, duration, sample_count(samples, least=2))
+        phase, rate, change = splines.eased(time, duration, ramp, stop)
+        curve = splines.hermite(self.time, self.pose, self.velocity, self.acceleration)
+        along = np.clip(self.time[0] + phase, self.time[0], self.time[-1])
+        pose, slope, bend = (np.asarray(curve(along, order)) for order in (0, 1, 2))
+        acceleration = bend * rate[:, None] ** 2 + slope * change[:, None]
+        return Motion(time, pose, slope * rate[:, None], acceleration, check=False)
+
     @classmethod
     def _along(cls, curve: Any, time: FloatArray) -> Motion:
         """Sample a curve that can differentiate itself."""

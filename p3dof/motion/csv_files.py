@@ -1,8 +1,9 @@
-"""Motion files: CSV text in and out.
+"""Motion and wrench files: CSV text in and out.
 
-The header is ``t,y,z,theta``, then either nothing (the pose alone) or ``ydot,zdot,thetadot,yddot,zddot,
-thetaddot``, in exactly this order. A unit in brackets may follow each name, as in ``y [mm]``; without one the
-column is in SI units. Blank lines and lines that begin with ``#`` are skipped.
+The header of a motion is ``t,y,z,theta``, then either nothing (the pose alone) or ``ydot,zdot,thetadot,
+yddot,zddot,thetaddot``, in exactly this order; that of a wrench is ``t,fx,fy,fz,mx,my,mz``. A unit in
+brackets may follow each name, as in ``y [mm]``; without one the column is in SI units. Blank lines and lines
+that begin with ``#`` are skipped.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import csv
 import math
 from array import array
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import islice
 from typing import NoReturn
 
@@ -24,9 +26,6 @@ MAX_BYTES = 500_000_000
 MAX_LINE = 10_000
 """Longest line that is read [characters]."""
 
-_NAMES = ("t", "y", "z", "theta", "ydot", "zdot", "thetadot", "yddot", "zddot", "thetaddot")
-_POSE_ONLY, _COMPLETE = 4, 10
-_RULE = f"the columns {','.join(_NAMES[:4])} or {','.join(_NAMES)}, in this order"
 _WRITTEN = ("s", "m", "m", "rad", "m/s", "m/s", "rad/s", "m/s^2", "m/s^2", "rad/s^2")
 _DEGREE = math.pi / 180
 
@@ -34,10 +33,45 @@ _DEGREE = math.pi / 180
 _TIME = {"s": (1.0, 1.0), "ms": (1.0, 1e3)}
 _LENGTH = {"m": (1.0, 1.0), "mm": (1.0, 1e3)}
 _ANGLE = {"rad": (1.0, 1.0), "deg": (_DEGREE, 1.0)}
+_FORCE = {"N": (1.0, 1.0), "kN": (1e3, 1.0)}
+_MOMENT = {"N m": (1.0, 1.0), "Nm": (1.0, 1.0), "N mm": (1.0, 1e3)}
 
 
-def parse(text: str, source: str) -> tuple[FloatArray, FloatArray]:
-    """Read a motion from CSV text.
+@dataclass(frozen=True)
+class Form:
+    """What a kind of file holds.
+
+    Parameters
+    ----------
+    what : str
+        What to call it in an error.
+    names : tuple of str
+        Its columns, the time first.
+    counts : tuple of int
+        How many of them there may be.
+    """
+
+    what: str
+    names: tuple[str, ...]
+    counts: tuple[int, ...]
+
+    @property
+    def rule(self) -> str:
+        """The columns, in words."""
+        choices = " or ".join(",".join(self.names[:count]) for count in self.counts)
+        return f"the columns {choices}, in this order"
+
+
+MOTION = Form(
+    "a motion",
+    ("t", "y", "z", "theta", "ydot", "zdot", "thetadot", "yddot", "zddot", "thetaddot"),
+    (4, 10),
+)
+WRENCH = Form("a wrench", ("t", "fx", "fy", "fz", "mx", "my", "mz"), (7,))
+
+
+def parse(text: str, source: str, form: Form = MOTION) -> tuple[FloatArray, FloatArray]:
+    """Read a motion, or a wrench, from CSV text.
 
     Parameters
     ----------
@@ -45,13 +79,15 @@ def parse(text: str, source: str) -> tuple[FloatArray, FloatArray]:
         The file's text.
     source : str
         What to call it in an error: usually the file name.
+    form : Form
+        What the file holds.
 
     Returns
     -------
     time : ndarray, shape (N,)
         Times [s].
-    columns : ndarray, shape (N, 3) or (N, 9)
-        y, z, theta, and their first and second derivatives if the file has them [SI].
+    columns : ndarray, shape (N, 3), (N, 9) or (N, 6)
+        y, z, theta, and their first and second derivatives if the file has them; or force and moment [SI].
 
     Raises
     ------
@@ -61,8 +97,8 @@ def parse(text: str, source: str) -> tuple[FloatArray, FloatArray]:
     rows = _rows(text, source)
     line, header = next(rows, (0, []))
     if not header:
-        raise MotionError(f"{source}: expected a motion with {_RULE}, got an empty file")
-    factors = _header(header, f"{source}, line {line}")
+        raise MotionError(f"{source}: expected {form.what} with {form.rule}, got an empty file")
+    factors = _header(header, f"{source}, line {line}", form)
     numbers = array("d")
     for line, row in rows:
         if len(row) != len(header):
@@ -70,15 +106,15 @@ def parse(text: str, source: str) -> tuple[FloatArray, FloatArray]:
         try:
             numbers.extend([float(field) for field in row])
         except ValueError:
-            _name_the_field(row, f"{source}, line {line}")
+            _name_the_field(row, f"{source}, line {line}", form)
         if "_" in "".join(row):  # Python reads 1_000, nobody else does
-            _name_the_field(row, f"{source}, line {line}")
+            _name_the_field(row, f"{source}, line {line}", form)
     if not numbers:
         raise MotionError(f"{source}: expected lines of numbers after the header, got none")
     data = np.frombuffer(numbers).reshape(-1, len(header))
     for i, j in np.argwhere(~np.isfinite(data)):
         raise MotionError(
-            f"{source}, line {_line_of(i, text)}, column {_NAMES[j]}: expected a finite number, "
+            f"{source}, line {_line_of(i, text)}, column {form.names[j]}: expected a finite number, "
             f"got {data[i, j]}"
         )
     for i in np.flatnonzero(data[1:, 0] <= data[:-1, 0]):
@@ -106,7 +142,7 @@ def dump(time: FloatArray, columns: FloatArray) -> str:
     str
         As many digits as tell every number from its neighbours: up to 17.
     """
-    header = ",".join(f"{name} [{unit}]" for name, unit in zip(_NAMES, _WRITTEN, strict=True))
+    header = ",".join(f"{name} [{unit}]" for name, unit in zip(MOTION.names, _WRITTEN, strict=True))
     body = (",".join(map(repr, row)) for row in np.column_stack([time, columns]).tolist())
     return "\n".join([header, *body, ""])
 
@@ -143,18 +179,20 @@ def _line_of(index: int, text: str) -> int:
     return next(islice(_rows(text, ""), index + 1, None))[0]
 
 
-def _header(header: list[str], where: str) -> list[tuple[float, float]]:
+def _header(header: list[str], where: str, form: Form) -> list[tuple[float, float]]:
     """Check the names; return what to multiply each column by, and divide it by, to reach SI units."""
     for separator, word in ((";", "semicolons"), ("\t", "tabs")):
         if len(header) == 1 and separator in header[0]:
             raise MotionError(f"{where}: expected commas between the columns, got {word}")
     fields = [_name_and_unit(field) for field in header]
     for number, (name, _) in enumerate(fields, start=1):
-        expected = _NAMES[number - 1] if number <= _COMPLETE else "no more columns"
+        expected = form.names[number - 1] if number <= len(form.names) else "no more columns"
         if name != expected:
-            raise MotionError(f"{where}, column {number}: expected {expected}, got {name!r:.40} ({_RULE})")
-    if len(fields) not in (_POSE_ONLY, _COMPLETE):
-        raise MotionError(f"{where}: expected {_RULE}, got only {','.join(name for name, _ in fields)}")
+            raise MotionError(
+                f"{where}, column {number}: expected {expected}, got {name!r:.40} ({form.rule})"
+            )
+    if len(fields) not in form.counts:
+        raise MotionError(f"{where}: expected {form.rule}, got only {','.join(name for name, _ in fields)}")
     return [_factor(name, unit, where) for name, unit in fields]
 
 
@@ -180,14 +218,16 @@ def _units(name: str) -> dict[str, tuple[float, float]]:
     """Return the units that a column may be in."""
     if name == "t":
         return _TIME
+    if name[0] in "fm":
+        return _FORCE if name[0] == "f" else _MOMENT
     base = _ANGLE if name.startswith("theta") else _LENGTH
     suffix = "/s^2" if name.endswith("ddot") else "/s" if name.endswith("dot") else ""
     return {unit + suffix: factor for unit, factor in base.items()}
 
 
-def _name_the_field(row: list[str], where: str) -> NoReturn:
+def _name_the_field(row: list[str], where: str, form: Form) -> NoReturn:
     """Raise for the first field that is not a number."""
-    name, field = next(pair for pair in zip(_NAMES, row, strict=False) if not _is_number(pair[1]))
+    name, field = next(pair for pair in zip(form.names, row, strict=False) if not _is_number(pair[1]))
     got = repr(field.strip())[:40] if field.strip() else "nothing"
     raise MotionError(f"{where}, column {name}: expected a number, got {got}")
 

@@ -136,3 +136,38 @@ def through(times: FloatArray, waypoints: FloatArray) -> Any:
         return make_interp_spline(times, waypoints, k=5, bc_type=(rest, rest))
     except (np.linalg.LinAlgError, ValueError) as problem:
         raise MotionError(f"times: expected steps even enough for a spline, got {problem}") from problem
+
+
+def eased(
+    time: FloatArray, duration: float, start: float, stop: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return a time-law that runs at the rate 1 but for smooth ramps from rest and to rest.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        Times, from 0 to `duration` [s].
+    duration : float
+        Time that it takes [s].
+    start, stop : float
+        How long the ramps at the beginning and at the end are [s]; zero for none.
+
+    Returns
+    -------
+    phase, rate, change : ndarray, shape (N,)
+        Time along the path [s], its derivative, and its second derivative [1/s].
+    """
+    begun, rate_begun, change_begun = _ramp(time, start)
+    left, rate_left, change_left = _ramp(duration - time, stop)
+    phase = begun - left + (duration - time) - stop / 2
+    return phase, rate_begun + rate_left - 1, change_begun - change_left
+
+
+def _ramp(time: FloatArray, length: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return phase, rate and change of a ramp from rest at 0 to the rate 1 at `length`, and after it."""
+    if length == 0:
+        return time, np.ones_like(time), np.zeros_like(time)
+    u = np.minimum(time / length, 1.0)
+    rate = u**4 * (35 - u * (84 - u * (70 - 20 * u)))
+    phase = length * u**5 * (7 - u * (14 - u * (10 - 2.5 * u))) + np.maximum(time - length, 0.0)
+    return phase, rate, 140 * u**3 * (1 - u) ** 3 / length

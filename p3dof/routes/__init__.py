@@ -1,5 +1,24 @@
 """The two ways from the platform's motion to the forces, over samples, with one kind of result."""
 
-from p3dof.routes.results import LEGS, SLIDES, Exceedance, InverseDynamics, JointStates, Solution, write_table
+from p3dof.routes.loads import WrenchOverTime, wrenches_at
+from p3dof.routes.results import (
+    LEGS,
+    SLIDES,
+    Exceedance,
+    InverseDynamics,
+    JointStates,
+    Solution,
+    write_table,
+)
 
-__all__ = ["LEGS", "SLIDES", "Exceedance", "InverseDynamics", "JointStates", "Solution", "write_table"]
+__all__ = [
+    "LEGS",
+    "SLIDES",
+    "Exceedance",
+    "InverseDynamics",
+    "JointStates",
+    "Solution",
+    "WrenchOverTime",
+    "wrenches_at",
+    "write_table",
+]

@@ -144,6 +144,32 @@ def accelerate(
     return result
 
 
+def complete(
+    loop: ClosedLoopModel, depth: float, pose: FloatArray, velocity: FloatArray, acceleration: FloatArray
+) -> State:
+    """Return the whole tree's motion for one state of the platform, assembled from home.
+
+    Parameters
+    ----------
+    loop : ClosedLoopModel
+        The mechanism.
+    depth : float
+        h, depth of the platform below the sliders at home [m].
+    pose, velocity, acceleration : ndarray, shape (3,)
+        State of the platform.
+
+    Returns
+    -------
+    State
+
+    Raises
+    ------
+    AssemblyError
+        If the pose does not assemble.
+    """
+    return _complete(loop, target_of(pose, depth), velocity, acceleration, None)
+
+
 def target_of(pose: FloatArray, depth: float) -> FrameTarget:
     """Return the frame target of a pose: P at (0, y, z - h), turned by θ about y0.
 

@@ -142,6 +142,8 @@ class InverseDynamics:
         Every joint, the sliders ``slide_a``, ``slide_b``, ``slide_c`` among them.
     closure_error : ndarray, shape (N,)
         Largest gap of the three loops [m].
+    wrench : ndarray, shape (N, 6)
+        External force and moment on the platform at P that the forces hold against [N, N m].
     power : ndarray, shape (N,)
         Power of the actuators [W].
     power_residual : ndarray, shape (N,)
@@ -158,6 +160,7 @@ class InverseDynamics:
     forces: FloatArray
     joints: JointStates
     closure_error: FloatArray
+    wrench: FloatArray
     power: FloatArray
     power_residual: FloatArray
     dissipation: FloatArray

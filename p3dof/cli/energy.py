@@ -1,0 +1,170 @@
+"""`p3dof energy`: energy, work and drive loads over a motion."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from p3dof.cli.app import app
+from p3dof.cli.forces import timed
+from p3dof.cli.options import MOTION, ON_INVALID, PARAMETERS, SAMPLES, protect, read_motion
+from p3dof.cli.output import print_plain, print_warnings
+from p3dof.energy import Energy
+from p3dof.manipulator import METHODS, InverseDynamics, load
+from p3dof.routes import LEGS
+
+DOUBTFUL = 1e-3
+"""Share of the energy that moves by which the work may miss it without a word."""
+
+ROUNDING = 1e-9
+"""Share of the whole energy below which nothing moves."""
+
+
+@app.command()
+@PARAMETERS
+@MOTION
+@SAMPLES
+@click.option(
+    "--method",
+    type=click.Choice(METHODS),
+    default=METHODS[0],
+    show_default=True,
+    help="How to compute the forces.",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="CSV file for energies, momenta, power and work.",
+)
+@click.option(
+    "--figure",
+    type=click.Path(path_type=Path),
+    help="Figure to draw (.png, .svg or .pdf; needs the extra 'plot').",
+)
+@ON_INVALID
+def energy(
+    parameters: Path | None,
+    motion: Path | None,
+    samples: int | None,
+    method: str,
+    out: Path | None,
+    figure: Path | None,
+    on_invalid: str,
+) -> None:
+    """Compute energy and work over a motion: what moves most, and what the drives must give and take."""
+    protect((parameters, motion, figure), [out])
+    protect((parameters, motion), [figure])
+    robot, given = load(parameters), read_motion(motion, samples)
+    result, _ = timed(robot, given, method, on_invalid)
+    found = robot.energy(result)
+    written = [] if out is None else [found.to_csv(out)]
+    if figure is not None:
+        from p3dof import plots
+
+        written.append(plots.save(plots.energy_figure(found), figure))
+    console = Console()
+    for table in (bodies_table(found), drives_table(found), balance_table(found, result)):
+        console.print(table)
+    print_warnings(console, robot, result)
+    print_doubts(console, found)
+    for path in written:
+        print_plain(console, f"wrote {path}")
+
+
+def bodies_table(energy: Energy) -> Table:
+    """Return the largest kinetic energy of each body, and its part in the largest of all together.
+
+    Parameters
+    ----------
+    energy : Energy
+        Over a motion; at least one sample is valid.
+
+    Returns
+    -------
+    rich.table.Table
+    """
+    total = np.where(energy.valid, energy.kinetic_total, -np.inf)
+    most = int(np.argmax(total))
+    table = Table(
+        "body",
+        "peak kinetic energy [J]",
+        f"share at t = {energy.time[most]:.4g} s",
+        title=f"kinetic energy, all bodies at most {total[most]:.4f} J",
+    )
+    for k, name in enumerate(energy.bodies):
+        share = energy.kinetic[most, k] / total[most] if total[most] > 0 else 0.0
+        table.add_row(name, f"{energy.kinetic[energy.valid, k].max():.4f}", f"{share:.1%}")
+    return table
+
+
+def drives_table(energy: Energy) -> Table:
+    """Return what the motion asks of each actuator.
+
+    Parameters
+    ----------
+    energy : Energy
+        Over a motion.
+
+    Returns
+    -------
+    rich.table.Table
+    """
+    drives = energy.drives
+    rows = {
+        "peak force [N]": drives.peak_force,
+        "RMS force [N]": drives.rms_force,
+        "peak speed [m/s]": drives.peak_speed,
+        "peak power [W]": drives.peak_power,
+        "peak braking power [W]": drives.peak_braking,
+        "mean power [W]": drives.mean_power,
+        "work given [J]": drives.positive_work,
+        "work taken back [J]": drives.negative_work,
+    }
+    table = Table("actuator", *LEGS, title="what the drives must do")
+    for name, values in rows.items():
+        table.add_row(escape(name), *(f"{value:.4f}" for value in values))
+    return table
+
+
+def balance_table(energy: Energy, result: InverseDynamics) -> Table:
+    """Return the evidence: change of the energy against the work done, and its rate against the power.
+
+    Parameters
+    ----------
+    energy : Energy
+        Over a motion; at least one sample is valid.
+    result : InverseDynamics
+        The forces that it comes from.
+
+    Returns
+    -------
+    rich.table.Table
+    """
+    table = Table("forces by", "work done [J]", "balance", "power residual [W]")
+    table.title = "change of the energy less the work done"
+    error = np.abs(energy.balance[energy.valid]).max()
+    rounding = ROUNDING * np.abs(energy.total[energy.valid]).max()
+    share = (
+        f"{error / energy.scale:.1e} of {energy.scale:.4g} J" if energy.scale > rounding else f"{error:.1e} J"
+    )
+    residual = np.abs(result.power_residual[result.valid]).max()
+    done = energy.work_done[energy.valid][-1]
+    table.add_row(result.method, f"{done:.4f}", share, f"{residual:.1e}")
+    return table
+
+
+def print_doubts(console: Console, energy: Energy) -> None:
+    """Say so where the work is not to be trusted."""
+    error = np.abs(energy.balance[energy.valid]).max()
+    if error > max(DOUBTFUL * energy.scale, ROUNDING * np.abs(energy.total[energy.valid]).max()):
+        console.print(
+            f"work and energy differ by {error:.2g} J: too few samples to integrate the power",
+            style="yellow",
+            highlight=False,
+            soft_wrap=True,
+        )

@@ -1,0 +1,436 @@
+"""Reactions: the force and the moment that every joint and every closure transmits.
+
+With the wrenches w of the closures known, the reactions of the tree's joints follow by recursion from the
+tips to the root (the data.f of Pinocchio's RNEA). The closures' wrenches themselves solve
+
+    A w = rnea(q, v, a) - Σ Jeᵀ we - B τ - joint_forces,    A = Jᵀ        (1)
+
+where J has a row for every force and moment that the closures can transmit. How they are built decides which
+moments these are (`ClosureJoint`). Where the closures hold the mechanism more often than needed, (1) leaves
+some of w open, and with it the reactions of the joints between the closures: rigid bodies do not tell them.
+Of all solutions the one with the smallest closure forces is taken, and among those the one with the smallest
+closure moments; forces and moments are never added. Every component is marked as determined or not.
+
+References
+----------
+R. Featherstone, Rigid Body Dynamics Algorithms, Springer 2008, chapters 5 and 8.
+M. Wojtyra, Joint reactions in rigid body mechanisms with dependent constraints, Mechanism and Machine Theory
+44 (2009) 2265-2278.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from p3dof.checks import FloatArray, frozen_array, shown
+from p3dof.closed_loop.closures import ClosurePoint, LoopKinematics, max_abs
+from p3dof.closed_loop.linear import Decomposition
+from p3dof.closed_loop.model import CLOSED, CONSISTENT, ClosedLoopModel, External
+from p3dof.errors import DynamicsError, InputError, ModelError
+
+BoolArray: TypeAlias = NDArray[np.bool_]
+
+_ACCURACY = 1e-9
+"""Largest error of (1), relative to the forces in it."""
+_UNIQUE = 1e-7
+"""Share of an undetermined change that a component must take part in to be undetermined."""
+
+
+@dataclass(frozen=True)
+class ClosureJoint:
+    """How a closure is built: about which axes its two bodies can turn; it transmits every other moment.
+
+    Parameters
+    ----------
+    axes1 : tuple of (3,) tuples
+        Free axes of rotation that are fixed in `frame1` of the closure, in its axes.
+    axes2 : tuple of (3,) tuples
+        Free axes of rotation that are fixed in `frame2`, in its axes.
+
+    Raises
+    ------
+    ModelError
+        If an axis is not three finite numbers, or is zero.
+    """
+
+    axes1: tuple[tuple[float, float, float], ...] = ()
+    axes2: tuple[tuple[float, float, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        for field in ("axes1", "axes2"):
+            axes = getattr(self, field)
+            if not isinstance(axes, tuple | list):
+                raise ModelError(f"{field}: expected a tuple of axes, got {shown(axes)}")
+            object.__setattr__(self, field, tuple(_unit(field, axis) for axis in axes))
+
+    @classmethod
+    def ball(cls) -> ClosureJoint:
+        """Return a ball joint: it transmits a force only."""
+        return cls(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
+
+    @classmethod
+    def universal(cls, axis1: ArrayLike, axis2: ArrayLike) -> ClosureJoint:
+        """Return a universal joint: it transmits a force, and a moment across both its axes.
+
+        Parameters
+        ----------
+        axis1, axis2 : (3,) array
+            The axis in each body, in the axes of `frame1` and of `frame2`.
+
+        Returns
+        -------
+        ClosureJoint
+        """
+        return cls((_unit("axis1", axis1),), (_unit("axis2", axis2),))
+
+    @classmethod
+    def revolute(cls, axis: ArrayLike) -> ClosureJoint:
+        """Return a hinge: it transmits a force, and both moments across its axis.
+
+        Parameters
+        ----------
+        axis : (3,) array
+            The axis, in the axes of `frame1`.
+
+        Returns
+        -------
+        ClosureJoint
+        """
+        return cls((_unit("axis", axis),))
+
+    @classmethod
+    def weld(cls) -> ClosureJoint:
+        """Return a rigid connection: it transmits every force and moment."""
+        return cls()
+
+    def moments(self, rotation: FloatArray) -> FloatArray:
+        """Return the moments that the joint transmits.
+
+        Parameters
+        ----------
+        rotation : (3, 3) array
+            Axes of `frame2` in those of `frame1`.
+
+        Returns
+        -------
+        (3, k) array
+            An orthonormal basis, in the axes of `frame1`.
+        """
+        free = np.array([*self.axes1, *(rotation @ axis for axis in self.axes2)]).reshape(-1, 3)
+        return Decomposition.of(free).null_space
+
+
+@dataclass(frozen=True, eq=False)
+class JointReactions:
+    """The wrench that every joint and closure transmits at one state of motion.
+
+    Tree joints come first, in Pinocchio's order, then the closures in the sidecar's. A reaction is what the
+    predecessor exerts on the successor: at a joint of the tree the parent's side on the child's, at the
+    joint's origin and in the joint's axes, those of the child's link; at a closure the body of `frame1` on
+    the body of `frame2`, at the origin and in the axes of `frame1` (as the multipliers of `InverseDynamics`).
+    It is the total: along the freedoms of a joint lie the forces of its actuator and of `joint_forces`, less
+    what its rotor (`model.armature`) takes.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Names of the joints, then of the closures (``frame1/frame2``).
+    forces, moments : (n, 3) array
+        The reactions [N, N m]; of undetermined ones those with the smallest closure forces.
+    determined_forces, determined_moments : (n, 3) array of bool
+        Which components every solution has in common.
+    rotations : (n, 3, 3) array
+        The axes of each reaction, as columns, in the world frame.
+    positions : (n, 3) array
+        Where each reaction acts, in the world frame [m].
+    undetermined : int
+        How many independent changes of the closures' wrenches leave the motion as it is.
+    residual : float
+        Largest error of (1) [N or N m].
+    """
+
+    names: tuple[str, ...]
+    forces: FloatArray
+    moments: FloatArray
+    determined_forces: BoolArray
+    determined_moments: BoolArray
+    rotations: FloatArray
+    positions: FloatArray
+    undetermined: int
+    residual: float
+
+
+def loop_reactions(
+    loop: ClosedLoopModel,
+    q: ArrayLike,
+    v: ArrayLike,
+    a: ArrayLike,
+    tau: ArrayLike,
+    external: External | None = None,
+    joint_forces: ArrayLike | None = None,
+    joints: Sequence[ClosureJoint] | None = None,
+) -> JointReactions:
+    """Return the reactions of all joints and closures at one state; see `ReactionSolver` for many.
+
+    Parameters
+    ----------
+    loop : ClosedLoopModel
+        The robot.
+    q, v, a, tau, external, joint_forces
+        As for `ReactionSolver.solve`.
+    joints : sequence of ClosureJoint, optional
+        As for `ReactionSolver`.
+
+    Returns
+    -------
+    JointReactions
+
+    Raises
+    ------
+    InputError, ModelError, DynamicsError
+        As `ReactionSolver` and its `solve`.
+    """
+    return ReactionSolver(loop, joints).solve(q, v, a, tau, external, joint_forces)
+
+
+class ReactionSolver:
+    """Reactions of one robot; it owns workspaces and is not thread-safe.
+
+    Parameters
+    ----------
+    loop : ClosedLoopModel
+        The robot. Its masses and gravity are read at every call.
+    joints : sequence of ClosureJoint, optional
+        How each closure is built, in the sidecar's order; without it the closures transmit just what they
+        prescribe: a ``3d`` is a ball joint, a ``6d`` a rigid connection.
+
+    Raises
+    ------
+    InputError
+        If `loop` is something else.
+    ModelError
+        If there is not one `ClosureJoint` for each closure.
+    """
+
+    def __init__(self, loop: ClosedLoopModel, joints: Sequence[ClosureJoint] | None = None) -> None:
+        if not isinstance(loop, ClosedLoopModel):
+            raise InputError(f"loop: expected a ClosedLoopModel, got {type(loop).__name__}")
+        self.loop = loop
+        self.joints = _one_for_each_closure(loop, joints)
+        self.names = (*(str(name) for name in loop.model.names[1:]), *(c.name for c in loop.sidecar.closures))
+        self._kinematics = LoopKinematics(loop.model, loop.sidecar)
+        self._data = loop.model.createData()
+        ends = [(c.frame1, c.frame2) for c in loop.sidecar.closures]
+        frame = self._kinematics.frame
+        self._ends = [tuple(frame(name, "closure", ModelError) for name in pair) for pair in ends]
+        self._signs = np.array([self._passes(*pair) for pair in self._ends]).reshape(-1, loop.model.njoints)
+
+    def solve(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        a: ArrayLike,
+        tau: ArrayLike,
+        external: External | None = None,
+        joint_forces: ArrayLike | None = None,
+    ) -> JointReactions:
+        """Return the reactions at one state of motion.
+
+        Parameters
+        ----------
+        q : (nq,) array
+            Configuration, with closed loops.
+        v, a : (nv,) array
+            Velocity and acceleration, which keep the loops closed.
+        tau : (n_actuated,) array
+            Forces of the actuated joints that produce the motion, as `ClosedLoopModel.inverse_dynamics`
+            returns them [N or N m].
+        external : mapping of str to (6,) array, optional
+            Wrenches that act on frames: force [N], moment [N m], in world axes at the frame's origin. They
+            are part of no reaction; neither is friction in a closure, a pair of them on its frames.
+        joint_forces : (nv,) array, optional
+            Generalised forces that act in the joints besides the actuators', such as springs and friction.
+
+        Returns
+        -------
+        JointReactions
+
+        Raises
+        ------
+        DynamicsError
+            If the forces do not produce the motion.
+        ModelError
+            If the closures' joints block a free motion of the loops, or leave one that the loops block.
+        InputError
+            If an argument has the wrong shape or is not finite, the loops are open by more than 1e-5, or the
+            velocity would open them.
+        """
+        model = self.loop.model
+        v, a = frozen_array("v", v, (model.nv,)), frozen_array("a", a, (model.nv,))
+        given = np.zeros(model.nv)
+        if joint_forces is not None:
+            given += frozen_array("joint_forces", joint_forces, (model.nv,))
+        given[self.loop.actuated_v] += frozen_array("tau", tau, (len(self.loop.actuated),))
+        point = self._closed(q, v)
+        missing = np.array(pin.rnea(model, self._data, point.q, v, a, self._loads(external))) - given
+        tree = np.array([f.vector for f in self._data.f[1:]]).reshape(-1, 6)
+        A, size = self._jacobian_transposed(), self._size()
+        wrenches, null = self._smallest(point, A, missing, size)
+        residual = max_abs(missing - A @ wrenches)
+        scale = max(max_abs(tree), max_abs(given), max_abs(wrenches))
+        if not residual <= _ACCURACY * scale:  # also when something is not a number
+            raise DynamicsError(
+                f"tau: the forces do not produce the motion, {residual:.3g} N or N m is missing; "
+                "inverse_dynamics() returns those that do"
+            )
+        return self._result(tree, wrenches, null, size, residual)
+
+    def _closed(self, q: ArrayLike, v: FloatArray) -> ClosurePoint:
+        """Return the closures at `q` after checking that they are closed and stay so."""
+        self.loop.closure_error(q)  # checks shape and norm
+        point = self._kinematics.at(np.array(q, dtype=float))
+        if not point.gap <= CLOSED:
+            raise InputError(
+                f"q: the closure {self._kinematics.worst(point.error)} is open by {point.gap:.3g} m or rad, "
+                f"expected at most {CLOSED:g}; assemble(None, guess=q) closes it"
+            )
+        opening = point.J @ v
+        if max_abs(opening) > (CONSISTENT + 100.0 * point.gap) * max(1.0, max_abs(v)):
+            raise InputError(
+                f"v: opens the closure {self._kinematics.worst(opening)} by {max_abs(opening):.3g} (SI units)"
+            )
+        return point
+
+    def _loads(self, external: External | None) -> pin.StdVec_Force:
+        """Return the external wrenches joint by joint, in the axes and at the origin of each joint."""
+        if external is not None and not isinstance(external, Mapping):
+            raise InputError(f"external: expected a mapping of frames to wrenches, got {shown(external)}")
+        loads = pin.StdVec_Force([pin.Force.Zero() for _ in range(self.loop.model.njoints)])
+        for name, wrench in (external or {}).items():
+            frame = self._kinematics.frame(name, "external", InputError)
+            joint = self._kinematics.data.oMi[frame.parentJoint]
+            place = pin.SE3(joint.rotation.T, frame.placement.translation)  # of world axes at the frame
+            load = pin.Force(np.array(frozen_array(f"external {name}", wrench, (6,))))
+            loads[frame.parentJoint] = loads[frame.parentJoint] + place.act(load)
+        return loads
+
+    def _passes(self, frame1: pin.Frame, frame2: pin.Frame) -> FloatArray:
+        """Return what part of a closure's wrench each joint bears: 1 or -1 on either branch, 0 elsewhere."""
+        signs = np.zeros(self.loop.model.njoints)
+        signs[list(self.loop.model.supports[frame1.parentJoint])] += 1
+        signs[list(self.loop.model.supports[frame2.parentJoint])] -= 1
+        return signs
+
+    def _places(self) -> list[pin.SE3]:
+        """Return where each closure's reaction acts: the placement of `frame1`."""
+        return [self._kinematics.data.oMi[frame1.parentJoint] * frame1.placement for frame1, _ in self._ends]
+
+    def _motions(self) -> FloatArray:
+        """Return the unit motion of each freedom as twists (6, nv) in the world; Pinocchio flattens one."""
+        return np.asarray(self._kinematics.data.J).reshape(6, self.loop.model.nv)
+
+    def _jacobian_transposed(self) -> FloatArray:
+        """Return Jᵀ (nv, 6 closures) of whole wrenches."""
+        model, J = self.loop.model, self._motions()
+        signs = self._signs[:, np.repeat(np.arange(model.njoints), model.nvs)]
+        result = np.zeros((model.nv, 6 * len(self._ends)))
+        for c, M in enumerate(self._places()):
+            result[:, 6 * c : 6 * c + 6] = -(signs[c] * J).T @ M.toDualActionMatrix()
+        return result
+
+    def _size(self) -> float:
+        """Return the length that compares moments with forces: the longest arm to a joint [m]."""
+        joints = np.array([M.translation for M in self._kinematics.data.oMi])
+        places = enumerate(self._places())
+        arms = [max_abs(joints[self._signs[c] != 0] - M.translation) for c, M in places]
+        return max(arms, default=0.0) or 1.0
+
+    def _transmitted(self) -> tuple[FloatArray, BoolArray]:
+        """Return a basis (6 closures, k) of what the closures transmit, and which columns are forces."""
+        blocks = []
+        for joint, M1, (_, frame2) in zip(self.joints, self._places(), self._ends, strict=True):
+            R2 = self._kinematics.data.oMi[frame2.parentJoint].rotation @ frame2.placement.rotation
+            moments = joint.moments(M1.rotation.T @ R2)
+            block = np.zeros((6, 3 + moments.shape[1]))
+            block[:3, :3], block[3:, 3:] = np.eye(3), moments
+            blocks.append(block)
+        E = np.zeros((6 * len(blocks), sum(block.shape[1] for block in blocks)))
+        is_force = np.zeros(E.shape[1], dtype=bool)
+        start = 0
+        for c, block in enumerate(blocks):
+            E[6 * c : 6 * c + 6, start : start + block.shape[1]] = block
+            is_force[start : start + 3] = True
+            start += block.shape[1]
+        return E, is_force
+
+    def _smallest(
+        self, point: ClosurePoint, A: FloatArray, b: FloatArray, size: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the smallest wrenches w with A w = b, and a basis of the changes that A does not see.
+
+        The basis is orthonormal if moments are measured in newtons at the arm `size`.
+        """
+        E, is_force = self._transmitted()
+        E = E * np.where(is_force, 1.0, size)
+        turns = np.linalg.norm(self._motions()[3:], axis=0) > 0
+        row = np.where(turns, 1.0 / size, 1.0)
+        svd = Decomposition.of(row[:, None] * (A @ E), point.rank_tolerance)
+        if svd.rank != point.svd.rank:
+            raise ModelError(
+                f"joints: they leave {len(A) - svd.rank} free motions, the loops have "
+                f"{len(A) - point.svd.rank}"
+            )
+        x, Z = svd.solve(row * b), svd.null_space
+        # x is orthogonal to Z, so the shortest step to the smallest forces leaves the smallest moments.
+        x = x - Z @ Decomposition.of(Z[is_force], _UNIQUE, 1.0).solve(x[is_force])
+        return E @ x, E @ Z
+
+    def _result(
+        self, tree: FloatArray, wrenches: FloatArray, null: FloatArray, size: float, residual: float
+    ) -> JointReactions:
+        joints, ends = list(self._kinematics.data.oMi)[1:], self._places()
+        T = np.zeros((6 * len(joints), len(wrenches)))
+        for c, i in np.argwhere(self._signs[:, 1:]):
+            block = joints[i].actInv(ends[c]).toDualActionMatrix()
+            T[6 * i : 6 * i + 6, 6 * c : 6 * c + 6] = self._signs[c, i + 1] * block
+        total = np.concatenate([tree.ravel() + T @ wrenches, wrenches]).reshape(-1, 2, 3)
+        change = np.linalg.norm(np.concatenate([T @ null, null]), axis=1).reshape(-1, 2, 3)
+        return JointReactions(
+            self.names,
+            forces=total[:, 0],
+            moments=total[:, 1],
+            determined_forces=change[:, 0] <= _UNIQUE,
+            determined_moments=change[:, 1] <= _UNIQUE * size,
+            rotations=np.array([M.rotation for M in (*joints, *ends)]).reshape(-1, 3, 3),
+            positions=np.array([M.translation for M in (*joints, *ends)]).reshape(-1, 3),
+            undetermined=null.shape[1],
+            residual=residual,
+        )
+
+
+def _one_for_each_closure(
+    loop: ClosedLoopModel, joints: Sequence[ClosureJoint] | None
+) -> tuple[ClosureJoint, ...]:
+    closures = loop.sidecar.closures
+    if joints is None:
+        return tuple(ClosureJoint.ball() if c.kind == "3d" else ClosureJoint.weld() for c in closures)
+    if not isinstance(joints, Sequence) or not all(isinstance(joint, ClosureJoint) for joint in joints):
+        raise ModelError(f"joints: expected a sequence of ClosureJoint, got {shown(joints)}")
+    if len(joints) != len(closures):
+        raise ModelError(f"joints: expected {len(closures)}, one for each closure, got {len(joints)}")
+    return tuple(joints)
+
+
+def _unit(name: str, axis: ArrayLike) -> tuple[float, float, float]:
+    array = frozen_array(name, axis, (3,), ModelError)
+    length = float(np.linalg.norm(array))
+    if not length > 0:
+        raise ModelError(f"{name}: expected an axis, got zeros")
+    x, y, z = (float(value) / length for value in array)
+    return x, y, z

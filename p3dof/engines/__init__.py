@@ -1,0 +1,70 @@
+"""Second opinions: the forces and the motion of a machine by MuJoCo, Drake and Exudyn.
+
+Each engine has a model of its own, made from the neutral description of the machine: MuJoCo reads the MJCF,
+Drake the URDF with its ball constraints, Exudyn gets one rigid body a link and a joint for every joint, as in
+ADAMS. None of them shares dynamics with `p3dof.virtual_power`, `p3dof.minimal` or `p3dof.closed_loop`.
+
+`load` gives an engine: `Engine.forces` at every sample of a motion, `Engine.simulate` of the free machine
+under constant forces. `driven_forces` and `convergence` let Exudyn integrate a motion in time.
+"""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+
+from p3dof.checks import shown
+from p3dof.engines.base import Engine
+from p3dof.engines.drake import DrakeEngine
+from p3dof.engines.driven import Convergence, DrivenForces, Integrator, convergence, driven_forces
+from p3dof.engines.exudyn import ExudynEngine
+from p3dof.engines.mujoco import MujocoEngine
+from p3dof.engines.samples import FinalState
+from p3dof.errors import InputError
+from p3dof.parameters import PAPER, Parameters
+
+ENGINES = MappingProxyType({engine.name: engine for engine in (MujocoEngine, DrakeEngine, ExudynEngine)})
+"""The engines by name."""
+
+
+def load(name: str, parameters: Parameters = PAPER) -> Engine:
+    """Return an engine with its model of a machine.
+
+    Parameters
+    ----------
+    name : {"mujoco", "drake", "exudyn"}
+        Which one.
+    parameters : Parameters
+        The machine; the paper's by default.
+
+    Returns
+    -------
+    Engine
+
+    Raises
+    ------
+    InputError
+        If there is no such engine, `parameters` is something else, or the machine has friction.
+    MissingExtraError
+        If its library is not installed.
+    ModelError
+        If MuJoCo or Drake needs a mass for a massless link, and its neighbours have none to give.
+    """
+    if not isinstance(name, str) or name not in ENGINES:
+        raise InputError(f"engine: expected one of {', '.join(ENGINES)}, got {shown(name)}")
+    return ENGINES[name](parameters)
+
+
+__all__ = [
+    "ENGINES",
+    "Convergence",
+    "DrakeEngine",
+    "DrivenForces",
+    "Engine",
+    "ExudynEngine",
+    "FinalState",
+    "Integrator",
+    "MujocoEngine",
+    "convergence",
+    "driven_forces",
+    "load",
+]

@@ -1,0 +1,8 @@
+"""Figures; they need the extra ``plot`` (matplotlib), which is imported when one is drawn."""
+
+from p3dof.plots.common import save
+from p3dof.plots.energy import energy_figure
+from p3dof.plots.forces import forces_figure
+from p3dof.plots.reactions import reactions_figure
+
+__all__ = ["energy_figure", "forces_figure", "reactions_figure", "save"]

@@ -1,0 +1,87 @@
+"""What all figures share: colours, and how they are made and written."""
+
+from __future__ import annotations
+
+import io
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from p3dof.errors import InputError, MissingExtraError
+from p3dof.files import write_atomic
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+COLOURS = ("#0072b2", "#d55e00", "#009e73")
+"""Colours of the legs A, B, C: distinct for colour-blind readers and in grey print."""
+
+
+def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
+    """Write a figure; the ending of the name chooses the format (png, svg, pdf).
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        The figure.
+    path : path-like
+        The file; replaced whole or not at all.
+
+    Returns
+    -------
+    Path
+        The path written.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+    InputError
+        If the ending is not a format that matplotlib writes.
+    """
+    path = Path(path)
+    kind = path.suffix.lstrip(".").lower()
+    if kind not in figure.canvas.get_supported_filetypes():
+        raise InputError(f"{path}: expected a file name that ends in .png, .svg or .pdf")
+    stream = io.BytesIO()
+    metadata = {"Date": None} if kind == "svg" else {}
+    figure.savefig(stream, format=kind, dpi=160, metadata=metadata)
+    return write_atomic(path, stream.getvalue())
+
+
+def new_figure(figsize: tuple[float, float]) -> Figure:
+    """Return an empty figure of a size in inches.
+
+    Parameters
+    ----------
+    figsize : tuple of float
+        Width and height [in].
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    MissingExtraError
+        If matplotlib is not installed.
+    InputError
+        If it cannot start.
+    """
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise MissingExtraError("figures need matplotlib: pip install 'p3dof[plot]'") from error
+    except (
+        ValueError
+    ) as error:  # matplotlib refuses its own settings, such as MPLBACKEND, when it is imported
+        raise InputError(f"matplotlib cannot start: {error}") from error
+    return Figure(figsize=figsize, layout="constrained")
+
+
+def tidy(axis: Axes) -> None:
+    """Give a panel its grid, and take its frame away."""
+    axis.grid(color="0.9", lw=0.6)
+    axis.spines[["top", "right"]].set_visible(False)
+    axis.margins(x=0.01)

@@ -1,0 +1,67 @@
+"""The figure of the actuator forces over a motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from p3dof.errors import InputError
+from p3dof.plots.common import COLOURS, new_figure, tidy
+from p3dof.routes import InverseDynamics
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_STYLES: tuple[dict[str, Any], ...] = ({"lw": 3.0, "alpha": 0.35}, {"lw": 1.2})
+_NAMES = {"pinocchio": "Pinocchio (URDF, closures, RNEA)", "virtual-power": "virtual power (paper)"}
+
+
+def forces_figure(results: Sequence[InverseDynamics]) -> Figure:
+    """Draw the three actuator forces over the motion (the paper's Figs. 3-5), and two results' difference.
+
+    Parameters
+    ----------
+    results : sequence of InverseDynamics
+        One result, or two of the same motion by different methods.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    InputError
+        If there are not one or two results, or two of different motions.
+    MissingExtraError
+        If matplotlib is not installed.
+    """
+    if len(results) not in {1, 2}:
+        raise InputError(f"results: expected one or two, got {len(results)}")
+    if len(results) == 2 and not np.array_equal(results[0].time, results[1].time):
+        raise InputError("results: expected two results of the same motion, got different times")
+    rows = len(results)
+    figure = new_figure(figsize=(10.5, 3.1 if rows == 1 else 4.8))
+    from matplotlib.lines import Line2D
+
+    axes = figure.subplots(rows, 3, sharex=True, squeeze=False, height_ratios=(3, 1.4)[:rows])
+    for leg, name in enumerate("ABC"):
+        top = axes[0, leg]
+        for result, style in zip(results, _STYLES[-rows:], strict=True):
+            top.plot(result.time, result.forces[:, leg], color=COLOURS[leg], **style)
+        top.set_title(f"actuator {name}", fontsize=10)
+        top.set_ylabel("force [N]")
+        if rows == 2:
+            difference = results[0].forces[:, leg] - results[1].forces[:, leg]
+            axes[1, leg].plot(results[0].time, difference, color=COLOURS[leg], lw=0.7)
+            axes[1, leg].axhline(0, color="0.6", lw=0.5, zorder=0)
+            axes[1, leg].set_ylabel("difference [N]")
+            axes[1, leg].ticklabel_format(axis="y", style="sci", scilimits=(0, 0))
+        axes[-1, leg].set_xlabel("time [s]")
+    handles = [Line2D([], [], color="0.3", **style) for style in _STYLES[-rows:]]
+    labels = [_NAMES.get(result.method, result.method) for result in results]
+    figure.legend(handles, labels, loc="outside upper center", ncols=2, frameon=False, fontsize=9)
+    for axis in axes.ravel():
+        tidy(axis)
+    return figure

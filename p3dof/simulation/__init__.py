@@ -1,0 +1,25 @@
+"""The machine in time: integration with events, controllers, and what a run leaves behind."""
+
+from p3dof.simulation.control import Controller, ControllerLike, Measurement, Noise
+from p3dof.simulation.controllers import PD, ComputedTorque, Feedforward, Springs
+from p3dof.simulation.limits import KINDS, Stop
+from p3dof.simulation.reference import Reference
+from p3dof.simulation.run import Simulation
+from p3dof.simulation.simulate import WrenchLike, simulate
+
+__all__ = [
+    "KINDS",
+    "PD",
+    "ComputedTorque",
+    "Controller",
+    "ControllerLike",
+    "Feedforward",
+    "Measurement",
+    "Noise",
+    "Reference",
+    "Simulation",
+    "Springs",
+    "Stop",
+    "WrenchLike",
+    "simulate",
+]

@@ -1,0 +1,116 @@
+"""What ends a run: the ends of a slider's travel, the tilt's, a leg at its reach, a singular pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from p3dof.algebra import Scalar
+from p3dof.checks import FloatArray
+from p3dof.errors import InputError
+from p3dof.kinematics.formulas import Lengths, configuration
+from p3dof.kinematics.validity import reach_margins
+from p3dof.parameters import Parameters
+from p3dof.tracing import Tape, straight_line
+
+KINDS = ("slider stop", "tilt limit", "reach limit", "singular pose")
+"""What can end a run; the reach limit always does."""
+
+HORIZONTAL = 1e-3
+"""A leg is at its reach when its drop is this share of its length: .06° from horizontal."""
+
+_LEGS = "ABC"
+_REACH = slice(8, 11)  # where the legs' reach is among the margins
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Why and when a run ended before its time.
+
+    Parameters
+    ----------
+    kind : str
+        One of `KINDS`, or ``"accuracy"`` when the integrator could not go on.
+    time : float
+        When [s].
+    reason : str
+        In words.
+    """
+
+    kind: str
+    time: float
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{self.kind} at t = {self.time:.6g} s: {self.reason}"
+
+
+class Margins:
+    """How far a pose is from everything that can end a run; not positive is beyond it.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine and its limits.
+    stop_at : tuple of str
+        Which of `KINDS` count.
+    pose : ndarray, shape (3,)
+        Where the run starts: the singular pose is to be crossed from its side.
+
+    Raises
+    ------
+    InputError
+        If a kind is unknown, or the run starts beyond a limit.
+    """
+
+    def __init__(self, parameters: Parameters, stop_at: tuple[str, ...], pose: FloatArray) -> None:
+        unknown = [kind for kind in stop_at if kind not in KINDS]
+        if unknown:
+            raise InputError(f"stop_at: expected some of {', '.join(KINDS)}, got {unknown[0]!r}")
+        self._geometry = parameters.geometry
+        self._lengths = Lengths.of(parameters.geometry)
+        limits = parameters.limits
+        self._values = straight_line(self._formula, 3)
+        low, high = limits.travel
+        down, up = limits.tilt
+        names = [("slider stop", f"slider {leg} at its lower end, {low:g} m") for leg in _LEGS]
+        names += [("slider stop", f"slider {leg} at its upper end, {high:g} m") for leg in _LEGS]
+        names += [("tilt limit", f"the platform at {angle:g} rad") for angle in (down, up)]
+        names += [("reach limit", f"leg {leg} horizontal") for leg in _LEGS]
+        names += [("singular pose", "the sliders cannot hold the platform's rotation (det J = 0)")]
+        self._names = names
+        counted = np.array([kind in stop_at or kind == "reach limit" for kind, _ in names])
+        self._offset = np.where(counted, 0.0, np.inf)
+        self._bounds = np.array([low] * 3 + [high] * 3 + [down, up] + [HORIZONTAL] * 3 + [0.0])
+        self._sign = np.array([1.0] * 3 + [-1.0] * 3 + [1.0, -1.0] + [1.0] * 4)
+        self._sign[-1] = np.sign(self._values(*pose.tolist())[-1]) or 1.0
+        margins = self(pose)
+        if margins.min() <= 0:
+            kind, reason = names[int(np.argmin(margins))]
+            raise InputError(f"pose: the run would start beyond a limit: {kind}: {reason}")
+
+    def __call__(self, pose: FloatArray, drops: FloatArray | None = None) -> FloatArray:
+        """Return the margins of a pose (3,): positive inside, shape (12,).
+
+        A mechanism that is integrated in its joints can swing a leg through the horizontal, where its pose
+        turns back: its `drops` (3,), shares of the legs' lengths, then tell, being negative beyond.
+        """
+        try:
+            values = np.array(self._values(*pose.tolist()))
+        except (ValueError, ArithmeticError):  # beyond reach there are no angles
+            margins = np.full(len(self._names), np.inf)
+            margins[_REACH] = np.minimum(reach_margins(self._geometry, pose), 0.0)
+            return margins
+        if drops is not None:
+            values[_REACH] = drops
+        return np.asarray(self._sign * (values - self._bounds) + self._offset)
+
+    def stop(self, index: int, time: float) -> Stop:
+        """Return why a run ends at a margin."""
+        kind, reason = self._names[index]
+        return Stop(kind, time, reason)
+
+    def _formula(self, tape: Tape, *pose: Scalar) -> list[Scalar]:
+        x = configuration(self._lengths, (pose[0], pose[1], pose[2]), tape)
+        return [*x.sliders, *x.sliders, pose[2], pose[2], x.cos_a, x.cos_b, x.cos_c, x.cos_54]

@@ -1,0 +1,66 @@
+"""A motion as a function of time, for what follows it step by step."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from p3dof.checks import FloatArray, shown
+from p3dof.errors import InputError
+from p3dof.motion import Motion
+from p3dof.motion.splines import hermite
+
+
+class Reference:
+    """Pose, velocity and acceleration of a motion at any time, by quintic Hermite interpolation.
+
+    Before its first sample and after its last one the motion rests there.
+
+    Parameters
+    ----------
+    motion : Motion
+        The motion; its time counts from its first sample.
+
+    Raises
+    ------
+    InputError
+        If it is not a `Motion`.
+    """
+
+    def __init__(self, motion: Motion) -> None:
+        if not isinstance(motion, Motion):
+            raise InputError(f"motion: expected a Motion, got {shown(motion)}")
+        self.motion = motion
+        self._curves: list[Any] = []
+        if len(motion) > 1:
+            from scipy.interpolate import PPoly
+
+            time = motion.time - motion.time[0]
+            curve = PPoly.from_bernstein_basis(
+                hermite(time, motion.pose, motion.velocity, motion.acceleration)
+            )
+            self._curves = [curve, curve.derivative(), curve.derivative(2)]
+
+    def at(self, time: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return pose, velocity and acceleration at a time.
+
+        Parameters
+        ----------
+        time : float
+            Time since the beginning of the motion [s].
+
+        Returns
+        -------
+        pose, velocity, acceleration : ndarray, shape (3,)
+        """
+        if time < 0 or not self._curves:
+            return self.motion.pose[0], np.zeros(3), np.zeros(3)
+        if time > self.motion.duration:
+            return self.motion.pose[-1], np.zeros(3), np.zeros(3)
+        pose, velocity, acceleration = (np.asarray(curve(time)) for curve in self._curves)
+        return pose, velocity, acceleration
+
+    def poses(self, times: FloatArray) -> FloatArray:
+        """Return the poses at times since the beginning, shape (N, 3)."""
+        return np.array([self.at(float(time))[0] for time in times]).reshape(-1, 3)

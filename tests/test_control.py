@@ -1,0 +1,259 @@
+"""Controllers: what they promise on the exact model, on a wrong one, with cut-off forces and noise."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import p3dof
+from p3dof import PAPER, PD, ComputedTorque, Feedforward, Noise, Springs
+from p3dof.errors import ControllerError, InputError, SingularityError
+from p3dof.simulation import Measurement, Reference
+
+HOME = np.zeros(3)
+ENTERED = p3dof.paper_motion(1001).from_rest(0.2)
+OMEGA = 2 * math.pi * 5
+
+
+def followed(controller, method="virtual-power", **options):
+    return p3dof.load().simulate(
+        ENTERED.duration, controller=controller, rate=1000, method=method, samples=1101, **options
+    )
+
+
+def scaled(factor):
+    return replace(PAPER, bodies=PAPER.bodies.scaled(factor))
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return followed(PD(PAPER, ENTERED))
+
+
+@pytest.mark.parametrize("controller", [ComputedTorque, Feedforward])
+@pytest.mark.parametrize("method", ["virtual-power", "pinocchio"])
+def test_the_inverse_model_makes_errors_hundreds_of_times_smaller(plain, controller, method):
+    run = followed(controller(PAPER, ENTERED), method)
+    assert run.finished
+    assert np.all(run.peak_error < plain.peak_error / 1000)
+    assert np.all(run.rms_error < plain.rms_error / 1000)
+    assert plain.peak_error[2] > 0.05  # the motion is one that PD alone cannot follow
+
+
+@pytest.mark.parametrize("error", [-0.1, 0.1])
+def test_a_wrong_mass_costs_no_more_than_its_share_of_the_acceleration(plain, error):
+    """The closed loop is ë + s 2ζω ė + s ω² e = (1 - s)(ẍ_d + M⁻¹h): its gain is 1 / (s ω²) at most.
+
+    For s below 1 it is a little underdamped, with a gain larger by exp(-πζ'/√(1-ζ'²)) < 1e-4.
+    """
+    run = followed(ComputedTorque(scaled(1 + error), ENTERED))
+    robot, s = p3dof.load(), 1 + error
+    M = robot.mass_matrix(ENTERED.pose)
+    C = robot.coriolis_matrix(ENTERED.pose, ENTERED.velocity)
+    h = np.einsum("nij,nj->ni", C, ENTERED.velocity) + robot.gravity_forces(ENTERED.pose)
+    needed = ENTERED.acceleration + np.linalg.solve(M, h[..., None])[..., 0]
+    bound = abs(error) * np.abs(needed).max(axis=0) / (s * OMEGA**2)
+    assert np.all(run.peak_error < 1.01 * bound)
+    assert np.all(run.peak_error[[0, 2]] < plain.peak_error[[0, 2]] / 8)
+    better = followed(ComputedTorque(scaled(1 + error), ENTERED, frequency=20))
+    assert np.all(better.peak_error < run.peak_error / 10)
+
+
+def test_cut_off_forces_cost_little_and_are_made_up_for():
+    free = followed(ComputedTorque(PAPER, ENTERED))
+    limit = 100.0
+    assert np.abs(free.forces).max() > 1.15 * limit
+    run = followed(ComputedTorque(PAPER, ENTERED), saturation=limit)
+    assert run.finished
+    assert np.abs(run.forces).max() == limit
+    assert np.abs(run.asked).max() > limit
+    assert np.all(run.peak_error < [1e-3, 1e-3, 1e-2])
+    calm = np.flatnonzero((run.forces == run.asked).all(axis=1) & (run.time > 0.9))
+    assert np.abs(run.error[calm]).max() < 1e-2
+
+
+def test_forces_far_too_small_end_the_run_with_its_reason():
+    run = followed(ComputedTorque(PAPER, ENTERED), saturation=[40.0, 30.0, 30.0])
+    assert not run.finished
+    assert run.stop.kind == "slider stop"
+    assert 0 < run.time[-1] < 1
+    assert len(run) > 50
+
+
+def test_an_error_at_the_start_dies_out_as_a_critically_damped_mass():
+    """Continuous computed torque on the exact model: e = e0 (1 + ωt) exp(-ωt), in all three coordinates."""
+    start = np.array([0.01, -0.02, 0.1])
+    still = p3dof.Motion([0.0], [HOME], [HOME], [HOME])
+    for method in ("virtual-power", "pinocchio"):
+        controller = ComputedTorque(PAPER, still)
+        run = p3dof.load().simulate(0.3, start, controller=controller, method=method, samples=31)
+        expected = start * ((1 + OMEGA * run.time) * np.exp(-OMEGA * run.time))[:, None]
+        np.testing.assert_allclose(run.pose, expected, rtol=0, atol=1e-9)
+
+
+def test_the_damping_ratio_is_what_it_says():
+    start, zeta = np.array([0.01, 0.0, 0.05]), 0.3
+    still = p3dof.Motion([0.0], [HOME], [HOME], [HOME])
+    controller = ComputedTorque(PAPER, still, damping=zeta)
+    run = p3dof.load().simulate(0.5, start, controller=controller, samples=51)
+    fast = OMEGA * math.sqrt(1 - zeta**2)
+    wave = np.cos(fast * run.time) + zeta * OMEGA / fast * np.sin(fast * run.time)
+    np.testing.assert_allclose(
+        run.pose, start * (np.exp(-zeta * OMEGA * run.time) * wave)[:, None], rtol=0, atol=1e-9
+    )
+
+
+@pytest.mark.parametrize("controller", [PD, Feedforward, ComputedTorque])
+def test_an_integral_takes_away_what_a_wrong_mass_leaves(controller):
+    still = p3dof.Motion([0.0], [HOME], [HOME], [HOME])
+    robot = p3dof.load()
+    without = robot.simulate(3, controller=controller(scaled(1.1), still), rate=500, samples=31)
+    with_it = robot.simulate(
+        3, controller=controller(scaled(1.1), still, integral_time=0.2), rate=500, samples=31
+    )
+    assert np.abs(without.pose[-1]).max() > 5e-4
+    assert np.abs(with_it.pose[-1]).max() < 1e-7
+
+
+def test_an_integral_does_not_wind_up_while_forces_are_cut_off():
+    far = p3dof.Motion([0.0], [[0.05, 0.05, 0.3]], [HOME], [HOME])
+    robot = p3dof.load()
+    controller = PD(PAPER, far, integral_time=0.1)
+    controller.reset()
+    none, all_ = np.zeros(3, dtype=bool), np.ones(3, dtype=bool)
+    geometry = PAPER.geometry
+    first = controller(Measurement(0, 1e-3, HOME, HOME, none, geometry))
+    cut = controller(Measurement(1e-3, 1e-3, HOME, HOME, all_, geometry))
+    further = controller(Measurement(2e-3, 1e-3, HOME, HOME, none, geometry))
+    np.testing.assert_array_equal(cut, first)
+    assert np.all(np.abs(further) > np.abs(first) - 1e-12)
+    assert np.any(further != first)
+    run = robot.simulate(2, controller=controller, rate=500, saturation=90.0, samples=201)
+    assert run.finished
+    assert np.abs(run.pose[-1] - [0.05, 0.05, 0.3]).max() < 1e-3
+
+
+def test_a_controller_can_be_used_again():
+    controller = PD(scaled(1.1), ENTERED, integral_time=0.1)
+    first, second = followed(controller), followed(controller)
+    np.testing.assert_array_equal(first.pose, second.pose)
+
+
+def test_equal_seeds_give_equal_noise():
+    runs = [followed(ComputedTorque(PAPER, ENTERED), noise=Noise(1e-6, 1e-3, seed)) for seed in (1, 1, 2)]
+    np.testing.assert_array_equal(runs[0].pose, runs[1].pose)
+    assert np.any(runs[0].pose != runs[2].pose)
+    exact = followed(ComputedTorque(PAPER, ENTERED))
+    assert np.abs(runs[0].pose - exact.pose).max() < 1e-3
+    assert np.all(runs[0].rms_error > exact.rms_error)
+
+
+def test_what_is_measured_is_the_machine_and_its_noise():
+    seen = []
+
+    def controller(measured):
+        seen.append(measured)
+        return p3dof.load().forces(HOME, HOME, HOME)
+
+    robot = p3dof.load()
+    run = robot.simulate(
+        0.1, [0.01, 0.02, 0.1], [0.1, 0, 0.2], controller, rate=1000, noise=Noise(1e-3, 1e-2), samples=101
+    )
+    sliders = np.array([measured.sliders for measured in seen]) - run.sliders[:100]
+    speeds = np.array([measured.slider_velocities for measured in seen]) - run.slider_velocities[:100]
+    assert sliders.std() == pytest.approx(1e-3, rel=0.15)
+    assert speeds.std() == pytest.approx(1e-2, rel=0.15)
+    exact = []
+    robot.simulate(0.01, [0.01, 0.02, 0.1], [0.1, 0, 0.2], lambda m: (exact.append(m), HOME)[1], rate=1000)
+    np.testing.assert_allclose(exact[0].pose, [0.01, 0.02, 0.1], atol=1e-14)
+    np.testing.assert_allclose(exact[0].velocity, [0.1, 0, 0.2], atol=1e-14)
+
+
+def test_the_gains_are_those_of_the_docstring():
+    pd = PD(PAPER, ENTERED, frequency=2, damping=0.7)
+    robot = p3dof.load()
+    J = robot.jacobian(HOME)
+    m = np.diag(np.linalg.inv(J).T @ robot.mass_matrix(HOME) @ np.linalg.inv(J))
+    hold = robot.forces(HOME, HOME, HOME)
+    still = np.zeros(3, dtype=bool)
+    measured = Measurement(0.0, 0.0, np.array([0.01, 0, 0]), np.array([0, 0.1, 0]), still, PAPER.geometry)
+    omega = 2 * math.pi * 2
+    expected = hold - m * (omega**2 * np.array([0.01, 0, 0]) + 2 * 0.7 * omega * np.array([0, 0.1, 0]))
+    np.testing.assert_allclose(pd(measured), expected, rtol=1e-12)
+
+
+def test_springs():
+    springs = Springs([100, 200, 300], rest=0.01, damping=5, preload=[1, 2, 3])
+    none = np.zeros(3, dtype=bool)
+    measured = Measurement(0, 0, np.array([0.02, 0, 0]), np.array([0, 0, 0.1]), none, PAPER.geometry)
+    np.testing.assert_allclose(springs(measured), [1 - 1, 2 + 2, 3 + 3 - 0.5], rtol=1e-14)
+    x, step = np.array([0.03, -0.02, 0.01]), 1e-6
+    undamped = Springs([100, 200, 300], rest=0.01, preload=[1, 2, 3])
+    slope = [
+        (undamped.energy(x + step * axis) - undamped.energy(x - step * axis)) / (2 * step)
+        for axis in np.eye(3)
+    ]
+    force = undamped(Measurement(0, 0, x, HOME, none, PAPER.geometry))
+    np.testing.assert_allclose(slope, -force, rtol=1e-8)
+
+
+def test_a_reference_rests_before_and_after():
+    motion = p3dof.paper_motion(101)
+    reference = Reference(motion)
+    pose, velocity, acceleration = reference.at(0.5)
+    for found, expected in (
+        (pose, motion.pose),
+        (velocity, motion.velocity),
+        (acceleration, motion.acceleration),
+    ):
+        np.testing.assert_allclose(found, expected[50], atol=1e-12)
+    for time, end in ((-0.1, 0), (1.1, -1)):
+        pose, velocity, acceleration = reference.at(time)
+        np.testing.assert_array_equal(pose, motion.pose[end])
+        assert not velocity.any()
+        assert not acceleration.any()
+    late = p3dof.Motion(motion.time + 5, motion.pose, motion.velocity, motion.acceleration)
+    np.testing.assert_allclose(Reference(late).at(0.5)[0], motion.pose[50], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: PD("paper", ENTERED), "model: expected Parameters or a Manipulator, got 'paper'"),
+        (lambda: PD(PAPER, 3), "motion: expected a Motion, got 3"),
+        (lambda: PD(PAPER, ENTERED, frequency=0), "frequency: expected a positive number, got 0"),
+        (lambda: PD(PAPER, ENTERED, damping=-1), "damping: expected a positive number, got -1"),
+        (lambda: PD(PAPER, ENTERED, integral_time=0), "integral_time: expected a positive number, got 0"),
+        (lambda: Springs(-1), "stiffness: expected zero or more"),
+        (lambda: Springs([1, 2]), r"stiffness: expected shape \(3,\), got \(2,\)"),
+        (lambda: Springs(1, damping=[0, -1, 0]), "damping: expected zero or more"),
+        (lambda: Springs(np.nan), "stiffness: expected finite numbers"),
+        (lambda: Noise(-1), "position: expected zero or more, got -1"),
+        (lambda: Noise(seed=-1), "seed: expected a whole number of zero or more, got -1"),
+        (lambda: Noise(seed=1.5), "seed: expected a whole number of zero or more, got 1.5"),
+    ],
+)
+def test_bad_input_is_one_clear_error(make, message):
+    with pytest.raises(InputError, match=message):
+        make()
+
+
+def test_an_integral_needs_a_rate():
+    controller = PD(PAPER, ENTERED, integral_time=0.1)
+    with pytest.raises(ControllerError, match="an integral needs a control rate, this run is continuous"):
+        p3dof.load().simulate(0.1, controller=controller)
+
+
+def test_a_model_that_is_asked_at_a_singular_pose_says_so():
+    singular = np.array([0.0, 0.0, math.atan2(p3dof.PAPER.geometry.h, 0.15)])
+    theta = singular[2]
+    robot = p3dof.load()
+    for _ in range(50):  # Newton on the actuation angle
+        step = 1e-6
+        value = robot.singularity([0, 0, theta]).actuation
+        theta -= value * step / (robot.singularity([0, 0, theta + step]).actuation - value)
+    controller = Feedforward(PAPER, p3dof.Motion([0.0], [[0, 0, theta]], [HOME], [HOME]))
+    with pytest.raises(ControllerError, match="actuation-singular") as caught:
+        robot.simulate(0.1, controller=controller, rate=100)
+    assert isinstance(caught.value.__cause__, SingularityError)

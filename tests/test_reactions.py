@@ -1,0 +1,748 @@
+"""Reactions in the joints, against bookkeeping that shares nothing with the recursion through the tree."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from types import SimpleNamespace
+
+import closed_loop_robots as robots
+import numpy as np
+import pinocchio as pin
+import pytest
+from lagrange import BODIES
+from machines import random_machine, random_states
+
+import p3dof
+from p3dof import description, kinematics, virtual_power
+from p3dof.cli import main
+from p3dof.cli.reactions import peaks_table
+from p3dof.closed_loop import ClosedLoopModel, Closure, Sidecar
+from p3dof.closed_loop.reactions import ClosureJoint, ReactionSolver, loop_reactions
+from p3dof.errors import DynamicsError, InputError, ModelError, ReachError, SampleError, SingularityError
+from p3dof.motion import Motion, paper_motion
+from p3dof.parameters import PAPER, SOLIDS, Bodies, Body, Friction, Parameters, friction
+from p3dof.reactions import JOINTS, of_solution, over_motion
+from p3dof.routes import pinocchio_route
+
+KINDS = ("paper", "points")
+OPEN = {"paper": 6, "points": 2}
+X, Y, Z = np.eye(3)
+
+
+def motion_of(states) -> Motion:
+    count = len(states.pose)
+    return Motion(np.arange(float(count)), states.pose, states.velocity, states.acceleration, check=False)
+
+
+@lru_cache
+def case(name: str) -> tuple[Parameters, Motion, np.ndarray]:
+    """A machine, states of motion (whatever the time), and wrenches on the platform."""
+    if name in ("PAPER", "SOLIDS"):
+        motion = paper_motion(41)
+        wrench = np.random.default_rng(3).normal(0, 20, (41, 6))
+        return (PAPER if name == "PAPER" else SOLIDS), motion, wrench
+    seed = int(name)
+    parameters = random_machine(seed)
+    states = random_states(parameters, seed, 6)
+    return parameters, motion_of(states), states.wrench
+
+
+CASES = ("PAPER", "SOLIDS", *map(str, range(12)))
+
+
+@lru_cache
+def solved(name: str, kind: str):
+    parameters, motion, wrench = case(name)
+    return over_motion(p3dof.load(parameters).loop, parameters, motion, kind, wrench)
+
+
+# --- bookkeeping on the closed forms: bodies, ends of joints, 60 equations ----------------------------------
+
+
+class Bookkeeping:
+    """Bodies, joints and loads of a motion in the fixed frame, from `p3dof.kinematics` alone."""
+
+    def __init__(self, parameters: Parameters, motion: Motion, wrench: np.ndarray) -> None:
+        states = motion.pose, motion.velocity, motion.acceleration
+        g = parameters.geometry
+        self.parameters, self.bodies = parameters, parameters.bodies
+        self.moving = kinematics.mechanism_motion(g, *states).bodies
+        self.centre = {name: self.moving[name].at(body.com)[0] for name, body in self.bodies.items()}
+        s, c = (g.R - g.r) / g.L, g.h / g.L
+        rod = np.array([[s, c, 0], [0, 0, -1], [-c, s, 0]])
+        self.ends = {}  # joint: (predecessor, successor, rotation, position)
+        pairs = (
+            ("slide_a", "base_link", "slider_a"), ("hinge_a", "slider_a", "leg_a"),
+            ("slide_b", "base_link", "slider_b"), ("hinge_b", "slider_b", "leg_b"),
+            ("slide_c", "base_link", "slider_c"), ("hinge_c", "slider_c", "crossbar_upper"),
+            ("hinge_left", "crossbar_upper", "rod_left"), ("hinge_lower", "rod_left", "crossbar_lower"),
+            ("hinge_platform", "crossbar_lower", "platform"), ("hinge_right", "crossbar_upper", "rod_right"),
+        )  # fmt: skip
+        for joint, one, other in pairs:
+            its = self.moving[other]
+            turn = rod if other == "crossbar_lower" else np.eye(3)
+            self.ends[joint] = one, other, its.rotation @ turn, its.joint
+        cuts = (
+            ("loop_a", "leg_a", "platform"),
+            ("loop_b", "leg_b", "platform"),
+            ("loop_c", "rod_right", "crossbar_lower"),
+        )
+        for joint, one, other in cuts:
+            self.ends[joint] = one, other, self.moving[one].rotation, self.moving[one].at((g.L, 0, 0))[0]
+        self.needs = {name: self._needs(name, body, wrench) for name, body in self.bodies.items()}
+
+    def _needs(self, name, body, wrench):
+        """m a - m g - F and the rate of the angular momentum about the mass centre less the load's moment."""
+        its = self.moving[name]
+        inertia = its.rotation @ body.inertia @ np.swapaxes(its.rotation, -1, -2)
+        spin = (inertia @ its.omega[..., None])[..., 0]
+        force = body.mass * (its.at(body.com)[2] - self.parameters.gravity)
+        moment = (inertia @ its.epsilon[..., None])[..., 0] + np.cross(its.omega, spin)
+        if name == "platform":
+            force = force - wrench[:, :3]
+            moment = moment - wrench[:, 3:] - np.cross(its.origin - self.centre[name], wrench[:, :3])
+        return force, moment
+
+    def errors(self, result):
+        """Newton's and Euler's errors (N, 10, 3) of the reported reactions, body by body."""
+        found = []
+        for name in self.bodies.__dataclass_fields__:
+            force, moment = (-part for part in self.needs[name])
+            for joint, (one, other, rotation, position) in self.ends.items():
+                if name in (one, other):
+                    sign = 1 if name == other else -1
+                    f, m = ((rotation @ part[..., None])[..., 0] for part in wrench_of(result, joint))
+                    force = force + sign * f
+                    moment = moment + sign * (m + np.cross(position - self.centre[name], f))
+            found.append((force, moment))
+        return (np.stack(parts, axis=1) for parts in zip(*found, strict=True))
+
+    def system(self, i, kind):
+        """The 60 Newton-Euler equations of sample i in all components that the joints can transmit.
+
+        Returns their matrix, and a matrix (13 joints x 6, columns) from these unknowns to the components.
+        """
+        columns, components = [], []
+        for k, (joint, (one, other, rotation, position)) in enumerate(self.ends.items()):
+            platform = self.moving["platform"].rotation[i]
+            for part in transmitted(joint, kind, rotation[i].T @ platform[:, 1]):
+                f, m = rotation[i] @ part[:3], rotation[i] @ part[3:]
+                column = np.zeros((10, 6))
+                for name, sign in ((one, -1), (other, 1)):
+                    if name != "base_link":
+                        arm = position[i] - self.centre[name][i]
+                        column[BODIES.index(name)] = sign * np.concatenate([f, m + np.cross(arm, f)])
+                columns.append(column.ravel())
+                components.append(np.zeros((13, 6)))
+                components[-1][k] = part
+        return np.transpose(columns), np.transpose(np.reshape(components, (-1, 78)))
+
+
+def wrench_of(result, joint):
+    return result[joint].forces, result[joint].moments
+
+
+def transmitted(joint, kind, platform_axis):
+    """Unit wrenches that a joint (with its actuator) transmits, in its own axes."""
+    forces = [np.r_[axis, 0, 0, 0] for axis in np.eye(3)]
+    if joint.startswith("slide"):
+        moments = [X, Y, Z]
+    elif joint.startswith("hinge") or (joint == "loop_c" and kind == "paper"):
+        moments = [X, Z]
+    elif kind == "paper":
+        normal = np.cross(Y, platform_axis)
+        moments = [normal / np.linalg.norm(normal)]
+    else:
+        moments = []
+    return forces + [np.r_[0, 0, 0, moment] for moment in moments]
+
+
+def largest(values):
+    return np.abs(values).max(axis=tuple(range(1, np.ndim(values))))
+
+
+def scales(result):
+    """Largest force and moment of each sample."""
+    return largest(result.forces), largest(result.moments)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", CASES)
+def test_every_body_obeys_newton_and_euler(name, kind):
+    parameters, motion, wrench = case(name)
+    result = solved(name, kind)
+    assert len(result.time) >= 3
+    newton, euler = Bookkeeping(parameters, motion, wrench).errors(result)
+    force, moment = scales(result)
+    arm = force * parameters.geometry.L  # moments of forces cancel in Euler's equation
+    assert np.all(largest(newton) <= 1e-10 * force)
+    assert np.all(largest(euler) <= 1e-10 * np.maximum(moment, arm))
+    errors = np.maximum(largest(newton), largest(euler))
+    assert np.all(np.abs(result.residual - errors) <= 1e-11 * np.maximum(force, np.maximum(moment, arm)))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", CASES)
+def test_joints_transmit_what_they_can(name, kind):
+    parameters, motion, wrench = case(name)
+    result = solved(name, kind)
+    states = motion.pose, motion.velocity, motion.acceleration
+    actuators = virtual_power.forces(parameters, *states, wrench)
+    force, moment = scales(result)
+    slides = np.stack([result[s].forces[:, 2] for s in ("slide_a", "slide_b", "slide_c")], axis=-1)
+    assert np.all(largest(slides - actuators) <= 1e-10 * force)
+    hinges = [i for i, joint in enumerate(JOINTS) if joint.name.startswith("hinge")]
+    assert np.all(largest(result.moments[:, hinges, 1]) <= 1e-10 * np.maximum(moment, force))
+    cuts = result.moments[:, 10:]
+    if kind == "points":
+        assert not np.any(cuts)
+        return
+    platform = kinematics.mechanism_motion(parameters.geometry, *states).bodies["platform"].rotation[..., 1]
+    legs = result.in_base()[1][:, 10:12]
+    assert np.all(np.abs(cuts[..., 1]) <= 1e-10 * moment[:, None])  # legs' and rod's own hinge axes
+    assert np.all(np.abs(np.einsum("nki,ni->nk", legs, platform)) <= 1e-10 * moment[:, None])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", CASES)
+def test_the_ground_bears_momentum_weight_and_load(name, kind):
+    parameters, motion, wrench = case(name)
+    result = solved(name, kind)
+    book = Bookkeeping(parameters, motion, wrench)
+    force = sum(need for need, _ in book.needs.values())
+    moment = sum(m + np.cross(book.centre[name], f) for name, (f, m) in book.needs.items())  # about O
+    forces, moments = result.in_base()
+    ground = [0, 2, 4]
+    at = np.stack([book.ends[s][3] for s in ("slide_a", "slide_b", "slide_c")], axis=1)
+    borne = (moments + np.cross(result.positions, forces))[:, ground].sum(axis=1)
+    np.testing.assert_allclose(result.positions[:, ground], at, atol=1e-12 * parameters.geometry.L)
+    scale_f, scale_m = scales(result)
+    assert np.all(largest(forces[:, ground].sum(axis=1) - force) <= 1e-10 * scale_f)
+    assert np.all(largest(borne - moment) <= 1e-10 * np.maximum(scale_m, scale_f * parameters.geometry.L))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", range(6))
+def test_friction_lies_along_the_joints_freedoms(seed, kind):
+    parameters, motion, wrench = case(str(seed))
+    rng = np.random.default_rng(seed)
+    names = (*friction.SLIDES, *friction.PASSIVE)
+    viscous, coulomb = ({name: rng.uniform(0, 3) for name in names} for _ in range(2))
+    friction_ = Friction(viscous, coulomb, smoothing=0.3)
+    parameters = Parameters(
+        parameters.geometry, parameters.bodies, gravity=parameters.gravity, friction=friction_
+    )
+    result = over_motion(p3dof.load(parameters).loop, parameters, motion, kind, wrench)
+    newton, euler = Bookkeeping(parameters, motion, wrench).errors(result)
+    force, moment = scales(result)
+    bound = 1e-10 * np.maximum(moment, force * parameters.geometry.L)
+    assert np.all(largest(newton) <= 1e-10 * force)
+    assert np.all(largest(euler) <= bound)
+
+    def resisting(name, rate):
+        return -viscous[name] * rate - coulomb[name] * np.tanh(rate / 0.3)
+
+    states = motion.pose, motion.velocity, motion.acceleration
+    moving = kinematics.mechanism_motion(parameters.geometry, *states)
+    actuators = virtual_power.forces(parameters, *states, wrench)
+    for k, name in enumerate(friction.SLIDES):
+        along = actuators[:, k] + resisting(name, moving.slider_velocities[:, k])
+        assert np.all(np.abs(result[name].forces[:, 2] - along) <= 1e-10 * force)
+    for joint in result.joints[:10]:
+        if joint.startswith("hinge"):
+            along = resisting(joint, moving.velocity[joint])
+            assert np.all(np.abs(result[joint].moments[:, 1] - along) <= bound)
+    cuts = result.in_base()[1][:, 10:]
+    for k, (name, leg) in enumerate((("universal_a", "leg_a"), ("universal_b", "leg_b"))):
+        for axis in (0, 1):  # x0 and y0
+            rate = (moving.bodies["platform"].omega - moving.bodies[leg].omega)[:, axis]
+            assert np.all(np.abs(cuts[:, k, axis] - resisting(name, rate)) <= bound)
+    rate = moving.velocity["hinge_lower"]  # the rods move alike
+    along = resisting("hinge_lower_right", rate)
+    assert np.all(np.abs(result["loop_c"].moments[:, 1] - along) <= bound)
+
+
+# --- what is left open --------------------------------------------------------------------------------------
+
+
+def null_space(matrix):
+    _, s, Vt = np.linalg.svd(matrix)
+    rank = int(np.sum(s > 1e-9 * s[0]))
+    return Vt[rank:].T
+
+
+def brute_force(book, i, kind):
+    """Changes of all components (13, 6, k) that no equation sees, moments in units of N times L."""
+    L = book.parameters.geometry.L
+    matrix, components = book.system(i, kind)
+    rows = np.tile([1, 1, 1, 1 / L, 1 / L, 1 / L], 10)[:, None]
+    is_moment = np.abs(components.reshape(13, 6, -1)[:, 3:]).sum(axis=(0, 1)) > 0
+    null = null_space(rows * matrix * np.where(is_moment, L, 1.0))
+    assert matrix.shape == (60, 66 if kind == "paper" else 62)
+    return (components @ null).reshape(13, 6, -1)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", CASES)
+def test_marked_is_exactly_what_sixty_equations_leave_open(name, kind):
+    parameters, motion, wrench = case(name)
+    result, book = solved(name, kind), Bookkeeping(parameters, motion, wrench)
+    assert set(result.undetermined) == {OPEN[kind]}
+    for i in range(0, len(motion), 5 if len(motion) > 10 else 1):
+        change = brute_force(book, i, kind)
+        assert change.shape[-1] == OPEN[kind]
+        moves = np.linalg.norm(change, axis=-1) > 1e-7
+        np.testing.assert_array_equal(~moves[:, :3], result.determined_forces[i])
+        np.testing.assert_array_equal(~moves[:, 3:], result.determined_moments[i])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", CASES)
+def test_of_all_solutions_the_one_with_the_smallest_cut_forces_then_moments(name, kind):
+    parameters, motion, wrench = case(name)
+    result, book = solved(name, kind), Bookkeeping(parameters, motion, wrench)
+    rng = np.random.default_rng(0)
+    for i in range(0, len(motion), 5 if len(motion) > 10 else 1):
+        change = brute_force(book, i, kind)[10:]
+        forces, moments = result.forces[i, 10:].ravel(), result.moments[i, 10:].ravel()
+        of_force, of_moment = (change[:, part].reshape(9, -1) for part in (slice(3), slice(3, 6)))
+        scale = max(scales(result)[0][i], scales(result)[1][i] / parameters.geometry.L)
+        assert largest(of_force.T @ forces).max() <= 1e-9 * scale
+        _, s, Vt = np.linalg.svd(of_force)
+        still = Vt[np.sum(s > 1e-7) :].T  # changes of moments alone
+        assert still.shape[1] == (3 if kind == "paper" else 0)
+        left = (of_moment @ still).T @ moments / parameters.geometry.L
+        assert np.all(np.abs(left) <= 1e-9 * scale)
+        for direction in rng.normal(size=(5, change.shape[-1])):
+            other = forces + scale * (of_force @ direction)
+            assert other @ other >= forces @ forces * (1 - 1e-12)
+
+
+def special(name):
+    """States at which the machine is symmetric, upright or otherwise special."""
+    g = PAPER.geometry
+    pose = {
+        "home": (0, 0, 0),
+        "straight down": (0, 0.05, 0),
+        "tilted": (0, 0, 0.4),
+        "sideways": (0.05, 0, 0),
+        "leg A upright": (-(g.R - g.r), 0, 0),
+        "leg B upright": (g.R - g.r, 0, 0.2),
+        "half right angle": (0.02, 0, np.pi / 4),
+    }[name]
+    moving = SimpleNamespace(pose=np.array([pose]), velocity=np.zeros((1, 3)), acceleration=np.zeros((1, 3)))
+    return motion_of(moving)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        "home", "straight down", "tilted", "sideways", "leg A upright", "leg B upright",
+        "half right angle",
+    ],
+)  # fmt: skip
+def test_marks_at_special_poses(name, kind):
+    motion = special(name)
+    result = over_motion(p3dof.load().loop, PAPER, motion, kind)
+    change = brute_force(Bookkeeping(PAPER, motion, np.zeros((1, 6))), 0, kind)
+    assert change.shape[-1] == result.undetermined[0] == OPEN[kind]
+    moves = np.linalg.norm(change, axis=-1) > 1e-7
+    np.testing.assert_array_equal(~moves[:, :3], result.determined_forces[0])
+    np.testing.assert_array_equal(~moves[:, 3:], result.determined_moments[0])
+
+
+def test_what_is_marked_at_home_and_away_from_it():
+    """The guides of A and B share the pull along x0; at home the marked components are fewer."""
+    loop = p3dof.load().loop
+    home, away = (over_motion(loop, PAPER, special(name), "points") for name in ("home", "leg B upright"))
+    for result in (home, away):
+        for joint in ("slide_a", "slide_b"):
+            np.testing.assert_array_equal(result[joint].determined_forces[0], [False, True, True])
+        for joint in ("hinge_a", "hinge_b", "loop_a", "loop_b"):
+            np.testing.assert_array_equal(result[joint].determined_forces[0], [True, False, True])
+        assert result["slide_c"].determined_forces.all()
+        assert result["hinge_platform"].determined_forces.all()
+    marks = [np.sum(~r.determined_forces) + np.sum(~r.determined_moments) for r in (home, away)]
+    assert marks[0] < marks[1]
+
+
+# --- results ------------------------------------------------------------------------------------------------
+
+
+def test_joints_are_those_of_the_description():
+    mechanism = description.describe(PAPER)
+    joints = {joint.name: joint for joint in mechanism.joints}
+    parents = {joint.child: joint.parent for joint in mechanism.joints}
+    loop = p3dof.load().loop
+    closures = mechanism.closures
+    assert [j.name for j in JOINTS] == [*list(loop.model.names)[1:], *(c.name for c in closures)]
+    for given in JOINTS[:10]:
+        joint = joints[given.name]
+        assert (joint.parent, joint.child, joint.child) == (given.predecessor, given.successor, given.frame)
+        np.testing.assert_array_equal(joint.axis, {"y": Y, "z": Z}[given.axis])
+    for given, closure in zip(JOINTS[10:], closures, strict=True):
+        ends = parents[closure.frame1], parents[closure.frame2], closure.frame1
+        assert ends == (given.predecessor, given.successor, given.frame)
+
+
+def test_ball_joints_have_the_multipliers_of_the_inverse_dynamics():
+    loop, result = p3dof.load().loop, solved("PAPER", "points")
+    _, motion, wrench = case("PAPER")
+    solution = pinocchio_route.solve(
+        loop, PAPER.geometry.h, motion.pose, motion.velocity, motion.acceleration, wrench
+    )
+    states = solution.joints
+    for i in range(0, len(motion), 5):
+        external = {"platform_center": wrench[i]}
+        one = loop.inverse_dynamics(states.q[i], states.v[i], states.a[i], external)
+        np.testing.assert_allclose(result.forces[i, 10:].ravel(), one.lambda_, atol=1e-11)
+        np.testing.assert_array_equal(result.determined_forces[i, 10:].ravel(), one.unique)
+
+
+def test_massless_crossbars_are_the_limit_of_light_ones():
+    motion = paper_motion(11)
+    light = Body(1e-9, np.zeros(3), np.full(3, 1e-11))
+    bodies = dict(PAPER.bodies.items()) | {"crossbar_upper": light, "crossbar_lower": light}
+    heavier = Parameters(PAPER.geometry, Bodies(**bodies), gravity=PAPER.gravity)
+    assert PAPER.bodies.crossbar_lower.mass == 0
+    for kind in KINDS:
+        one, other = (over_motion(p3dof.load(p).loop, p, motion, kind) for p in (PAPER, heavier))
+        np.testing.assert_allclose(one.forces, other.forces, atol=1e-6)
+        np.testing.assert_allclose(one.moments, other.moments, atol=1e-6)
+
+
+def test_determined_components_do_not_depend_on_how_the_cuts_are_built():
+    balls, hinges = solved("SOLIDS", "points"), solved("SOLIDS", "paper")
+    both = balls.determined_forces & hinges.determined_forces
+    np.testing.assert_allclose(balls.forces[both], hinges.forces[both], atol=1e-10)
+    assert not np.allclose(balls.forces, hinges.forces, atol=1)
+
+
+def test_peaks():
+    result = over_motion(p3dof.load().loop, PAPER, paper_motion(101))
+    peaks = {peak.joint: peak for peak in result.peaks()}
+    assert tuple(peaks) == result.joints
+    one, peak = result["slide_c"], peaks["slide_c"]
+    assert peak.force == np.linalg.norm(one.forces, axis=1).max()
+    assert peak.axial == np.abs(one.forces[:, 2]).max()
+    np.testing.assert_allclose(peak.radial, np.hypot(*one.forces.T[:2]).max(), rtol=1e-14)
+    np.testing.assert_allclose(peak.across, np.hypot(*one.moments.T[:2]).max(), rtol=1e-14)
+    mean = np.trapezoid(np.sum(one.forces**2, axis=1), result.time) / (result.time[-1] - result.time[0])
+    np.testing.assert_allclose(peak.rms_force, np.sqrt(mean), rtol=1e-14)
+    # The guide of C turns its slider about z0 by an undetermined moment; all else in it is determined.
+    assert peak.undetermined == ("moment", "rms_moment")
+    assert peaks["hinge_a"].undetermined == ("force", "axial", "moment", "across", "rms_force", "rms_moment")
+    balls = {peak.joint: peak for peak in solved("PAPER", "points").peaks()}
+    assert np.isnan([balls["loop_a"].axial, balls["loop_b"].radial, balls["loop_c"].across]).all()
+    assert balls["loop_a"].undetermined == ("force", "rms_force")
+    assert balls["loop_a"].moment == 0
+
+
+def test_table(tmp_path):
+    result = solved("PAPER", "paper")
+    path = result.to_csv(tmp_path / "reactions.csv")
+    header = path.read_text(encoding="utf-8").splitlines()[0].split(",")
+    table = dict(zip(header, np.loadtxt(path, delimiter=",", skiprows=1).T, strict=True))
+    for k, joint in enumerate(result.joints):
+        for i, axis in enumerate("xyz"):
+            for letter, unit, values, determined in (
+                ("f", "N", result.forces, result.determined_forces),
+                ("m", "N m", result.moments, result.determined_moments),
+            ):
+                np.testing.assert_array_equal(table[f"{joint} {letter}{axis} [{unit}]"], values[:, k, i])
+                marks = table.get(f"{joint} {letter}{axis} determined", np.ones(len(result.time)))
+                np.testing.assert_array_equal(marks, determined[:, k, i])
+    assert "slide_a fz determined" not in table
+    np.testing.assert_array_equal(table["residual"], result.residual)
+
+
+def test_invalid_samples():
+    far = [[0, 0, 0], [9, 0, 0], [0.01, 0, 0.1], [0, 0, np.pi / 3]]
+    rest = np.zeros((4, 3))
+    motion = Motion(np.arange(4.0), far, rest, rest, check=False)
+    loop = p3dof.load().loop
+    result = over_motion(loop, PAPER, motion, on_invalid="nan")
+    np.testing.assert_array_equal(result.valid, [True, False, True, False])
+    for array in (result.forces, result.moments, result.residual, result.positions, result.rotations):
+        assert np.isfinite(array[[0, 2]]).all()
+        assert np.isnan(array[[1, 3]]).all()
+    assert not result.determined_forces[1].any()
+    np.testing.assert_array_equal(result.undetermined, [6, 0, 6, 0])
+    assert np.isfinite(result.peaks()[0].force)
+    with pytest.raises(ReachError):
+        over_motion(loop, PAPER, motion)
+    with pytest.raises(SingularityError):
+        over_motion(loop, PAPER, Motion([0.0], [far[3]], rest[:1], rest[:1], check=False))
+    none = over_motion(
+        loop, PAPER, Motion([0.0], [far[1]], rest[:1], rest[:1], check=False), on_invalid="nan"
+    )
+    assert "nan" in repr(none)
+    assert np.isnan(none.peaks()[3].rms_moment)
+    assert none.peaks()[3].undetermined == ()
+
+
+def test_forces_that_do_not_belong_to_the_motion():
+    loop, motion = p3dof.load().loop, paper_motion(6)
+    states = motion.pose, motion.velocity, motion.acceleration
+    solution = pinocchio_route.solve(loop, PAPER.geometry.h, *states)
+    solution.forces[4, 1] += 1e-3
+    with pytest.raises(SampleError, match=r"sample 4.*do not produce the motion") as caught:
+        of_solution(loop, PAPER, motion, solution)
+    assert caught.value.index == (4,)
+    result = of_solution(loop, PAPER, motion, solution, on_invalid="nan")
+    np.testing.assert_array_equal(result.valid, [True] * 4 + [False, True])
+
+
+def test_bad_arguments():
+    loop = p3dof.load().loop
+    motion = paper_motion(11)
+    with pytest.raises(InputError, match="joints: expected 'paper' or 'points', got 'welds'"):
+        over_motion(loop, PAPER, motion, "welds")
+    with pytest.raises(InputError, match="motion: expected a Motion"):
+        over_motion(loop, PAPER, motion.pose)
+    with pytest.raises(InputError, match="wrench: expected shape"):
+        over_motion(loop, PAPER, motion, wrench=np.zeros((7, 6)))
+    with pytest.raises(InputError, match=r"joint: expected one of slide_a, .*got 'elbow'"):
+        solved("PAPER", "paper")["elbow"]
+
+
+def test_the_screen_table_marks_what_is_open():
+    table = peaks_table(solved("PAPER", "points"))
+    cells = {column.header: list(column.cells) for column in table.columns}
+    row = cells["joint"].index("slide_a")
+    assert cells["axial\n[N]"][row].endswith(" ")
+    assert cells["radial\n[N]"][row].endswith("*")
+    assert cells["axial\n[N]"][cells["joint"].index("loop_a")] == "- "
+
+
+def test_the_command(tmp_path, capsys):
+    out = tmp_path / "reactions.csv"
+    assert main(["reactions", "--samples", "11", "--joints", "points", "--out", str(out)]) == 0
+    shown = capsys.readouterr().out
+    for word in ("hinge_platform", "axial", "131.4", "*", "not determined", f"wrote {out}"):
+        assert word in shown
+    expected = over_motion(p3dof.load().loop, PAPER, paper_motion(11), "points")
+    table = np.loadtxt(out, delimiter=",", skiprows=1)
+    np.testing.assert_array_equal(table[:, 1], expected["slide_a"].forces[:, 0])
+    motion = tmp_path / "far.csv"
+    motion.write_text("t,y,z,theta\n0,9,0,0\n1,9,0,0\n", encoding="utf-8")
+    assert main(["reactions", "--motion", str(motion), "--out", str(motion)]) == 2
+    assert "would be overwritten" in capsys.readouterr().err
+    assert main(["reactions", "--motion", str(motion), "--on-invalid", "nan"]) == 2
+    assert "no sample of the motion" in capsys.readouterr().err
+
+
+# --- other robots -------------------------------------------------------------------------------------------
+
+
+def loop_of(xml, sidecar) -> ClosedLoopModel:
+    return ClosedLoopModel.from_urdf(xml, sidecar)
+
+
+def five_bar_state():
+    loop = loop_of(robots.five_bar(), robots.FIVE_BAR_SIDECAR)
+    return loop, loop.complete([2.0, 1.2], [1.0, -0.5], [3.0, 2.0], guess=robots.five_bar_q(2.0, 1.2))
+
+
+def body_errors(loop, state, result, external, ends):
+    """Newton's and Euler's largest error of each body, from mass centres by Pinocchio's kinematics.
+
+    `ends` are the joints (predecessor, successor) of the closures.
+    """
+    model, data = loop.model, loop.model.createData()
+    pin.forwardKinematics(model, data, state.q, state.v, state.a)
+    pin.updateFramePlacements(model, data)
+    forces = np.einsum("kij,kj->ki", result.rotations, result.forces)
+    moments = np.einsum("kij,kj->ki", result.rotations, result.moments)
+    pairs = [(int(model.parents[j]), j) for j in range(1, model.njoints)] + ends
+    worst = 0.0
+    for j in range(1, model.njoints):
+        inertia, M = model.inertias[j], data.oMi[j]
+        centre, w = M.act(inertia.lever), M.rotation @ data.v[j].angular
+        at_centre = pin.SE3(np.eye(3), inertia.lever)
+        a = pin.getFrameClassicalAcceleration(model, data, j, at_centre, pin.LOCAL_WORLD_ALIGNED)
+        I = M.rotation @ inertia.inertia @ M.rotation.T  # noqa: E741
+        force = inertia.mass * (model.gravity.linear - a.linear)
+        moment = -I @ a.angular - np.cross(w, I @ w)
+        for (one, other), f, m, p in zip(pairs, forces, moments, result.positions, strict=True):
+            sign = (other == j) - (one == j)
+            force = force + sign * f
+            moment = moment + sign * (m + np.cross(p - centre, f))
+        for name, wrench in external.items():
+            frame = model.frames[model.getFrameId(name)]
+            if frame.parentJoint == j:
+                p = data.oMf[model.getFrameId(name)].translation
+                force = force + wrench[:3]
+                moment = moment + wrench[3:] + np.cross(p - centre, wrench[:3])
+        worst = max(worst, np.abs(np.r_[force, moment]).max())
+    return worst
+
+
+def closure_ends(loop):
+    frames = loop.model.frames
+    ids = [(loop.model.getFrameId(c.frame1), loop.model.getFrameId(c.frame2)) for c in loop.sidecar.closures]
+    return [(int(frames[one].parentJoint), int(frames[other].parentJoint)) for one, other in ids]
+
+
+@pytest.mark.parametrize(
+    ("joint", "open_"),
+    [(ClosureJoint.ball(), 1), (ClosureJoint.revolute(Y), 3), (ClosureJoint.universal(Y, X), 2), (None, 1)],
+)
+def test_a_planar_five_bar_is_overconstrained_out_of_its_plane(joint, open_):
+    loop, state = five_bar_state()
+    external = {"left_tip": np.array([3.0, 2, -1, 0.3, 0.2, -0.5]), "right_near": np.arange(6.0)}
+    tau = loop.inverse_dynamics(state.q, state.v, state.a, external).tau
+    result = loop_reactions(
+        loop, state.q, state.v, state.a, tau, external, joints=None if joint is None else [joint]
+    )
+    assert result.undetermined == open_
+    assert body_errors(loop, state, result, external, closure_ends(loop)) < 1e-12
+    planar = np.ones((5, 3), dtype=bool)
+    planar[:, 1] = False  # forces in the plane of motion are determined, those across it are not
+    np.testing.assert_array_equal(result.determined_forces, planar)
+    assert result.names[-1] == "left_tip/right_tip"
+
+
+def test_a_welded_loop_and_one_without_redundancy():
+    sarrus = loop_of(robots.sarrus(), robots.SARRUS_SIDECAR)
+    state = sarrus.complete([0.2], [0.7], [1.5])
+    tau = sarrus.inverse_dynamics(state.q, state.v, state.a).tau
+    result = loop_reactions(sarrus, state.q, state.v, state.a, tau)
+    assert result.undetermined == 1
+    assert body_errors(sarrus, state, result, {}, closure_ends(sarrus)) < 1e-12
+    hexapod = loop_of(robots.hexapod(), robots.HEXAPOD_SIDECAR)
+    q = robots.hexapod_q(pin.SE3(pin.rpy.rpyToMatrix(0.1, -0.2, 0.3), np.array([0.1, 0, 0.8])), hexapod.model)
+    rest = np.zeros(hexapod.model.nv)
+    tau = hexapod.inverse_dynamics(q, rest, rest).tau
+    result = loop_reactions(hexapod, q, rest, rest, tau)
+    state = SimpleNamespace(q=q, v=rest, a=rest)
+    assert result.undetermined == 0
+    assert result.determined_forces.all()
+    assert result.determined_moments.all()
+    assert body_errors(hexapod, state, result, {}, closure_ends(hexapod)) < 1e-11
+
+
+def test_an_open_tree_needs_no_closures():
+    xml = robots.robot(
+        robots.link("base"),
+        robots.link("arm", robots.ARM),
+        robots.joint("shoulder", "base", "arm", kind="prismatic", axis=(1, 0, 0)),
+    )
+    loop = ClosedLoopModel.from_urdf(xml)
+    result = loop_reactions(loop, [0.1], [0.0], [3.0], [robots.ARM.mass * 3])
+    np.testing.assert_allclose(result.forces, [[6.3, 0, 2.1 * 9.81]])
+    np.testing.assert_allclose(result.moments[0], np.cross(robots.ARM.com, [6.3, 0, 2.1 * 9.81]), atol=1e-14)
+    assert result.undetermined == 0
+    assert result.determined_moments.all()
+
+
+def test_friction_in_joints_and_closures():
+    """Forces in the passive joints lie along their axes, those in a closure are an external pair."""
+    loop, state = five_bar_state()
+    q, v, a = state.q, state.v, state.a
+    in_joints, pair = np.array([0.4, -0.3, 0.2, 0.6]), np.array([0.0, 0, 0, 0, 0.7, 0])
+    data = loop.model.createData()
+    external = {"left_tip": -pair, "right_tip": pair}
+    # What the actuators then have to give, from the equation of motion alone.
+    J = loop.closure_jacobian(q)
+    N = null_space(J)
+    f = pin.rnea(loop.model, data, q, v, a) - in_joints
+    pin.computeJointJacobians(loop.model, data, q)
+    pin.updateFramePlacements(loop.model, data)
+    for name, wrench in external.items():
+        Je = pin.getFrameJacobian(loop.model, data, loop.model.getFrameId(name), pin.LOCAL_WORLD_ALIGNED)
+        f = f - Je.T @ wrench
+    tau = np.linalg.solve(N[loop.actuated_v].T, N.T @ f)
+    solver = ReactionSolver(loop, [ClosureJoint.revolute(Y)])
+    result = solver.solve(q, v, a, tau, external, in_joints)
+    given = in_joints.copy()
+    given[loop.actuated_v] += tau
+    np.testing.assert_allclose(-result.moments[:-1, 1], given, atol=1e-12)  # the axes are along -y
+    assert abs(result.moments[-1, 1]) < 1e-14
+    assert body_errors(loop, state, result, external, closure_ends(loop)) < 1e-12
+    with pytest.raises(DynamicsError, match="do not produce the motion"):
+        solver.solve(q, v, a, tau, external)
+
+
+def test_a_rotor_takes_its_share_of_the_actuators_torque():
+    loop, state = five_bar_state()
+    loop.model.armature = np.array([0.3, 0, 0, 0.0])
+    tau = loop.inverse_dynamics(state.q, state.v, state.a).tau
+    result = loop_reactions(loop, state.q, state.v, state.a, tau)
+    np.testing.assert_allclose(-result.moments[0, 1], tau[0] - 0.3 * state.a[0], rtol=1e-12)
+    assert body_errors(loop, state, result, {}, closure_ends(loop)) < 1e-12
+
+
+def test_scale_does_not_change_the_marks():
+    for factor in (0.05, 1.0, 30.0):
+        g = PAPER.geometry
+        sizes = {name: factor * getattr(g, name) for name in ("r", "R", "L", "b")}
+        parameters = Parameters(type(g)(**sizes), PAPER.bodies, gravity=PAPER.gravity)
+        rest = np.zeros((1, 3))
+        motion = Motion([0.0], [[0.03 * factor, 0.02 * factor, 0.2]], rest, rest, check=False)
+        result = over_motion(p3dof.load(parameters).loop, parameters, motion)
+        marks = np.concatenate([result.determined_forces, result.determined_moments], axis=-1)
+        if factor == 0.05:
+            first = marks
+        np.testing.assert_array_equal(marks, first)
+        assert result.undetermined[0] == 6
+
+
+def test_bad_input_of_the_general_solver():
+    loop, state = five_bar_state()
+    q, v, a = state.q, state.v, state.a
+    tau = loop.inverse_dynamics(q, v, a).tau
+    with pytest.raises(ModelError, match="they leave 1 free motions, the loops have 2"):
+        loop_reactions(loop, q, v, a, tau, joints=[ClosureJoint.weld()])
+    with pytest.raises(ModelError, match="expected 1, one for each closure, got 2"):
+        loop_reactions(loop, q, v, a, tau, joints=[ClosureJoint.ball()] * 2)
+    with pytest.raises(ModelError, match="expected a sequence of ClosureJoint"):
+        loop_reactions(loop, q, v, a, tau, joints=["ball"])
+    with pytest.raises(InputError, match="loop: expected a ClosedLoopModel"):
+        loop_reactions(loop.model, q, v, a, tau)
+    with pytest.raises(InputError, match=r"tau: expected shape \(2,\)"):
+        loop_reactions(loop, q, v, a, [1.0])
+    with pytest.raises(InputError, match="q: expected shape"):
+        loop_reactions(loop, q[:2], v, a, tau)
+    with pytest.raises(InputError, match="is open by"):
+        loop_reactions(loop, q + np.array([0.01, 0, 0, 0]), v, a, tau)
+    with pytest.raises(InputError, match="v: opens the closure"):
+        loop_reactions(loop, q, v + np.array([0.01, 0, 0, 0]), a, tau)
+    with pytest.raises(DynamicsError, match="do not produce the motion"):
+        loop_reactions(loop, q, v, a + np.array([0.1, 0, 0, 0]), tau)
+    with pytest.raises(InputError, match="a: expected finite numbers"):
+        loop_reactions(loop, q, v, [np.nan, 0, 0, 0], tau)
+    with pytest.raises(InputError, match="external: expected a mapping"):
+        loop_reactions(loop, q, v, a, tau, external=[1])
+    with pytest.raises(InputError, match="the frame 'nowhere' does not exist"):
+        loop_reactions(loop, q, v, a, tau, external={"nowhere": np.zeros(6)})
+    with pytest.raises(InputError, match=r"joint_forces: expected shape \(4,\)"):
+        loop_reactions(loop, q, v, a, tau, joint_forces=np.zeros(3))
+
+
+@pytest.mark.parametrize("axis", [(0, 0, 0), (1, 2), "y", (np.nan, 0, 1)])
+def test_bad_axes(axis):
+    with pytest.raises(ModelError, match="axis"):
+        ClosureJoint.revolute(axis)
+    with pytest.raises(ModelError, match="axis2"):
+        ClosureJoint.universal(Y, axis)
+
+
+def test_what_closure_joints_transmit():
+    turn = pin.rpy.rpyToMatrix(0.3, -0.4, 0.5)
+    assert ClosureJoint.ball().moments(turn).shape == (3, 0)
+    assert ClosureJoint.weld().moments(turn).shape == (3, 3)
+    hinge = ClosureJoint.revolute((0, 2, 0)).moments(turn)
+    np.testing.assert_allclose(hinge.T @ hinge, np.eye(2), atol=1e-15)
+    assert np.abs(hinge.T @ Y).max() < 1e-15
+    cardan = ClosureJoint.universal(X, Z).moments(turn)
+    assert cardan.shape == (3, 1)
+    assert abs(cardan[:, 0] @ X) < 1e-15
+    assert abs(cardan[:, 0] @ turn @ Z) < 1e-15
+    with pytest.raises(ModelError, match="axes1: expected a tuple"):
+        ClosureJoint("y")
+    loop, state = five_bar_state()
+    with pytest.raises(ModelError, match="both frames are on the same body"):
+        ClosedLoopModel(loop.model, Sidecar((Closure("left_tip", "left_far"),), ()))
+    assert state.same_assembly

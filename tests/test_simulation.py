@@ -1,0 +1,345 @@
+"""Runs in time: conservation, an independent integration, events, bad input."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from lagrange import LagrangeModel
+from machines import random_machine, random_states
+from scipy.integrate import solve_ivp
+from test_friction import random_friction
+
+import p3dof
+from p3dof import PAPER, Friction, Limits, Springs
+from p3dof.errors import ControllerError, FileError, InputError, ReachError
+
+METHODS = ("virtual-power", "pinocchio")
+HOME = np.zeros(3)
+WIDE = replace(PAPER, limits=Limits(travel=(-5, 5), tilt=(-3, 3)))
+
+
+def swinging(method, duration, samples, **options):
+    """Undamped, the sliders on springs: a conservative system within the limits."""
+    robot = p3dof.load()
+    springs = Springs(2000.0, preload=robot.forces(HOME, HOME, HOME))
+    start = {"pose": [0.02, 0.03, 0.15], "velocity": [0.1, 0, 0.2]}
+    run = robot.simulate(duration, **start, controller=springs, method=method, samples=samples, **options)
+    return robot, springs, run
+
+
+def test_a_minute_of_oscillation_keeps_its_energy():
+    robot, springs, run = swinging("virtual-power", 60, 3001, rtol=1e-12, atol=1e-14)
+    assert run.finished
+    assert run.time[-1] == 60
+    model = LagrangeModel(robot.parameters)
+    kinetic = model.kinetic_energy(run.pose, run.velocity)
+    energy = kinetic + model.potential_energy(run.pose) + springs.energy(run.sliders)
+    assert np.abs(energy - energy[0]).max() <= 1e-10 * kinetic.max()
+    assert kinetic.max() > 3
+    assert np.ptp(run.pose, axis=0).min() > 0.05  # it does swing
+
+
+def test_a_minute_of_oscillation_keeps_its_loops_closed():
+    _, _, run = swinging("pinocchio", 60, 601)
+    assert run.finished
+    assert run.closure_error.max() <= 1e-9
+    _, _, other = swinging("virtual-power", 60, 601)
+    assert np.abs(run.pose - other.pose).max() < 1e-5
+
+
+def test_both_ways_agree_over_the_first_second():
+    _, _, run = swinging("pinocchio", 1, 101)
+    _, _, other = swinging("virtual-power", 1, 101, rtol=1e-12, atol=1e-14)
+    assert np.abs(run.pose - other.pose).max() < 1e-8
+    assert np.abs(run.velocity - other.velocity).max() < 1e-7
+    assert np.abs(run.acceleration - other.acceleration).max() < 1e-5
+
+
+def test_without_stabilisation_loops_open_faster():
+    _, _, held = swinging("pinocchio", 5, 51, rtol=1e-7)
+    _, _, loose = swinging("pinocchio", 5, 51, rtol=1e-7, stabilisation=0)
+    assert held.closure_error.max() < loose.closure_error.max() / 5
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_any_machine_moves_as_lagrange_has_it(method, seed):
+    """Friction, wrench and forces that change in time, against SciPy on the third derivation."""
+    rough = random_friction(np.random.default_rng(seed))
+    machine = random_machine(seed)
+    size = machine.geometry.L
+    machine = replace(machine, limits=Limits((-99 * size, 99 * size), tilt=(-3, 3)))
+    pose = random_states(machine, seed, 1, drop=0.5, angle=0.5).pose[0]
+    robot, model = p3dof.load(machine), LagrangeModel(machine)
+    hold = robot.forces(pose, HOME, HOME)
+    wrench = np.random.default_rng(seed).normal(0, 1, 6) * np.abs(hold).max() / 10
+    duration = 0.15 * np.sqrt(size)
+
+    def forces(time):
+        return hold * (1 + 0.3 * np.sin(20 * time))
+
+    def rate(time, x):
+        return np.concatenate([x[3:], model.accelerations(x[:3], x[3:], forces(time), wrench)])
+
+    exact = solve_ivp(rate, (0, duration), np.concatenate([pose, HOME]), "LSODA", rtol=1e-12, atol=1e-13)
+    options = {"method": method, "controller": lambda measured: forces(measured.time), "wrench": wrench}
+    run = robot.simulate(duration, pose, **options)
+    assert run.finished
+    np.testing.assert_allclose(run.pose[-1], exact.y[:3, -1], rtol=0, atol=1e-8 * max(1, size))
+    assert np.abs(run.pose[-1] - pose).max() > 1e-3 * size
+    lossy = p3dof.load(replace(machine, friction=rough)).simulate(duration, pose, **options)
+    power = np.sum(lossy.forces * lossy.slider_velocities, axis=1)
+    power += np.sum(lossy.wrench[:, (1, 2, 4)] * lossy.velocity, axis=1)
+    result = p3dof.load(replace(machine, friction=rough)).inverse_dynamics(
+        lossy.motion, "virtual-power", wrench=lossy.wrench
+    )
+    scale = np.abs(lossy.forces).max()
+    np.testing.assert_allclose(result.forces, lossy.forces, rtol=0, atol=1e-8 * scale)
+    energy = model.energy(lossy.pose, lossy.velocity)
+    lost = np.trapezoid(power - result.dissipation, lossy.time)
+    assert energy[-1] - energy[0] == pytest.approx(lost, abs=1e-5 * np.abs(power).max() * duration)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_let_go_at_home_it_falls_freely_to_its_stops(method):
+    run = p3dof.load().simulate(1.0, method=method)
+    assert not run.finished
+    assert run.stop.kind == "slider stop"
+    assert run.stop.time == pytest.approx(np.sqrt(2 * 0.2 / 9.806), abs=1e-9)
+    assert re.fullmatch("slider [ABC] at its lower end, -0.2 m", run.stop.reason)  # all at once
+    assert run.time[-1] == run.stop.time
+    np.testing.assert_allclose(run.sliders[-1], -0.2, atol=1e-9)
+    np.testing.assert_allclose(run.pose[:, 1], -9.806 * run.time**2 / 2, atol=1e-9)
+    np.testing.assert_array_equal(run.time[:-1], np.linspace(0, 1, 1001)[: len(run) - 1])
+    assert "ended by slider stop at t = 0.201969 s" in repr(run)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(
+    ("kind", "start", "forces"),
+    [
+        ("reach limit", {"velocity": [2.0, 0, 0]}, None),
+        ("reach limit", {"velocity": [-2.0, 0, 0]}, None),
+        ("singular pose", {"pose": [0, 0, 0.5], "velocity": [0, 0, 10.0]}, None),
+        ("singular pose", {"pose": [0, 0, -2.0], "velocity": [0, 0, -9.0]}, None),
+        ("tilt limit", {"velocity": [0, 0, 5.0]}, (-0.8, 0.8)),
+        ("tilt limit", {"velocity": [0, 0, -5.0]}, (-0.8, 0.8)),
+    ],
+)
+def test_what_ends_a_run_is_named(method, kind, start, forces):
+    machine = WIDE if forces is None else replace(WIDE, limits=Limits((-5, 5), tilt=forces))
+    run = p3dof.load(machine).simulate(2.0, **start, method=method)
+    assert run.stop.kind == kind
+    end = run.pose[-1]
+    if kind == "singular pose":
+        assert abs(p3dof.load(machine).singularity(end).actuation) < 1e-8
+    elif kind == "tilt limit":
+        assert abs(end[2]) == pytest.approx(0.8, abs=1e-9)
+    else:
+        drop = np.sqrt(0.4**2 - (0.15 + abs(end[0])) ** 2) / 0.4
+        assert drop == pytest.approx(1e-3, rel=1e-4)
+        assert f"leg {'A' if end[0] > 0 else 'B'} horizontal" in run.stop.reason
+    assert np.isfinite(run.pose).all()
+
+
+def test_the_first_of_several_limits_ends_the_run():
+    machine = replace(WIDE, limits=Limits((-0.05, 5), tilt=(-3, 0.3)))
+    run = p3dof.load(machine).simulate(2.0, velocity=[0, 0, 3.5])
+    both = [run.stop.kind]
+    both.append(p3dof.load(machine).simulate(2.0, velocity=[0, 0, 2.5]).stop.kind)
+    assert both == ["tilt limit", "slider stop"]
+
+
+def test_limits_that_do_not_count_are_passed():
+    run = p3dof.load().simulate(0.5, stop_at=())
+    assert run.finished
+    assert run.sliders.min() < -1
+    # past det J = 0 the motion goes on, though no force could have been found there
+    run = p3dof.load(WIDE).simulate(0.2, pose=[0, 0, 0.5], velocity=[0, 0, 10.0], stop_at=("slider stop",))
+    assert run.finished
+    assert p3dof.load().singularity(run.pose[-1]).actuation < 0
+
+
+def test_a_limit_passed_for_a_moment_between_steps_is_seen():
+    """An excursion beyond the stop and back within some milliseconds, in steps that could be longer."""
+    _, springs, run = swinging("virtual-power", 3, 3001, rtol=1e-6)
+    top = run.sliders[:, 1].max()
+    step = 3 / np.sqrt(run.evaluations)  # far more than the time beyond the limit below
+    limits = Limits(travel=(-0.2, top - 1e-7), tilt=(-1, 1))
+    stopped = p3dof.load(replace(PAPER, limits=limits)).simulate(
+        3, [0.02, 0.03, 0.15], [0.1, 0, 0.2], springs, rtol=1e-6
+    )
+    beyond = run.time[run.sliders[:, 1] > top - 1e-7]
+    assert np.ptp(beyond) < step
+    assert stopped.stop is not None or np.ptp(beyond) < 2e-3
+
+
+def test_held_forces_are_those_of_the_last_period():
+    times = []
+
+    def controller(measured):
+        times.append(measured.time)
+        assert measured.period == 0.01
+        return p3dof.load().forces(HOME, HOME, HOME) + 10 * len(times) % 7
+
+    run = p3dof.load().simulate(0.1, controller=controller, rate=100, samples=np.linspace(0, 0.1, 101))
+    np.testing.assert_allclose(times, np.arange(10) * 0.01, atol=1e-15)
+    assert len(run) == 101
+    for k in range(10):
+        assert np.all(run.forces[10 * k : 10 * k + 10] == run.forces[10 * k])
+    assert len(np.unique(run.forces[:, 0])) > 5
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_holding_a_constant_force_changes_nothing(method):
+    robot = p3dof.load()
+    forces = robot.forces(HOME, HOME, HOME) + np.array([3, -2, 1])
+    free = robot.simulate(0.2, controller=forces, method=method, samples=21)
+    held = robot.simulate(0.2, controller=forces, method=method, samples=21, rate=333)
+    np.testing.assert_allclose(held.pose, free.pose, rtol=0, atol=1e-10)
+    np.testing.assert_array_equal(held.time, free.time)
+
+
+def test_joints_may_be_the_start_and_open_loops_are_refused_with_their_gap():
+    robot = p3dof.load()
+    state = robot.loop.complete(robot.inverse_kinematics([0.01, 0.02, 0.1]).sliders, [0.1, 0, 0], np.zeros(3))
+    pose, velocity = [0.01, 0.02, 0.1], np.linalg.solve(robot.jacobian([0.01, 0.02, 0.1]), [0.1, 0, 0])
+    forces = robot.forces(pose, HOME, HOME)
+    first = robot.simulate(0.05, controller=forces, method="pinocchio", joints=(state.q, state.v))
+    second = robot.simulate(0.05, pose, velocity, forces)
+    np.testing.assert_allclose(first.pose, second.pose, rtol=0, atol=1e-10)
+    q = state.q.copy()
+    q[1] += 1e-3
+    with pytest.raises(InputError, match=r"q: the loops are open by 0\.0004 m, expected at most 1e-09 m"):
+        robot.simulate(0.05, method="pinocchio", joints=(q, state.v))
+    with pytest.raises(InputError, match=r"v: opens the loops at 0.0917 m/s"):
+        robot.simulate(0.05, method="pinocchio", joints=(state.q, np.eye(10)[0] * 0.1))
+    with pytest.raises(InputError, match=r"q: expected shape \(10,\), got \(3,\)"):
+        robot.simulate(0.05, method="pinocchio", joints=(np.zeros(3), np.zeros(10)))
+    with pytest.raises(InputError, match="joints: expected a tuple of joint positions and velocities"):
+        robot.simulate(0.05, method="pinocchio", joints=np.zeros(20))
+    with pytest.raises(InputError, match="joints: the minimal coordinates have none"):
+        robot.simulate(0.05, joints=(state.q, state.v))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"duration": 0}, InputError, "duration: expected a positive number, got 0"),
+        ({"duration": -1}, InputError, "duration: expected a positive number, got -1"),
+        ({"duration": np.nan}, InputError, "duration: expected finite numbers, got nan"),
+        ({"duration": "long"}, InputError, "duration: expected real numbers, got text"),
+        ({"pose": [0, 0]}, InputError, r"pose: expected shape \(3,\), got \(2,\)"),
+        ({"pose": [1, 0, 0]}, ReachError, "out of reach: leg A is too short"),
+        ({"pose": [0, 0.3, 0]}, InputError, "beyond a limit: slider stop: slider A at its upper end, 0.2 m"),
+        ({"pose": [0, 0, 0.9]}, InputError, "beyond a limit: tilt limit"),
+        (
+            {"velocity": [0, np.nan, 0]},
+            InputError,
+            r"velocity: expected finite numbers, got nan at index \[1\]",
+        ),
+        ({"controller": [1, 2]}, InputError, r"controller: expected shape \(3,\), got \(2,\)"),
+        ({"controller": [1, 2, np.nan]}, InputError, "controller: expected finite numbers"),
+        ({"controller": "strong"}, InputError, "controller: expected real numbers, got text"),
+        ({"method": "magic"}, InputError, "method: expected 'pinocchio' or 'virtual-power', got 'magic'"),
+        ({"rate": 0}, InputError, "rate: expected a positive number, got 0"),
+        ({"rate": 1e12}, InputError, "rate: expected at most 100000000 control periods"),
+        ({"saturation": -1}, InputError, "saturation: expected True, False, or one or three positive forces"),
+        ({"saturation": [1, 2]}, InputError, "saturation: expected True, False, or one or three"),
+        ({"noise": 0.1, "rate": 100}, InputError, "noise: expected a Noise, got 0.1"),
+        ({"noise": p3dof.Noise()}, InputError, "noise: needs a control rate"),
+        ({"wrench": [1, 2, 3]}, InputError, r"wrench: expected shape \(6,\), got \(3,\)"),
+        ({"wrench": lambda _: [1, 2]}, InputError, r"wrench at t = 0 s: expected shape \(6,\)"),
+        ({"samples": 1}, p3dof.MotionError, "samples: expected a whole number from 2"),
+        ({"samples": [0, 0.5, 0.4]}, InputError, "samples: expected rising times from 0 to 0.1 s"),
+        ({"stop_at": ["collision"]}, InputError, "stop_at: expected some of slider stop, tilt limit"),
+        ({"rtol": 0}, InputError, "rtol: expected a positive number, got 0"),
+        ({"atol": -1}, InputError, "atol: expected a positive number, got -1"),
+        ({"stabilisation": -1}, InputError, "stabilisation: expected zero or more, got -1"),
+    ],
+)
+def test_bad_input_is_one_clear_error(arguments, error, message):
+    with pytest.raises(error, match=message):
+        p3dof.load().simulate(**{"duration": 0.1, **arguments})
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("rate", [None, 100.0])
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        (lambda: np.zeros(2), r"controller: expected forces of shape \(3,\), got \(2,\)"),
+        (lambda: [0, 0, np.inf], r"controller: expected finite forces, got \[0.0, 0.0, inf\]"),
+        (lambda: None, "controller: expected real numbers, got None"),
+        (lambda: 1 / 0, "division by zero"),
+        (lambda: {}["gain"], "'gain'"),
+    ],
+)
+def test_a_controller_that_fails_says_when_and_keeps_the_run(method, rate, answer, message):
+    robot = p3dof.load()
+    hold = robot.forces(HOME, HOME, HOME)
+
+    def controller(measured):
+        return hold if measured.time < 0.05 else answer()
+
+    with pytest.raises(
+        ControllerError, match=rf"the controller failed at t = 0\.0\d* s: {message}"
+    ) as caught:
+        robot.simulate(0.1, controller=controller, rate=rate, method=method)
+    error = caught.value
+    assert error.__cause__ is not None
+    assert 0.05 <= error.time < 0.1
+    if rate:
+        assert error.time == pytest.approx(0.05)
+        assert error.run.time[-1] == pytest.approx(0.049, abs=2e-3)
+        np.testing.assert_allclose(error.run.pose, 0, atol=1e-9)
+
+
+def test_an_interrupt_goes_through():
+    def controller(_):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        p3dof.load().simulate(0.1, controller=controller)
+
+
+def test_progress_is_told():
+    told = []
+    p3dof.load().simulate(0.1, samples=11, progress=lambda done, total: told.append((done, total)))
+    assert told == [(i, 11) for i in range(1, 12)]
+
+
+def test_files_hold_the_run(tmp_path):
+    robot = p3dof.load()
+    motion = p3dof.paper_motion(101).from_rest(0.2)
+    run = robot.simulate(0.1, controller=p3dof.PD(robot, motion), rate=200, samples=21)
+    table = np.genfromtxt(run.save(tmp_path / "run.csv"), delimiter=",", names=True)
+    assert len(table) == 21
+    np.testing.assert_array_equal(table["t_s"], run.time)
+    header = (tmp_path / "run.csv").read_text().splitlines()[0]
+    assert header.startswith("t [s],y [m],z [m],theta [rad],ydot [m/s]")
+    assert header.endswith("reference y [m],reference z [m],reference theta [rad],closure_error [m]")
+    with np.load(run.save(tmp_path / "run.npz")) as arrays:
+        for name in ("time", "pose", "velocity", "acceleration", "forces", "asked", "sliders", "reference"):
+            np.testing.assert_array_equal(arrays[name], getattr(run, name))
+        np.testing.assert_array_equal(arrays["q"], run.joints.q)
+        assert arrays["joint_names"].tolist() == list(run.joints.names)
+        assert str(arrays["stop"]) == ""
+    with pytest.raises(
+        InputError, match=re.escape("run.xlsx: expected a file name that ends in .csv or .npz")
+    ):
+        run.save(tmp_path / "run.xlsx")
+    with pytest.raises(FileError):
+        run.save(tmp_path / "run.csv" / "inside.csv")
+    with pytest.raises(InputError, match="error: the run had no motion to follow"):
+        _ = robot.simulate(0.01).error
+
+
+def test_friction_brings_it_to_rest():
+    rough = replace(PAPER, friction=Friction({"sliders": 100.0, "joints": 0.5}))
+    robot = p3dof.load(rough)
+    springs = Springs(2000.0, preload=robot.forces(HOME, HOME, HOME))
+    run = robot.simulate(5, [0.02, 0.03, 0.15], controller=springs)
+    np.testing.assert_allclose(run.pose[-1], 0, atol=1e-6)
+    assert np.abs(run.velocity[-1]).max() < 1e-5

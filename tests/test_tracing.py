@@ -1,0 +1,78 @@
+"""Straight-line functions: the formulas they come from, number for number."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from machines import SEEDS, random_machine, random_states
+from test_friction import random_friction
+
+import p3dof
+from p3dof import kinematics, minimal, virtual_power
+from p3dof.simulation.equations import Equations
+from p3dof.tracing import Tape, straight_line
+
+
+@given(seed=SEEDS)
+@settings(max_examples=30, deadline=None)
+def test_the_equations_are_those_of_the_arrays(seed):
+    machine = replace(random_machine(seed), friction=random_friction(np.random.default_rng(seed)))
+    states = random_states(machine, seed, 3)
+    equations, geometry = Equations(machine), machine.geometry
+    inverse = kinematics.inverse_kinematics(geometry, states.pose).sliders
+    J = kinematics.inverse_jacobian(geometry, states.pose)
+    forces = virtual_power.forces(machine, states.pose, states.velocity, states.acceleration)
+    given_ = np.random.default_rng(seed).normal(0, np.abs(forces).max(), (3, 3))
+    expected = minimal.forward_dynamics(machine, states.pose, states.velocity, given_, states.wrench)
+    for i, (x, v, a) in enumerate(zip(states.pose, states.velocity, states.acceleration, strict=True)):
+        sliders = equations.sliders(*x, *v)
+        np.testing.assert_allclose(sliders[:3], inverse[i], rtol=1e-14, atol=1e-15)
+        np.testing.assert_allclose(sliders[3:], J[i] @ v, rtol=1e-12, atol=1e-13 * np.abs(J[i]).max())
+        np.testing.assert_allclose(np.reshape(equations.jacobian(*x), (3, 3)), J[i], rtol=1e-13, atol=1e-15)
+        found = equations.forces(*x, *v, *a)
+        np.testing.assert_allclose(found, forces[i], rtol=0, atol=1e-13 * np.abs(forces[i]).max())
+        found = equations.acceleration(*x, *v, *given_[i], *states.wrench[i][[1, 2, 4]])
+        np.testing.assert_allclose(found, expected[i], rtol=0, atol=1e-11 * np.abs(expected[i]).max())
+
+
+def test_out_of_reach_raises_as_math_does():
+    with pytest.raises((ValueError, ZeroDivisionError)):
+        Equations(p3dof.PAPER).sliders(1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def test_an_operation_is_done_once_and_only_if_it_is_needed():
+    calls = []
+
+    class Counting:
+        sqrt, cos, tanh = math.sqrt, math.cos, math.tanh
+
+        @staticmethod
+        def sin(x):
+            calls.append(x)
+            return math.sin(x)
+
+    def formula(tape, x, y):
+        twice = tape.sin(x) + tape.sin(x)
+        _ = tape.sin(y)
+        return [twice, 2 * (x * y) - (y * x) / 2, -x, 1 - x, 1 / x, x - 0, 0 - x, x + 0, 0 * x, 0 / x, 3.5]
+
+    compiled = straight_line(formula, 2, Counting)
+    x, y = 0.3, 0.7
+    expected = (2 * math.sin(x), 1.5 * x * y, -x, 1 - x, 1 / x, x, -x, x, 0, 0, 3.5)
+    assert compiled(x, y) == pytest.approx(expected, rel=1e-15)
+    assert calls == [x]
+
+
+def test_constants_are_computed_beforehand_and_arrays_are_served():
+    tape = Tape()
+    assert [tape.sqrt(4), tape.sin(0), tape.cos(0), tape.tanh(0)] == [2, 0, 1, 0]
+    compiled = straight_line(lambda tape, x: [tape.sqrt(x) + tape.tanh(x) * tape.cos(x) - 1], 1, np)
+    x = np.linspace(0, 3, 7)
+    np.testing.assert_allclose(compiled(x)[0], np.sqrt(x) + np.tanh(x) * np.cos(x) - 1, rtol=1e-15)
+
+
+def test_numbers_keep_every_bit():
+    compiled = straight_line(lambda _, x: [0.1 * x, x - 1e-320, x / (1 / 3)], 1)
+    assert compiled(0.7) == (0.1 * 0.7, 0.7 - 1e-320, 0.7 / (1 / 3))
