@@ -37,6 +37,7 @@ fuzz: $(DEV)
 
 benchmark: $(DEV)
 	$(BIN)/python tests/benchmarks/inverse_dynamics.py
+	$(BIN)/python tests/benchmarks/simulation.py
 
 export: $(DEV)
 	$(BIN)/p3dof export

@@ -397,12 +397,12 @@ def test_start_up_loads_nothing_that_is_not_used():
 
 
 def test_interrupt_is_one_line(monkeypatch, capsys):
-    from p3dof.cli import forces
+    from p3dof.cli import options
 
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(forces, "load", interrupted)
+    monkeypatch.setattr(options, "load", interrupted)
     code, _, err = run(capsys, "compare")
     assert code == 130
     assert err.strip().splitlines()[-1] == "p3dof: error: interrupted"

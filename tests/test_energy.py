@@ -20,6 +20,7 @@ from p3dof import energy as module
 from p3dof import kinematics
 from p3dof.cli import main
 from p3dof.energy import energy_of, kinetic_energy, momentum, potential_energy
+from p3dof.energy.work import integral
 from p3dof.errors import FileError, InputError, MissingExtraError, ReachError
 from p3dof.motion import Motion
 from p3dof.parameters import PAPER, SOLIDS, Friction
@@ -243,8 +244,8 @@ def test_few_samples():
     for samples in (4, 5, 6):
         found, _ = solved(samples=samples)
         polynomial = np.polynomial.polynomial.polyfit(found.time, found.power, samples - 1)
-        integral = np.polynomial.polynomial.polyint(polynomial, axis=0)
-        expected = np.polynomial.polynomial.polyval(found.time, integral).T
+        antiderivative = np.polynomial.polynomial.polyint(polynomial, axis=0)
+        expected = np.polynomial.polynomial.polyval(found.time, antiderivative).T
         np.testing.assert_allclose(found.work, expected, rtol=0, atol=1e-12)
 
 
@@ -257,7 +258,7 @@ def test_uneven_times():
 def test_times_too_uneven_for_a_spline_are_integrated_by_trapezoids():
     for time in (np.cumsum(np.geomspace(1e-12, 1, 30)), np.array([0, 5e-324, *range(1, 7)])):
         rates = np.column_stack([np.ones(len(time)), np.sin(time)])
-        found = module._integral(time, rates)(time)
+        found = integral(time, rates)(time)
         np.testing.assert_allclose(found[-1], np.trapezoid(rates, time, axis=0), rtol=1e-12)
 
 

@@ -11,11 +11,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from p3dof.cli.app import app
-from p3dof.cli.forces import timed
-from p3dof.cli.options import MOTION, ON_INVALID, PARAMETERS, SAMPLES, protect, read_motion
+from p3dof.cli.options import FIGURE, METHOD, Case, with_case
 from p3dof.cli.output import print_plain, print_warnings
 from p3dof.energy import Energy
-from p3dof.manipulator import METHODS, InverseDynamics, load
+from p3dof.manipulator import InverseDynamics
 from p3dof.routes import LEGS
 
 DOUBTFUL = 1e-3
@@ -26,42 +25,19 @@ ROUNDING = 1e-9
 
 
 @app.command()
-@PARAMETERS
-@MOTION
-@SAMPLES
-@click.option(
-    "--method",
-    type=click.Choice(METHODS),
-    default=METHODS[0],
-    show_default=True,
-    help="How to compute the forces.",
-)
+@with_case
+@METHOD
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
     help="CSV file for energies, momenta, power and work.",
 )
-@click.option(
-    "--figure",
-    type=click.Path(path_type=Path),
-    help="Figure to draw (.png, .svg or .pdf; needs the extra 'plot').",
-)
-@ON_INVALID
-def energy(
-    parameters: Path | None,
-    motion: Path | None,
-    samples: int | None,
-    method: str,
-    out: Path | None,
-    figure: Path | None,
-    on_invalid: str,
-) -> None:
+@FIGURE
+def energy(case: Case, method: str, out: Path | None, figure: Path | None) -> None:
     """Compute energy and work over a motion: what moves most, and what the drives must give and take."""
-    protect((parameters, motion, figure), [out])
-    protect((parameters, motion), [figure])
-    robot, given = load(parameters), read_motion(motion, samples)
-    result, _ = timed(robot, given, method, on_invalid)
-    found = robot.energy(result)
+    case.protect(out, figure)
+    result, _ = case.solve(method)
+    found = case.robot.energy(result)
     written = [] if out is None else [found.to_csv(out)]
     if figure is not None:
         from p3dof import plots
@@ -70,7 +46,7 @@ def energy(
     console = Console()
     for table in (bodies_table(found), drives_table(found), balance_table(found, result)):
         console.print(table)
-    print_warnings(console, robot, result)
+    print_warnings(console, case.robot, result)
     print_doubts(console, found)
     for path in written:
         print_plain(console, f"wrote {path}")

@@ -1,30 +1,90 @@
-"""Options that several commands share, and what reads them."""
+"""The options that say which machine makes which motion under which load: shared by all that moves."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import functools
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import click
+import numpy as np
 
-from p3dof.motion import Motion, paper_motion
+from p3dof.checks import FloatArray
+from p3dof.cli.output import progress_bar
+from p3dof.errors import InputError, ParameterError
+from p3dof.manipulator import METHODS, InverseDynamics, Manipulator, load
+from p3dof.motion import Motion, WrenchHistory, paper_motion
+from p3dof.parameters import Body
+from p3dof.routes import wrenches_at
 
 PARAMETERS = click.option(
     "--parameters",
     type=click.Path(path_type=Path),
     help="Parameter file (YAML); the paper's machine without it.",
 )
-MOTION = click.option(
-    "--motion",
+METHOD = click.option(
+    "--method",
+    type=click.Choice(METHODS),
+    default=METHODS[0],
+    show_default=True,
+    help="How to compute the forces.",
+)
+FIGURE = click.option(
+    "--figure",
     type=click.Path(path_type=Path),
-    help="Motion file (CSV: t,y,z,theta[,ydot,...]); the paper's without it.",
+    help="Figure to draw (.png, .svg or .pdf; needs the extra 'plot').",
 )
-SAMPLES = click.option(
-    "--samples",
-    type=click.IntRange(2, 1_000_000),
-    help="Samples of the paper's motion; 1001 without it.",
+
+
+class Payload(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic in newer versions only
+    """A point mass on the platform, ``MASS`` at P or ``MASS,X,Y,Z`` in the platform's frame."""
+
+    name = "MASS[,X,Y,Z]"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Body:
+        """Return the body."""
+        rule = f"expected a mass [kg], or a mass and x,y,z [m], got {value!r}"
+        try:
+            mass, *com = (float(field) for field in value.split(","))
+        except ValueError:
+            self.fail(rule, param, ctx)
+        if len(com) not in {0, 3}:
+            self.fail(rule, param, ctx)
+        try:
+            return Body(mass, np.array(com or (0.0, 0.0, 0.0)), np.zeros((3, 3)))
+        except ParameterError as error:
+            self.fail(f"{rule} ({error})", param, ctx)
+
+
+_CASE = (
+    PARAMETERS,
+    click.option(
+        "--motion",
+        "motion_file",
+        type=click.Path(path_type=Path),
+        help="Motion file (CSV: t,y,z,theta[,ydot,...]); the paper's without it.",
+    ),
+    click.option(
+        "--samples",
+        type=click.IntRange(2, 1_000_000),
+        help="Samples of the paper's motion; 1001 without it.",
+    ),
+    click.option(
+        "--payload",
+        type=Payload(),
+        help="Point mass on the platform [kg], at P or at x,y,z in its frame [m].",
+    ),
+    click.option(
+        "--wrench",
+        "wrench_file",
+        type=click.Path(path_type=Path),
+        help="External load on the platform at P (CSV: t,fx,fy,fz,mx,my,mz); none without it.",
+    ),
 )
-ON_INVALID = click.option(
+_ON_INVALID = click.option(
     "--on-invalid",
     type=click.Choice(("raise", "nan")),
     default="raise",
@@ -33,18 +93,113 @@ ON_INVALID = click.option(
 )
 
 
+@dataclass(frozen=True)
+class Case:
+    """A machine, its motion and its load, as the options name them; files are read when they are asked for.
+
+    Parameters
+    ----------
+    parameters, motion_file, wrench_file : Path, optional
+        Files to read.
+    samples : int, optional
+        Of the paper's motion.
+    payload : Body, optional
+        On the platform.
+    on_invalid : str
+        What to do with invalid samples.
+    """
+
+    parameters: Path | None
+    motion_file: Path | None
+    samples: int | None
+    payload: Body | None
+    wrench_file: Path | None
+    on_invalid: str = "raise"
+
+    def protect(self, *outputs: Path | None) -> None:
+        """Refuse to write over a file that is read, or twice to one file."""
+        protect((self.parameters, self.motion_file, self.wrench_file), outputs)
+
+    @functools.cached_property
+    def robot(self) -> Manipulator:
+        """The machine."""
+        machine = load(self.parameters)
+        return machine if self.payload is None else load(machine.parameters.carrying(self.payload))
+
+    @functools.cached_property
+    def motion(self) -> Motion:
+        """The motion."""
+        if self.motion_file is None:
+            return paper_motion(1001 if self.samples is None else self.samples)
+        if self.samples is not None:
+            raise click.UsageError("--samples belongs to the paper's motion, and --motion gives another one")
+        return Motion.from_csv(self.motion_file)
+
+    @functools.cached_property
+    def history(self) -> WrenchHistory | None:
+        """The external load."""
+        return None if self.wrench_file is None else WrenchHistory.from_csv(self.wrench_file)
+
+    @property
+    def wrench(self) -> FloatArray | None:
+        """The external load at the samples of the motion."""
+        return None if self.history is None else wrenches_at(self.motion.time, self.history, "raise")
+
+    def solve(self, method: str) -> tuple[InverseDynamics, float]:
+        """Solve with a progress bar; return the result and the seconds that it took."""
+        with progress_bar(method, len(self.motion)) as progress:
+            start = time.perf_counter()
+            result = self.robot.inverse_dynamics(
+                self.motion,
+                method=method,  # type: ignore[arg-type]  # one of METHODS, as the options say
+                wrench=self.wrench,
+                on_invalid=self.on_invalid,  # type: ignore[arg-type]  # likewise
+                progress=progress,
+            )
+            seconds = time.perf_counter() - start
+        self.require_valid(result.valid)
+        return result, seconds
+
+    def require_valid(self, valid: np.ndarray[Any, np.dtype[np.bool_]]) -> None:
+        """Raise unless some sample is valid."""
+        if not valid.any():
+            raise InputError(
+                f"no sample of the motion is within what the machine can do ({len(valid)} samples)"
+            )
+
+
+def with_case(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command the options of a `Case`, and the case as its first argument."""
+    return with_load(_ON_INVALID(command), on_invalid=True)
+
+
+def with_load(command: Callable[..., Any], on_invalid: bool = False) -> Callable[..., Any]:
+    """Likewise, for a command that cannot leave samples out."""
+
+    @functools.wraps(command)
+    def wrapped(
+        parameters: Path | None,
+        motion_file: Path | None,
+        samples: int | None,
+        payload: Body | None,
+        wrench_file: Path | None,
+        **others: Any,
+    ) -> Any:
+        policy = {"on_invalid": others.pop("on_invalid")} if on_invalid else {}
+        case = Case(parameters, motion_file, samples, payload, wrench_file, **policy)
+        return command(case, **others)
+
+    for option in reversed(_CASE):
+        wrapped = option(wrapped)
+    return wrapped
+
+
 def protect(inputs: Iterable[Path | None], outputs: Iterable[Path | None]) -> None:
     """Refuse to write over a file that is read in the same command, or twice to one file."""
     used = {path.resolve() for path in inputs if path is not None}
     for path in outputs:
-        if path is not None and path.resolve() in used:
+        if path is None:
+            continue
+        if path.resolve() in used:
             raise click.UsageError(f"{path} would be overwritten: it is already used by this command")
-
-
-def read_motion(path: Path | None, samples: int | None) -> Motion:
-    """Return the motion of a file, or the paper's with so many samples."""
-    if path is None:
-        return paper_motion(1001 if samples is None else samples)
-    if samples is not None:
-        raise click.UsageError("--samples belongs to the paper's motion, and --motion gives another one")
-    return Motion.from_csv(path)
+        used.add(path.resolve())

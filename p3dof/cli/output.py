@@ -7,6 +7,7 @@ from contextlib import contextmanager
 
 import numpy as np
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
@@ -73,7 +74,7 @@ def evidence_table(*runs: tuple[InverseDynamics, float]) -> Table:
     -------
     rich.table.Table
     """
-    table = Table("method", "closure error [m]", "power residual", "time per sample")
+    table = Table("method", escape("closure error [m]"), "power residual", "time per sample")
     for result, seconds in runs:
         peak = np.abs(result.power[result.valid]).max(initial=0)
         residual = np.abs(result.power_residual[result.valid]).max(initial=0)

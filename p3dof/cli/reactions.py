@@ -11,11 +11,9 @@ from rich.console import Console
 from rich.table import Table
 
 from p3dof.cli.app import app
-from p3dof.cli.options import MOTION, ON_INVALID, PARAMETERS, SAMPLES, protect, read_motion
+from p3dof.cli.options import FIGURE, Case, with_case
 from p3dof.cli.output import print_plain, progress_bar
-from p3dof.errors import InputError
-from p3dof.manipulator import load
-from p3dof.reactions import IDEALISATIONS, Reactions, over_motion
+from p3dof.reactions import IDEALISATIONS, Reactions
 
 _COLUMNS = {
     "force": "force\n[N]",
@@ -29,9 +27,7 @@ _COLUMNS = {
 
 
 @app.command()
-@PARAMETERS
-@MOTION
-@SAMPLES
+@with_case
 @click.option(
     "--joints",
     type=click.Choice(IDEALISATIONS),
@@ -44,30 +40,24 @@ _COLUMNS = {
     type=click.Path(path_type=Path),
     help="CSV file for the reactions of all joints in all samples.",
 )
-@ON_INVALID
-def reactions(
-    parameters: Path | None,
-    motion: Path | None,
-    samples: int | None,
-    joints: str,
-    out: Path | None,
-    on_invalid: str,
-) -> None:
+@FIGURE
+def reactions(case: Case, joints: str, out: Path | None, figure: Path | None) -> None:
     """Compute the forces and moments in all joints over a motion: peaks on the screen, samples in a file."""
-    protect((parameters, motion), [out])
-    robot, given = load(parameters), read_motion(motion, samples)
-    with progress_bar("reactions", len(given)) as progress:
-        result = over_motion(
-            robot.loop,
-            robot.parameters,
-            given,
+    case.protect(out, figure)
+    with progress_bar("reactions", len(case.motion)) as progress:
+        result = case.robot.reactions(
+            case.motion,
             joints,  # type: ignore[arg-type]  # one of IDEALISATIONS, as the options say
-            on_invalid=on_invalid,  # type: ignore[arg-type]  # likewise
-            progress=progress,
+            case.wrench,
+            case.on_invalid,  # type: ignore[arg-type]  # likewise
+            progress,
         )
-    if not result.valid.any():
-        raise InputError(f"no sample of the motion is within what the machine can do ({len(given)} samples)")
+    case.require_valid(result.valid)
     written = [] if out is None else [result.to_csv(out)]
+    if figure is not None:
+        from p3dof import plots
+
+        written.append(plots.save(plots.reactions_figure(result), figure))
     console = Console()
     console.print(peaks_table(result))
     print_plain(

@@ -29,10 +29,13 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from p3dof.checks import FloatArray, frozen_array, shown
+from p3dof.closed_loop.closure_joints import ClosureJoint, joints_of
 from p3dof.closed_loop.closures import ClosurePoint, LoopKinematics, max_abs
 from p3dof.closed_loop.linear import Decomposition
 from p3dof.closed_loop.model import CLOSED, CONSISTENT, ClosedLoopModel, External
 from p3dof.errors import DynamicsError, InputError, ModelError
+
+__all__ = ["BoolArray", "ClosureJoint", "JointReactions", "ReactionSolver", "loop_reactions"]
 
 BoolArray: TypeAlias = NDArray[np.bool_]
 
@@ -40,90 +43,6 @@ _ACCURACY = 1e-9
 """Largest error of (1), relative to the forces in it."""
 _UNIQUE = 1e-7
 """Share of an undetermined change that a component must take part in to be undetermined."""
-
-
-@dataclass(frozen=True)
-class ClosureJoint:
-    """How a closure is built: about which axes its two bodies can turn; it transmits every other moment.
-
-    Parameters
-    ----------
-    axes1 : tuple of (3,) tuples
-        Free axes of rotation that are fixed in `frame1` of the closure, in its axes.
-    axes2 : tuple of (3,) tuples
-        Free axes of rotation that are fixed in `frame2`, in its axes.
-
-    Raises
-    ------
-    ModelError
-        If an axis is not three finite numbers, or is zero.
-    """
-
-    axes1: tuple[tuple[float, float, float], ...] = ()
-    axes2: tuple[tuple[float, float, float], ...] = ()
-
-    def __post_init__(self) -> None:
-        for field in ("axes1", "axes2"):
-            axes = getattr(self, field)
-            if not isinstance(axes, tuple | list):
-                raise ModelError(f"{field}: expected a tuple of axes, got {shown(axes)}")
-            object.__setattr__(self, field, tuple(_unit(field, axis) for axis in axes))
-
-    @classmethod
-    def ball(cls) -> ClosureJoint:
-        """Return a ball joint: it transmits a force only."""
-        return cls(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
-
-    @classmethod
-    def universal(cls, axis1: ArrayLike, axis2: ArrayLike) -> ClosureJoint:
-        """Return a universal joint: it transmits a force, and a moment across both its axes.
-
-        Parameters
-        ----------
-        axis1, axis2 : (3,) array
-            The axis in each body, in the axes of `frame1` and of `frame2`.
-
-        Returns
-        -------
-        ClosureJoint
-        """
-        return cls((_unit("axis1", axis1),), (_unit("axis2", axis2),))
-
-    @classmethod
-    def revolute(cls, axis: ArrayLike) -> ClosureJoint:
-        """Return a hinge: it transmits a force, and both moments across its axis.
-
-        Parameters
-        ----------
-        axis : (3,) array
-            The axis, in the axes of `frame1`.
-
-        Returns
-        -------
-        ClosureJoint
-        """
-        return cls((_unit("axis", axis),))
-
-    @classmethod
-    def weld(cls) -> ClosureJoint:
-        """Return a rigid connection: it transmits every force and moment."""
-        return cls()
-
-    def moments(self, rotation: FloatArray) -> FloatArray:
-        """Return the moments that the joint transmits.
-
-        Parameters
-        ----------
-        rotation : (3, 3) array
-            Axes of `frame2` in those of `frame1`.
-
-        Returns
-        -------
-        (3, k) array
-            An orthonormal basis, in the axes of `frame1`.
-        """
-        free = np.array([*self.axes1, *(rotation @ axis for axis in self.axes2)]).reshape(-1, 3)
-        return Decomposition.of(free).null_space
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,7 +141,7 @@ class ReactionSolver:
         if not isinstance(loop, ClosedLoopModel):
             raise InputError(f"loop: expected a ClosedLoopModel, got {type(loop).__name__}")
         self.loop = loop
-        self.joints = _one_for_each_closure(loop, joints)
+        self.joints = joints_of(loop.sidecar, joints)
         self.names = (*(str(name) for name in loop.model.names[1:]), *(c.name for c in loop.sidecar.closures))
         self._kinematics = LoopKinematics(loop.model, loop.sidecar)
         self._data = loop.model.createData()
@@ -353,21 +272,16 @@ class ReactionSolver:
 
     def _transmitted(self) -> tuple[FloatArray, BoolArray]:
         """Return a basis (6 closures, k) of what the closures transmit, and which columns are forces."""
-        blocks = []
-        for joint, M1, (_, frame2) in zip(self.joints, self._places(), self._ends, strict=True):
+        blocks, is_force = [np.zeros((6 * len(self._ends), 0))], []
+        ends = zip(self.joints, self._places(), self._ends, strict=True)
+        for c, (joint, M1, (_, frame2)) in enumerate(ends):
             R2 = self._kinematics.data.oMi[frame2.parentJoint].rotation @ frame2.placement.rotation
             moments = joint.moments(M1.rotation.T @ R2)
-            block = np.zeros((6, 3 + moments.shape[1]))
-            block[:3, :3], block[3:, 3:] = np.eye(3), moments
+            block = np.zeros((6 * len(self._ends), 3 + moments.shape[1]))
+            block[6 * c : 6 * c + 3, :3], block[6 * c + 3 : 6 * c + 6, 3:] = np.eye(3), moments
             blocks.append(block)
-        E = np.zeros((6 * len(blocks), sum(block.shape[1] for block in blocks)))
-        is_force = np.zeros(E.shape[1], dtype=bool)
-        start = 0
-        for c, block in enumerate(blocks):
-            E[6 * c : 6 * c + 6, start : start + block.shape[1]] = block
-            is_force[start : start + 3] = True
-            start += block.shape[1]
-        return E, is_force
+            is_force += [True] * 3 + [False] * moments.shape[1]
+        return np.hstack(blocks), np.array(is_force, dtype=bool)
 
     def _smallest(
         self, point: ClosurePoint, A: FloatArray, b: FloatArray, size: float
@@ -412,25 +326,3 @@ class ReactionSolver:
             undetermined=null.shape[1],
             residual=residual,
         )
-
-
-def _one_for_each_closure(
-    loop: ClosedLoopModel, joints: Sequence[ClosureJoint] | None
-) -> tuple[ClosureJoint, ...]:
-    closures = loop.sidecar.closures
-    if joints is None:
-        return tuple(ClosureJoint.ball() if c.kind == "3d" else ClosureJoint.weld() for c in closures)
-    if not isinstance(joints, Sequence) or not all(isinstance(joint, ClosureJoint) for joint in joints):
-        raise ModelError(f"joints: expected a sequence of ClosureJoint, got {shown(joints)}")
-    if len(joints) != len(closures):
-        raise ModelError(f"joints: expected {len(closures)}, one for each closure, got {len(joints)}")
-    return tuple(joints)
-
-
-def _unit(name: str, axis: ArrayLike) -> tuple[float, float, float]:
-    array = frozen_array(name, axis, (3,), ModelError)
-    length = float(np.linalg.norm(array))
-    if not length > 0:
-        raise ModelError(f"{name}: expected an axis, got zeros")
-    x, y, z = (float(value) / length for value in array)
-    return x, y, z

@@ -4,5 +4,6 @@ from p3dof.plots.common import save
 from p3dof.plots.energy import energy_figure
 from p3dof.plots.forces import forces_figure
 from p3dof.plots.reactions import reactions_figure
+from p3dof.plots.tracking import tracking_figure
 
-__all__ = ["energy_figure", "forces_figure", "reactions_figure", "save"]
+__all__ = ["energy_figure", "forces_figure", "reactions_figure", "save", "tracking_figure"]

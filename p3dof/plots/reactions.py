@@ -10,9 +10,20 @@ from p3dof.plots.common import COLOURS, new_figure
 from p3dof.reactions import Reactions
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_KINDS = (("forces", COLOURS[0]), ("moments", COLOURS[1]))
+_KINDS = (("forces", "force [N]", COLOURS[0]), ("moments", "moment [N m]", COLOURS[1]))
+_ROWS = (
+    ("slide_a", "hinge_a", "loop_a"),
+    ("slide_b", "hinge_b", "loop_b"),
+    ("slide_c", "hinge_c", "hinge_left", "hinge_right"),
+    ("hinge_lower", "hinge_platform", "loop_c"),
+)
+"""The panels: leg A, leg B, leg C from its slider to the platform."""
+
+_NOTHING = 1e-9
+"""Moments that are rounding, of a joint that bears none [N m]."""
 
 
 def reactions_figure(result: Reactions) -> Figure:
@@ -32,29 +43,41 @@ def reactions_figure(result: Reactions) -> Figure:
     MissingExtraError
         If matplotlib is not installed.
     """
-    figure = new_figure(figsize=(10.5, 8.5))
-    axes = figure.subplots(4, 4, sharex=True)
-    for axis, name in zip(axes.ravel(), result.joints, strict=False):
-        one = result[name]
-        axis.set_title(name, fontsize=9)
-        for side, (kind, colour) in zip((axis, axis.twinx()), _KINDS, strict=True):
-            determined = getattr(one, f"determined_{kind}")[result.valid].all()
-            size = np.linalg.norm(getattr(one, kind), axis=-1)
-            side.plot(result.time, size, color=colour, lw=1.2, ls="-" if determined else "--")
-            side.set_ylim(0, max(1e-3, 1.05 * np.nanmax(size, initial=0.0)))
-            side.tick_params(axis="y", labelsize=7, colors=colour)
-            side.spines["top"].set_visible(False)
-            side.margins(x=0.01)
-        axis.grid(color="0.9", lw=0.6)
-    count = len(result.joints)
-    for axis in axes.ravel()[count:]:
-        axis.set_visible(False)
-    for axis in axes.ravel()[count - 4 : count]:
+    figure = new_figure(figsize=(10.5, 8.0))
+    axes = figure.subplots(len(_ROWS), 4, sharex=True)
+    for row, names in zip(axes, _ROWS, strict=True):
+        for axis in row[len(names) :]:
+            axis.set_axis_off()
+        for axis, name in zip(row, names, strict=False):
+            axis.set_title(name, fontsize=9)
+            for side, (kind, _, colour) in zip((axis, axis.twinx()), _KINDS, strict=True):
+                _draw(side, result, name, kind, colour)
+            axis.grid(color="0.9", lw=0.6)
+            axis.tick_params(axis="x", labelsize=7)
+    for axis in (*axes[-1, :3], axes[-2, 3]):
         axis.tick_params(labelbottom=True)
-        axis.set_xlabel("time [s]")
-    figure.suptitle(
-        f"resultants in the joints, cuts as {result.idealisation}: force [N] blue, moment [N m] orange; "
-        "dashed: not determined by rigid bodies",
-        fontsize=9,
-    )
+        axis.set_xlabel("time [s]", fontsize=8)
+    from matplotlib.lines import Line2D
+
+    handles = [Line2D([], [], lw=1.2, color=colour, label=label) for _, label, colour in _KINDS]
+    handles.append(Line2D([], [], lw=1.2, color="0.3", ls="--", label="not determined\nby rigid bodies"))
+    axes[0, 3].legend(handles=handles, loc="center", frameon=False, fontsize=9)
+    figure.suptitle(f"resultants in the joints, cuts as {result.idealisation}", fontsize=10)
     return figure
+
+
+def _draw(axis: Axes, result: Reactions, name: str, kind: str, colour: str) -> None:
+    """Draw the size of a joint's force or moment against its own scale, in its colour."""
+    joint = result[name]
+    determined = getattr(joint, f"determined_{kind}")[result.valid].all()
+    size = np.linalg.norm(getattr(joint, kind), axis=-1)
+    axis.spines["top"].set_visible(False)
+    axis.margins(x=0.01)
+    largest = np.nanmax(size, initial=0.0)
+    if kind == "moments" and largest <= _NOTHING:
+        axis.set_yticks([])
+        axis.spines["right"].set_visible(False)
+        return
+    axis.plot(result.time, size, color=colour, lw=1.2, ls="-" if determined else "--")
+    axis.set_ylim(0, 1.05 * largest or 1.0)
+    axis.tick_params(axis="y", labelsize=7, colors=colour)

@@ -1,0 +1,198 @@
+"""`p3dof simulate`: the machine in time, following a motion under controllers."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import click
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from p3dof.cli.app import app
+from p3dof.cli.options import Case, with_load
+from p3dof.cli.output import print_plain, progress_bar
+from p3dof.errors import MissingExtraError
+from p3dof.manipulator import METHODS
+from p3dof.motion import Motion
+from p3dof.parameters import Parameters
+from p3dof.simulation import PD, ComputedTorque, Feedforward, Noise, Simulation
+
+CONTROLLERS = {"pd": PD, "feedforward": Feedforward, "computed-torque": ComputedTorque}
+
+
+@app.command()
+@with_load
+@click.option(
+    "--controller",
+    "controllers",
+    type=click.Choice(("all", *CONTROLLERS)),
+    multiple=True,
+    default=("all",),
+    show_default=True,
+    help="Feedback at the sliders, the same with the inverse dynamics fed forward, or computed torque.",
+)
+@click.option("--rate", type=float, default=1000.0, show_default=True, help="Of the controller [Hz].")
+@click.option("--frequency", type=float, default=5.0, show_default=True, help="Of its feedback [Hz].")
+@click.option("--damping", type=float, default=1.0, show_default=True, help="Damping ratio of its feedback.")
+@click.option("--integral-time", type=float, help="Of its integral [s]; none without it.")
+@click.option(
+    "--mass-error",
+    type=float,
+    default=0.0,
+    show_default=True,
+    help="By how much the masses in the controller's model are wrong, as a share.",
+)
+@click.option("--saturation", type=float, help="Largest force of an actuator [N]; unlimited without it.")
+@click.option(
+    "--noise",
+    type=float,
+    nargs=2,
+    help="Standard deviations of measured slider positions [m] and velocities [m/s].",
+)
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the noise.")
+@click.option(
+    "--ramp",
+    type=float,
+    default=0.2,
+    show_default=True,
+    help="How long the motion takes to come from rest to its own rate [s]; 0 to start as it does.",
+)
+@click.option(
+    "--method",
+    type=click.Choice(METHODS),
+    default="virtual-power",
+    show_default=True,
+    help="Integrate in y, z, θ, or Pinocchio's constrained dynamics of all joints.",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default="out",
+    show_default=True,
+    help="Folder for the runs and the figure.",
+)
+@click.option(
+    "--format",
+    "kind",
+    type=click.Choice(("csv", "npz")),
+    default="csv",
+    show_default=True,
+    help="Of the runs; npz also holds all joints.",
+)
+@click.option("--plot/--no-plot", default=True, help="Draw the figure (needs the extra 'plot').")
+def simulate(
+    case: Case,
+    controllers: tuple[str, ...],
+    rate: float,
+    frequency: float,
+    damping: float,
+    integral_time: float | None,
+    mass_error: float,
+    saturation: float | None,
+    noise: tuple[float, float] | None,
+    seed: int,
+    ramp: float,
+    method: str,
+    out: Path,
+    kind: str,
+    plot: bool,
+) -> int:
+    """Follow a motion under controllers: tracking errors on the screen, runs and a figure in a folder.
+
+    Exit code 1 when a run ends before its time: its reason is printed, and its samples so far are kept.
+    """
+    names = tuple(CONTROLLERS) if "all" in controllers else tuple(dict.fromkeys(controllers))
+    files = {name: out / f"simulation_{name}.{kind}" for name in names}
+    figures = [out / f"tracking.{ending}" for ending in ("png", "svg")]
+    case.protect(*files.values(), *figures)
+    motion = case.motion.from_rest(ramp) if ramp else case.motion
+    model = _wrong(case.robot.parameters, mass_error)
+    runs: dict[str, Simulation] = {}
+    for name in names:
+        gains = {"integral_time": np.inf if integral_time is None else integral_time}
+        controller = CONTROLLERS[name](model, motion, frequency, damping, **gains)
+        with progress_bar(name, len(motion)) as progress:
+            runs[name] = case.robot.simulate(
+                motion.duration,
+                motion.pose[0],
+                motion.velocity[0],
+                controller,
+                method=method,  # type: ignore[arg-type]  # one of METHODS, as the options say
+                rate=rate,
+                saturation=False if saturation is None else saturation,
+                noise=Noise(*noise, seed) if noise else None,
+                wrench=case.history,
+                samples=_sampled(motion),
+                progress=progress,
+            )
+    written = [run.save(files[name]) for name, run in runs.items()]
+    if plot:
+        written += _draw(figures, runs)
+    console = Console()
+    console.print(errors_table(runs))
+    _print_ratio(console, runs)
+    for name, run in runs.items():
+        if run.stop is not None:
+            console.print(f"{name}: ended by {run.stop}", style="yellow", highlight=False, soft_wrap=True)
+    for path in written:
+        print_plain(console, f"wrote {path}")
+    return 0 if all(run.finished for run in runs.values()) else 1
+
+
+def errors_table(runs: dict[str, Simulation]) -> Table:
+    """Return the tracking errors of runs, their forces, and how fast they were.
+
+    Parameters
+    ----------
+    runs : dict of str to Simulation
+        By controller.
+
+    Returns
+    -------
+    rich.table.Table
+    """
+    table = Table(title="largest tracking errors and forces, and the speed of the simulation")
+    table.add_column("controller", no_wrap=True)
+    for header in ("y [mm]", "z [mm]", "θ [mrad]", "force [N]", "× real time"):
+        table.add_column(escape(header))
+    for name, run in runs.items():
+        errors = [f"{1e3 * error:.3g}" for error in run.peak_error]
+        table.add_row(name, *errors, f"{np.abs(run.forces).max():.1f}", f"{run.speed:.2g}")
+    return table
+
+
+def _wrong(parameters: Parameters, error: float) -> Parameters:
+    return replace(parameters, bodies=parameters.bodies.scaled(1 + error)) if error else parameters
+
+
+def _sampled(motion: Motion) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    """Return the times of the motion's samples, from 0."""
+    return np.asarray(motion.time - motion.time[0])
+
+
+def _print_ratio(console: Console, runs: dict[str, Simulation]) -> None:
+    """Print what the inverse model gains."""
+    plain = runs.get("pd")
+    for name, run in runs.items():
+        if plain is None or run is plain or not (run.finished and plain.finished):
+            continue
+        if run.peak_error.min() > 0:
+            gain = float((plain.peak_error / run.peak_error).min())
+            console.print(
+                f"{name}: errors at least {gain:.3g} times smaller than by pd alone", highlight=False
+            )
+
+
+def _draw(paths: list[Path], runs: dict[str, Simulation]) -> list[Path]:
+    from p3dof import plots
+
+    try:
+        figure = plots.tracking_figure(runs)
+    except MissingExtraError as error:
+        sys.stderr.write(f"p3dof: no figure: {error}\n")
+        return []
+    return [plots.save(figure, path) for path in paths]

@@ -1,0 +1,100 @@
+"""Energy, momentum and work over a motion whose forces are known."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+
+from p3dof.checks import FloatArray, shown
+from p3dof.energy.bodies import BODIES, quantities
+from p3dof.energy.results import DriveLoads, Energy
+from p3dof.energy.work import runs, work_over
+from p3dof.errors import InputError
+from p3dof.minimal import WRENCH_ROWS
+from p3dof.parameters import Parameters
+from p3dof.routes import InverseDynamics
+
+_SAME_MACHINE = 1e-6
+"""Share of a leg's length by which sliders of a result may differ from those of the machine."""
+
+
+def energy_of(parameters: Parameters, result: InverseDynamics) -> Energy:
+    """Return energy, momentum and work over a motion whose forces are known.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine that the result belongs to.
+    result : InverseDynamics
+        The forces of the actuators, by either method.
+
+    Returns
+    -------
+    Energy
+
+    Raises
+    ------
+    InputError
+        If an argument is something else, or the result is that of a machine of another geometry.
+    """
+    if not isinstance(result, InverseDynamics):
+        raise InputError(f"result: expected InverseDynamics, got {shown(result)}")
+    pose = np.where(result.valid[:, None], result.motion.pose, np.nan)
+    found = quantities(parameters, pose, result.motion.velocity, "nan")
+    _check_machine(parameters, result, found.sliders)
+    rates = _rates(result)
+    total = np.sum(found.kinetic + found.potential, axis=-1)
+    work, balance, given = work_over(result, rates, total)
+    return Energy(
+        time=result.time,
+        bodies=BODIES,
+        kinetic=found.kinetic,
+        potential=found.potential,
+        momentum=found.momentum,
+        angular_momentum=found.angular_momentum,
+        power=rates[:, :3],
+        work=work[:, :3],
+        wrench_power=rates[:, 3],
+        wrench_work=work[:, 3],
+        dissipated_power=rates[:, 4],
+        dissipated_work=work[:, 4],
+        balance=balance,
+        drives=_drive_loads(result, rates[:, :3], work[:, :3], given),
+    )
+
+
+def _check_machine(parameters: Parameters, result: InverseDynamics, sliders: FloatArray) -> None:
+    apart = np.abs(result.sliders - sliders)[result.valid]
+    if not np.all(apart <= _SAME_MACHINE * parameters.geometry.L):  # NaN: out of reach of this machine
+        raise InputError(
+            "result: expected one of a machine with these parameters, got sliders where this machine has none"
+        )
+
+
+def _rates(result: InverseDynamics) -> FloatArray:
+    """Return the powers of the actuators and of the wrench, and what friction takes, (N, 5) [W]."""
+    power = result.forces * result.slider_velocities
+    wrench_power = np.sum(result.wrench[:, WRENCH_ROWS] * result.motion.velocity, axis=-1)
+    rates = np.column_stack([power, wrench_power, result.dissipation])
+    return np.where(result.valid[:, None], rates, np.nan)
+
+
+def _drive_loads(
+    result: InverseDynamics, power: FloatArray, work: FloatArray, given: FloatArray
+) -> DriveLoads:
+    if not result.valid.any():
+        nothing = np.full(3, np.nan)
+        return DriveLoads(*(nothing for _ in fields(DriveLoads)))
+    valid_power, net = power[result.valid], work[result.valid][-1]
+    duration = sum(result.time[run][-1] - result.time[run][0] for run in runs(result))
+    return DriveLoads(
+        peak_force=result.peak_forces,
+        rms_force=result.rms_forces,
+        peak_speed=np.abs(result.slider_velocities[result.valid]).max(axis=0),
+        peak_power=np.maximum(valid_power.max(axis=0), 0.0),
+        peak_braking=np.maximum(-valid_power.min(axis=0), 0.0),
+        mean_power=net / duration if duration > 0 else valid_power.mean(axis=0),
+        positive_work=given,
+        negative_work=np.minimum(net - given, 0.0),
+    )

@@ -1,0 +1,123 @@
+"""The work of powers that are known at samples: integrals of splines, between gaps and singularities."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from p3dof.checks import FloatArray
+from p3dof.routes import InverseDynamics
+
+_DEGREE = 5
+"""Of the spline through the power that is integrated; lower where there are fewer samples than it takes."""
+
+_ROUNDING = 1e-9
+"""Share of the time by which the integral of one may miss it."""
+
+
+def work_over(
+    result: InverseDynamics, rates: FloatArray, total: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the work of all powers over a motion, and how it balances the energy.
+
+    Parameters
+    ----------
+    result : InverseDynamics
+        The motion, its valid samples and its crossings of a singularity.
+    rates : ndarray, shape (N, 5)
+        Powers of the three actuators and of the wrench, and what friction takes [W].
+    total : ndarray, shape (N,)
+        T + V [J].
+
+    Returns
+    -------
+    work : ndarray, shape (N, 5)
+        Their integrals [J].
+    balance : ndarray, shape (N,)
+        Change of T + V less the work done on the mechanism, since the first sample of the run [J].
+    given : ndarray, shape (3,)
+        What each actuator gave, without what it took back [J].
+    """
+    work, balance = np.full(rates.shape, np.nan), np.full(len(total), np.nan)
+    done, given = np.zeros(rates.shape[1]), np.zeros(3)
+    for run in runs(result):
+        time = result.time[run]
+        curve = integral(time, rates[run])
+        since = curve(time)
+        work[run] = done + since
+        done = work[run][-1]
+        balance[run] = total[run] - total[run.start] - since[:, :4].sum(axis=-1) + since[:, 4]
+        for leg in range(3):
+            steps = np.diff(curve(_with_turns(time, rates[run, leg]))[:, leg])
+            given[leg] += steps[steps > 0].sum()
+    return work, balance, given
+
+
+def runs(result: InverseDynamics) -> list[slice]:
+    """Return the stretches of neighbouring valid samples between which no singularity is crossed.
+
+    Parameters
+    ----------
+    result : InverseDynamics
+        The motion.
+
+    Returns
+    -------
+    list of slice
+        Of its samples.
+    """
+    valid = result.valid
+    joined = valid[:-1] & valid[1:] & ~np.isin(result.time[:-1], result.crossings)
+    starts = np.flatnonzero(valid & np.concatenate([[True], ~joined]))
+    ends = np.flatnonzero(valid & np.concatenate([~joined, [True]]))
+    return [slice(int(start), int(end) + 1) for start, end in zip(starts, ends, strict=True)]
+
+
+def integral(time: FloatArray, rates: FloatArray) -> Callable[[FloatArray], FloatArray]:
+    """Return the integral of powers from the first time on.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        Increasing times [s].
+    rates : ndarray, shape (n, k)
+        The powers there.
+
+    Returns
+    -------
+    callable
+        From times (m,) to integrals (m, k).
+    """
+    if len(time) == 1:
+        return lambda t: np.zeros((len(t), rates.shape[1]))
+    unit = (time[-1] - time[0]) / (len(time) - 1)  # the mean step keeps the equations well scaled
+    local = (time - time[0]) / unit
+    known = np.column_stack([rates, np.ones(len(time))])  # the integral of one is the time
+    try:
+        curve = _antiderivative(local, known, min(_DEGREE, len(time) - 1))
+        smooth = abs(curve(local[-1])[-1] - local[-1]) <= _ROUNDING * local[-1]
+    except (np.linalg.LinAlgError, ValueError):
+        smooth = False
+    if not smooth:
+        curve = _antiderivative(local, known, 1)
+    return lambda t: np.asarray(curve((t - time[0]) / unit)[:, :-1]) * unit
+
+
+def _antiderivative(time: FloatArray, rates: FloatArray, degree: int) -> Any:
+    from scipy.interpolate import make_interp_spline
+
+    # Of few samples, the polynomial through all of them.
+    knots = np.repeat(time[[0, -1]], degree + 1) if len(time) == degree + 1 else None
+    return make_interp_spline(time, rates, k=degree, t=knots).antiderivative()
+
+
+def _with_turns(time: FloatArray, power: FloatArray) -> FloatArray:
+    """Return the times of the samples and of the zeros of the power between them.
+
+    The zeros are those of straight lines: the work is stationary there, so that it hardly matters where.
+    """
+    i = np.flatnonzero(np.sign(power[:-1]) * np.sign(power[1:]) < 0)
+    share = power[i] / (power[i] - power[i + 1])
+    return np.sort(np.concatenate([time, time[i] + share * (time[i + 1] - time[i])]))

@@ -1,0 +1,152 @@
+"""Reactions of all joints over a motion, from the forces that Pinocchio finds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from p3dof.checks import FloatArray
+from p3dof.closed_loop import ClosedLoopModel
+from p3dof.closed_loop.reactions import JointReactions, ReactionSolver
+from p3dof.errors import DynamicsError, InputError, SampleError
+from p3dof.kinematics import OnInvalid
+from p3dof.kinematics.states import holdable_states
+from p3dof.motion import Motion
+from p3dof.parameters import Parameters
+from p3dof.reactions.joints import JOINTS, Idealisation, cuts
+from p3dof.reactions.newton_euler import in_fixed_axes, residual
+from p3dof.reactions.results import Reactions
+from p3dof.routes import Solution, WrenchOverTime, pinocchio_route, wrenches_at
+from p3dof.routes.friction import FrictionForces
+
+
+def over_motion(
+    loop: ClosedLoopModel,
+    parameters: Parameters,
+    motion: Motion,
+    joints: Idealisation = "paper",
+    wrench: WrenchOverTime = None,
+    on_invalid: OnInvalid = "raise",
+    progress: Callable[[int, int], None] | None = None,
+) -> Reactions:
+    """Return the reactions of all joints over a motion.
+
+    Parameters
+    ----------
+    loop : ClosedLoopModel
+        The mechanism.
+    parameters : Parameters
+        The machine that it is a model of.
+    motion : Motion
+        The motion of the platform.
+    joints : {"paper", "points"}
+        How the cuts of the loops are built; see the module.
+    wrench : array-like, shape (6,) or (N, 6), or callable, optional
+        External force and moment on the platform at P, in the fixed frame [N, N m]; or a function of time.
+    on_invalid : {"raise", "nan"}
+        Raise for samples that are out of reach or singular, or leave NaN in their rows.
+    progress : callable, optional
+        Called with (done, total) now and then.
+
+    Returns
+    -------
+    Reactions
+
+    Raises
+    ------
+    ReachError, SingularityError, SampleError
+        Naming the first bad sample.
+    InputError
+        If the wrench does not fit, the idealisation is unknown, or `motion` is not a `Motion`.
+    """
+    cuts(joints)  # before the long part
+    if not isinstance(motion, Motion):
+        raise InputError(f"motion: expected a Motion, got {type(motion).__name__}")
+    states = holdable_states(parameters, motion.pose, motion.velocity, motion.acceleration, on_invalid)
+    loads = None if wrench is None else wrenches_at(motion.time, wrench, on_invalid)
+    solution = pinocchio_route.solve(
+        loop, parameters.geometry.h, *states, loads, parameters.friction, on_invalid, progress
+    )
+    return of_solution(loop, parameters, motion, solution, joints, loads, on_invalid)
+
+
+def of_solution(
+    loop: ClosedLoopModel,
+    parameters: Parameters,
+    motion: Motion,
+    solution: Solution,
+    joints: Idealisation = "paper",
+    wrench: FloatArray | None = None,
+    on_invalid: OnInvalid = "raise",
+) -> Reactions:
+    """Return the reactions that belong to actuator forces and joint states already found.
+
+    Parameters
+    ----------
+    loop, parameters, motion, joints, on_invalid
+        As for `over_motion`.
+    solution : Solution
+        Actuator forces and joints of the motion; rows of NaN are left out.
+    wrench : ndarray, shape (N, 6), optional
+        External force and moment on the platform at P [N, N m].
+
+    Returns
+    -------
+    Reactions
+
+    Raises
+    ------
+    SampleError
+        If the forces of a sample do not produce its motion.
+    InputError
+        If the idealisation is unknown.
+    """
+    solver, friction = ReactionSolver(loop, cuts(joints)), FrictionForces(loop, parameters.friction)
+    states = solution.joints
+    known = np.isfinite(solution.forces).all(axis=1) & np.isfinite(states.q).all(axis=1)
+    arrays = _no_reactions(len(solution.forces))
+    for i in np.flatnonzero(known).tolist():
+        q, v, a = states.q[i], states.v[i], states.a[i]
+        lost = friction.at(q, v)
+        external = lost.external if wrench is None else {pinocchio_route.PLATFORM: wrench[i], **lost.external}
+        try:
+            one = solver.solve(q, v, a, solution.forces[i], external, lost.joint_forces)
+        except DynamicsError as error:
+            if on_invalid == "raise":
+                raise SampleError(f"sample {i}: {error}", (i,)) from error
+            continue
+        one = _with_friction_in_cuts(loop, one, lost.external)
+        for name, array in arrays.items():
+            array[i] = getattr(one, name)
+    forces, moments = (in_fixed_axes(arrays["rotations"], arrays[name]) for name in ("forces", "moments"))
+    errors = residual(parameters, motion, wrench, forces, moments, arrays["positions"])
+    return Reactions(joints, motion, **arrays, residual=errors)
+
+
+def _with_friction_in_cuts(
+    loop: ClosedLoopModel, one: JointReactions, external: Mapping[str, FloatArray]
+) -> JointReactions:
+    """Return reactions whose cuts contain the friction there, which acts as a pair of external wrenches."""
+    first = len(one.names) - len(loop.sidecar.closures)
+    moments = one.moments.copy()
+    for c, closure in enumerate(loop.sidecar.closures, first):
+        if closure.frame2 in external:
+            moments[c] += one.rotations[c].T @ external[closure.frame2][3:]
+    return replace(one, moments=moments)
+
+
+def _no_reactions(count: int) -> dict[str, Any]:
+    """Return arrays over samples that have no reactions: NaN, False or 0."""
+    shape = (count, len(JOINTS), 3)
+    return {
+        "forces": np.full(shape, np.nan),
+        "moments": np.full(shape, np.nan),
+        "determined_forces": np.zeros(shape, dtype=bool),
+        "determined_moments": np.zeros(shape, dtype=bool),
+        "rotations": np.full((*shape, 3), np.nan),
+        "positions": np.full(shape, np.nan),
+        "undetermined": np.zeros(count, dtype=int),
+    }

@@ -1,0 +1,105 @@
+"""The thirteen joints of the manipulator, and how the three where its loops were cut can be built."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias, get_args
+
+import numpy as np
+
+from p3dof.checks import FloatArray
+from p3dof.closed_loop.closure_joints import ClosureJoint
+from p3dof.errors import InputError
+
+Idealisation: TypeAlias = Literal["paper", "points"]
+"""How the cuts of the loops are built."""
+IDEALISATIONS: tuple[str, ...] = get_args(Idealisation)
+
+_Y = (0.0, 1.0, 0.0)
+_AXES = {"y": _Y, "z": (0.0, 0.0, 1.0)}
+_LEG, _ROD, _BALL = ClosureJoint.universal(_Y, _Y), ClosureJoint.revolute(_Y), ClosureJoint.ball()
+_CUTS = {"paper": (_LEG, _LEG, _ROD), "points": (_BALL, _BALL, _BALL)}
+
+
+@dataclass(frozen=True)
+class Joint:
+    """One of the thirteen joints.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+    predecessor, successor : str
+        Links that it joins; the reaction is what the predecessor exerts on the successor.
+    frame : str
+        Link or marker at whose origin and in whose axes the reaction is given.
+    axis : str
+        Which of these axes is the joint's: ``"y"``, or ``"z"`` for the slides. Of a universal joint it is
+        the leg's; a ball joint has none.
+    """
+
+    name: str
+    predecessor: str
+    successor: str
+    frame: str
+    axis: str
+
+
+JOINTS = (
+    Joint("slide_a", "base_link", "slider_a", "slider_a", "z"),
+    Joint("hinge_a", "slider_a", "leg_a", "leg_a", "y"),
+    Joint("slide_b", "base_link", "slider_b", "slider_b", "z"),
+    Joint("hinge_b", "slider_b", "leg_b", "leg_b", "y"),
+    Joint("slide_c", "base_link", "slider_c", "slider_c", "z"),
+    Joint("hinge_c", "slider_c", "crossbar_upper", "crossbar_upper", "y"),
+    Joint("hinge_left", "crossbar_upper", "rod_left", "rod_left", "y"),
+    Joint("hinge_lower", "rod_left", "crossbar_lower", "crossbar_lower", "y"),
+    Joint("hinge_platform", "crossbar_lower", "platform", "platform", "y"),
+    Joint("hinge_right", "crossbar_upper", "rod_right", "rod_right", "y"),
+    Joint("loop_a", "leg_a", "platform", "leg_a_tip", "y"),
+    Joint("loop_b", "leg_b", "platform", "leg_b_tip", "y"),
+    Joint("loop_c", "rod_right", "crossbar_lower", "rod_right_tip", "y"),
+)
+"""The joints of the tree in Pinocchio's order, then the cuts."""
+
+
+def cuts(idealisation: str) -> tuple[ClosureJoint, ...]:
+    """Return how the three cuts are built.
+
+    Parameters
+    ----------
+    idealisation : str
+        One of `IDEALISATIONS`.
+
+    Returns
+    -------
+    tuple of ClosureJoint
+
+    Raises
+    ------
+    InputError
+        If there is no such idealisation.
+    """
+    if idealisation not in IDEALISATIONS:
+        expected = " or ".join(map(repr, IDEALISATIONS))
+        raise InputError(f"joints: expected {expected}, got {idealisation!r}")
+    return _CUTS[idealisation]
+
+
+def joint_axes(idealisation: str) -> FloatArray:
+    """Return the axis of each joint in its own frame.
+
+    Parameters
+    ----------
+    idealisation : str
+        One of `IDEALISATIONS`.
+
+    Returns
+    -------
+    ndarray, shape (13, 3)
+        NaN for ball joints.
+    """
+    axes = np.array([_AXES[joint.axis] for joint in JOINTS])
+    if idealisation == "points":
+        axes[-len(_CUTS["points"]) :] = np.nan
+    return axes

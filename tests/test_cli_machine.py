@@ -1,0 +1,218 @@
+"""Commands that load, weigh and move the machine: payload, wrench, engines, energy, reactions, simulate."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_cli import run
+
+import p3dof
+from p3dof.parameters import PAPER, Body
+
+WRENCH = "t,fx,fy,fz,mx,my,mz\n0,1,2,3,0.4,0.5,0.6\n0.5,1,20,-30,0.4,0.5,0.6\n"
+
+
+@pytest.fixture
+def wrench_file(tmp_path):
+    path = tmp_path / "wrench.csv"
+    path.write_text(WRENCH)
+    return path
+
+
+def columns(path):
+    return np.genfromtxt(path, delimiter=",", names=True)
+
+
+def test_payload_and_wrench_reach_the_forces(tmp_path, capsys, wrench_file):
+    arguments = ("--samples", 21, "--payload", "5,0.01,0.02,-0.1", "--wrench", wrench_file)
+    code, _, err = run(capsys, "forces", *arguments, "--out", tmp_path / "f.csv")
+    assert (code, err) == (0, "")
+    robot = p3dof.load(PAPER.carrying(Body(5, [0.01, 0.02, -0.1], np.zeros(3))))
+    history = p3dof.WrenchHistory.from_csv(wrench_file)
+    expected = robot.inverse_dynamics(p3dof.paper_motion(21), "virtual-power", wrench=history).forces
+    table = columns(tmp_path / "f.csv")
+    for leg, name in enumerate("ABC"):
+        np.testing.assert_allclose(table[f"f{name}_N"], expected[:, leg], rtol=1e-10)
+    code, out, _ = run(capsys, "compare", *arguments, "--out", tmp_path, "--no-plot")
+    assert code == 0
+    assert "the methods agree" in out
+
+
+@pytest.mark.parametrize("command", ["compare", "forces", "energy", "reactions", "simulate"])
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--payload", "heavy"), "expected a mass [kg], or a mass and x,y,z [m], got 'heavy'"),
+        (("--payload", "5,0"), "expected a mass [kg], or a mass and x,y,z [m], got '5,0'"),
+        (("--payload=-5",), "mass: expected zero or more, got -5 kg"),
+        (("--payload", "nan"), "mass: expected finite numbers, got nan"),
+        (("--wrench", "nowhere.csv"), "nowhere.csv: cannot be read"),
+    ],
+)
+def test_bad_loads(capsys, tmp_path, monkeypatch, command, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    code, _, err = run(capsys, command, "--samples", 3, *arguments)
+    assert code == 2
+    assert words in err
+    assert len(err.strip().splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_engines_add_a_column_each(tmp_path, capsys, wrench_file):
+    for name in ("mujoco", "pydrake", "exudyn"):
+        pytest.importorskip(name)
+    arguments = ("compare", "--samples", 21, "--engines", "all", "--wrench", wrench_file, "--out", tmp_path)
+    code, out, _ = run(capsys, *arguments, "--no-plot")
+    assert code == 0
+    for name in ("mujoco", "drake", "exudyn"):
+        assert name in out
+    header = (tmp_path / "forces.csv").read_text().splitlines()[0]
+    assert header.count("fA ") == 5
+    table = np.genfromtxt(tmp_path / "forces.csv", delimiter=",", skip_header=1)
+    for first in (1, 7, 10, 13):
+        np.testing.assert_allclose(table[:, first : first + 3], table[:, 4:7], rtol=0, atol=1e-9)
+
+
+def test_an_engine_that_disagrees_fails(tmp_path, capsys, monkeypatch):
+    pytest.importorskip("mujoco")
+    from p3dof import engines
+
+    heavy = replace(PAPER, bodies=PAPER.bodies.scaled(1 + 1e-7))
+    monkeypatch.setattr(engines, "load", lambda name, _: engines.ENGINES[name](heavy))
+    code, out, _ = run(
+        capsys, "compare", "--samples", 11, "--engines", "mujoco", "--out", tmp_path, "--no-plot"
+    )
+    assert code == 1
+    assert "an engine DISAGREES by more than 1e-09" in out
+
+
+def test_engines_leave_invalid_samples_out(tmp_path, capsys):
+    pytest.importorskip("mujoco")
+    time = np.linspace(0, 1, 21)
+    pose = np.column_stack([0.3 * time**2, 0 * time, 0 * time])
+    p3dof.Motion.from_poses(time, pose).to_csv(tmp_path / "m.csv")
+    arguments = ("--motion", tmp_path / "m.csv", "--on-invalid", "nan", "--engines", "mujoco")
+    code, _, _ = run(capsys, "compare", *arguments, "--out", tmp_path, "--no-plot")
+    assert code == 0
+    table = np.genfromtxt(tmp_path / "forces.csv", delimiter=",", skip_header=1)
+    np.testing.assert_array_equal(np.isnan(table[:, 10]), np.isnan(table[:, 4]))
+    assert np.isnan(table[:, 10]).any()
+
+
+def test_a_missing_engine_names_the_extra(tmp_path, capsys, monkeypatch):
+    import sys
+
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    code, _, err = run(capsys, "compare", "--samples", 3, "--engines", "mujoco", "--out", tmp_path)
+    assert code == 2
+    assert "p3dof[engines]" in err
+
+
+def test_exudyn_in_time(tmp_path, capsys):
+    pytest.importorskip("exudyn")
+    code, out, _ = run(capsys, "compare", "--in-time", "--out", tmp_path, "--no-plot", "--samples", 501)
+    assert code == 0
+    rows = [line.split("│")[1:-1] for line in out.splitlines() if line.startswith("│")]
+    steps = [[cell.strip() for cell in row] for row in rows if row[0].strip() in {"1", "0.5", "0.25", "→ 0"}]
+    assert len(steps) == 4
+    for row in steps[1:3]:
+        assert float(row[2]) > 1.99
+    assert float(steps[3][1]) < 1e-8
+
+
+def test_energy(tmp_path, capsys):
+    files = ("--out", tmp_path / "e.csv", "--figure", tmp_path / "e.png")
+    code, out, err = run(capsys, "energy", "--samples", 101, *files)
+    assert (code, err) == (0, "")
+    assert "what the drives must do" in out
+    assert (tmp_path / "e.png").read_bytes().startswith(b"\x89PNG")
+    assert len(columns(tmp_path / "e.csv")) == 101
+
+
+@pytest.mark.parametrize("joints", ["paper", "points"])
+def test_reactions(tmp_path, capsys, wrench_file, joints):
+    files = ("--out", tmp_path / "r.csv", "--figure", tmp_path / "r.svg")
+    arguments = ("--samples", 11, "--joints", joints, "--wrench", wrench_file)
+    code, out, err = run(capsys, "reactions", *arguments, *files)
+    assert (code, err) == (0, "")
+    assert f"joints as {joints}" in out
+    assert "hinge_platform" in out
+    assert "</svg>" in (tmp_path / "r.svg").read_text()
+    assert len(columns(tmp_path / "r.csv")) == 11
+
+
+def test_simulate_shows_what_the_inverse_model_gains(tmp_path, capsys):
+    code, out, err = run(capsys, "simulate", "--samples", 201, "--out", tmp_path)
+    assert (code, err) == (0, "")
+    gains = [float(line.split("at least ")[1].split()[0]) for line in out.splitlines() if "at least" in line]
+    assert len(gains) == 2
+    assert min(gains) > 1000
+    for name in ("pd", "feedforward", "computed-torque"):
+        table = columns(tmp_path / f"simulation_{name}.csv")
+        assert table["t_s"][-1] == pytest.approx(1.1)
+        error = np.abs(table["y_m"] - table["reference_y_m"]).max()
+        assert error < (5e-3 if name == "pd" else 1e-6)
+    assert (tmp_path / "tracking.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_run_that_ends_early_says_why_and_keeps_its_samples(tmp_path, capsys):
+    arguments = ("--controller", "computed-torque", "--saturation", 40, "--format", "npz", "--no-plot")
+    code, out, _ = run(capsys, "simulate", "--samples", 101, *arguments, "--out", tmp_path)
+    assert code == 1
+    assert "computed-torque: ended by slider stop at t = " in out
+    with np.load(tmp_path / "simulation_computed-torque.npz") as arrays:
+        assert str(arrays["stop"]).startswith("slider stop at t = ")
+        assert len(arrays["time"]) > 10
+        assert np.abs(arrays["forces"]).max() == 40
+    assert not (tmp_path / "tracking.png").exists()
+
+
+def test_every_option_of_simulate(tmp_path, capsys, wrench_file):
+    p3dof.Motion.rest_to_rest([0, 0, 0], [0.02, 0.01, 0.1], 0.3, 31).to_csv(tmp_path / "m.csv")
+    code, out, err = run(
+        capsys, "simulate", "--motion", tmp_path / "m.csv", "--wrench", wrench_file, "--payload", "2",
+        "--controller", "feedforward", "--controller", "pd", "--rate", 500, "--frequency", 8,
+        "--damping", 0.8, "--integral-time", 0.1, "--mass-error", -0.1, "--saturation", 200,
+        "--noise", 1e-6, 1e-4, "--seed", 3, "--ramp", 0, "--method", "pinocchio", "--out", tmp_path / "o",
+    )  # fmt: skip
+    assert (code, err) == (0, "")
+    table = columns(tmp_path / "o" / "simulation_feedforward.csv")
+    assert len(table) == 31
+    assert table["closure_error_m"].max() < 1e-9
+    assert "computed-torque" not in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--rate", "0"), "rate: expected a positive number, got 0"),
+        (("--frequency", "-1"), "frequency: expected a positive number, got -1"),
+        (("--mass-error", "-1"), "factor: expected a positive number, got 0"),
+        (("--mass-error", "nan"), "factor: expected finite numbers"),
+        (("--saturation", "0"), "saturation: expected True, False, or one or three positive forces"),
+        (("--noise", "-1", "0"), "position: expected zero or more, got -1"),
+        (("--seed", "-1", "--noise", "0", "0"), "seed: expected a whole number of zero or more"),
+        (("--ramp", "5"), "ramp, stop: expected at most 2 s together, got 5 s"),
+        (("--controller", "magic"), "'magic' is not one of"),
+        (("--integral-time", "0"), "integral_time: expected a positive number, got 0"),
+    ],
+)
+def test_bad_options_of_simulate(tmp_path, capsys, arguments, words):
+    code, _, err = run(capsys, "simulate", "--samples", 11, "--out", tmp_path, *arguments)
+    assert code == 2
+    assert words in err
+    assert len(err.strip().splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_outputs_never_replace_inputs(capsys, wrench_file):
+    for command in ("forces", "energy", "reactions"):
+        code, _, err = run(capsys, command, "--samples", 3, "--wrench", wrench_file, "--out", wrench_file)
+        assert code == 2
+        assert "would be overwritten" in err
+    assert wrench_file.read_text() == WRENCH
+    code, _, err = run(capsys, "energy", "--samples", 3, "--out", "same.png", "--figure", "same.png")
+    assert code == 2
+    assert "would be overwritten" in err
