@@ -10,6 +10,7 @@ under constant forces. `driven_forces` and `convergence` let Exudyn integrate a 
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from types import MappingProxyType
 
 from p3dof.checks import shown
@@ -49,9 +50,33 @@ def load(name: str, parameters: Parameters = PAPER) -> Engine:
     ModelError
         If MuJoCo or Drake needs a mass for a massless link, and its neighbours have none to give.
     """
+    return _known(name)(parameters)
+
+
+def available(name: str) -> bool:
+    """Return whether the library of an engine is installed.
+
+    Parameters
+    ----------
+    name : {"mujoco", "drake", "exudyn"}
+        Which one.
+
+    Returns
+    -------
+    bool
+
+    Raises
+    ------
+    InputError
+        If there is no such engine.
+    """
+    return find_spec(_known(name).module.partition(".")[0]) is not None
+
+
+def _known(name: str) -> type[Engine]:
     if not isinstance(name, str) or name not in ENGINES:
         raise InputError(f"engine: expected one of {', '.join(ENGINES)}, got {shown(name)}")
-    return ENGINES[name](parameters)
+    return ENGINES[name]
 
 
 __all__ = [
@@ -64,6 +89,7 @@ __all__ = [
     "FinalState",
     "Integrator",
     "MujocoEngine",
+    "available",
     "convergence",
     "driven_forces",
     "load",
