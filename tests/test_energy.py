@@ -16,14 +16,13 @@ from scipy.integrate import simpson
 
 import p3dof
 import p3dof.cli.energy
-from p3dof import energy as module
 from p3dof import kinematics
 from p3dof.cli import main
 from p3dof.energy import energy_of, kinetic_energy, momentum, potential_energy
 from p3dof.energy.work import integral
 from p3dof.errors import FileError, InputError, MissingExtraError, ReachError
 from p3dof.motion import Motion
-from p3dof.parameters import PAPER, SOLIDS, Friction
+from p3dof.parameters import LINKS, PAPER, SOLIDS, Friction
 from p3dof.plots import save
 from p3dof.plots.energy import energy_figure
 
@@ -53,7 +52,7 @@ def test_energies_are_those_of_lagrange(seed):
     parameters = random_machine(seed)
     model, s = LagrangeModel(parameters), random_states(parameters, seed, 10)
     T, V = kinetic_energy(parameters, s.pose, s.velocity), potential_energy(parameters, s.pose)
-    assert module.BODIES == BODIES
+    assert LINKS == BODIES
     close(T, model.body_kinetic_energies(s.pose, s.velocity), 1e-13)
     weights = np.array([body.mass for _, body in parameters.bodies.items()])
     close(V, -weights * np.einsum("k,nbk->nb", parameters.gravity, model.mass_centers(s.pose)), 1e-13)

@@ -8,12 +8,11 @@ forms of the kinematics and from the bodies, without any force: that the work of
 change of T + V is evidence for the forces.
 """
 
-from p3dof.energy.bodies import BODIES, kinetic_energy, momentum, potential_energy
+from p3dof.energy.bodies import kinetic_energy, momentum, potential_energy
 from p3dof.energy.evaluation import energy_of
 from p3dof.energy.results import DriveLoads, Energy
 
 __all__ = [
-    "BODIES",
     "DriveLoads",
     "Energy",
     "energy_of",

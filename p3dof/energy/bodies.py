@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,10 +10,7 @@ from numpy.typing import ArrayLike
 from p3dof.checks import FloatArray, shown
 from p3dof.errors import InputError
 from p3dof.kinematics import OnInvalid, mechanism_motion
-from p3dof.parameters import Bodies, Parameters
-
-BODIES = tuple(item.name for item in fields(Bodies))
-"""The moving bodies, in the order of every result that has one column a body."""
+from p3dof.parameters import LINKS, Parameters
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +61,7 @@ def quantities(
         raise InputError(f"parameters: expected Parameters, got {shown(parameters)}")
     moving = mechanism_motion(parameters.geometry, pose, velocity, np.zeros(3), on_invalid)
     shape = moving.sliders.shape[:-1]
-    kinetic, potential = np.zeros((*shape, len(BODIES))), np.zeros((*shape, len(BODIES)))
+    kinetic, potential = np.zeros((*shape, len(LINKS))), np.zeros((*shape, len(LINKS)))
     linear, angular = np.zeros((*shape, 3)), np.zeros((*shape, 3))
     for k, (name, body) in enumerate(parameters.bodies.items()):
         motion = moving.bodies[name]
@@ -95,7 +92,7 @@ def kinetic_energy(
     Returns
     -------
     ndarray, shape (..., 10)
-        In the order of `BODIES` [J].
+        In the order of `LINKS` [J].
 
     Raises
     ------
@@ -120,7 +117,7 @@ def potential_energy(parameters: Parameters, pose: ArrayLike, on_invalid: OnInva
     Returns
     -------
     ndarray, shape (..., 10)
-        In the order of `BODIES` [J].
+        In the order of `LINKS` [J].
 
     Raises
     ------

@@ -7,12 +7,12 @@ from dataclasses import fields
 import numpy as np
 
 from p3dof.checks import FloatArray, shown
-from p3dof.energy.bodies import BODIES, quantities
+from p3dof.energy.bodies import quantities
 from p3dof.energy.results import DriveLoads, Energy
 from p3dof.energy.work import runs, work_over
 from p3dof.errors import InputError
 from p3dof.minimal import WRENCH_ROWS
-from p3dof.parameters import Parameters
+from p3dof.parameters import LINKS, Parameters
 from p3dof.routes import InverseDynamics
 
 _SAME_MACHINE = 1e-6
@@ -48,7 +48,7 @@ def energy_of(parameters: Parameters, result: InverseDynamics) -> Energy:
     work, balance, given = work_over(result, rates, total)
     return Energy(
         time=result.time,
-        bodies=BODIES,
+        bodies=LINKS,
         kinetic=found.kinetic,
         potential=found.potential,
         momentum=found.momentum,

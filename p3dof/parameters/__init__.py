@@ -7,12 +7,13 @@ given; `dataclasses.replace` makes variants.
 
 from p3dof.parameters.body import Body
 from p3dof.parameters.friction import Friction
-from p3dof.parameters.machine import Bodies, Geometry, Limits, Parameters
+from p3dof.parameters.machine import LINKS, Bodies, Geometry, Limits, Parameters
 from p3dof.parameters.named import PAPER, SOLIDS, of_solids
 from p3dof.parameters.serialization import read_parameters, write_parameters
 from p3dof.parameters.solids import STEEL_DENSITY, Dimensions, box, cylinder, rounded_plate
 
 __all__ = [
+    "LINKS",
     "PAPER",
     "SOLIDS",
     "STEEL_DENSITY",

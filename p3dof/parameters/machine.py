@@ -151,6 +151,10 @@ class Bodies:
         return sum(body.mass for _, body in self.items())
 
 
+LINKS = tuple(item.name for item in fields(Bodies))
+"""The ten moving bodies by name."""
+
+
 @dataclass(frozen=True)
 class Limits:
     """What the actuators can do, and how far the platform may turn; the paper gives none of these.

@@ -33,9 +33,8 @@ from p3dof.errors import ParameterError
 from p3dof.files import parse_yaml, read_text, write_atomic
 from p3dof.parameters.body import Body
 from p3dof.parameters.friction import Friction
-from p3dof.parameters.machine import Bodies, Geometry, Limits, Parameters
+from p3dof.parameters.machine import LINKS, Bodies, Geometry, Limits, Parameters
 
-_LINKS = tuple(item.name for item in fields(Bodies))
 _KINDS = ("slider", "leg", "crossbar", "platform")
 _T = TypeVar("_T")
 
@@ -152,7 +151,7 @@ def dump(parameters: Parameters) -> str:
 
 def _bodies(data: Any, where: str) -> Bodies:
     kinds = isinstance(data, Mapping) and not set(data) - set(_KINDS)
-    names = _KINDS if kinds else _LINKS
+    names = _KINDS if kinds else LINKS
     data = _mapping(data, where, required=names)
     bodies = {name: _body(data[name], f"{where}.{name}") for name in names}
     return _named(where, lambda: Bodies.alike(**bodies) if kinds else Bodies(**bodies))

@@ -111,7 +111,7 @@ def of_solution(
     for i in np.flatnonzero(known).tolist():
         q, v, a = states.q[i], states.v[i], states.a[i]
         lost = friction.at(q, v)
-        external = lost.external if wrench is None else {pinocchio_route.PLATFORM: wrench[i], **lost.external}
+        external = lost.external_with(None if wrench is None else wrench[i])
         try:
             one = solver.solve(q, v, a, solution.forces[i], external, lost.joint_forces)
         except DynamicsError as error:

@@ -16,6 +16,9 @@ from p3dof.parameters import Friction
 
 _X, _Y, _ = np.eye(3)
 
+PLATFORM = "platform_center"
+"""The frame at P."""
+
 CUTS = {
     "universal_a": ("leg_a_tip", "platform_a"),
     "universal_b": ("leg_b_tip", "platform_b"),
@@ -41,6 +44,10 @@ class Resistance:
     joint_forces: FloatArray
     external: dict[str, FloatArray]
     power: float
+
+    def external_with(self, wrench: FloatArray | None) -> dict[str, FloatArray]:
+        """Return all wrenches on frames: these, and one on the platform at P (6,) if there is one."""
+        return self.external if wrench is None else {PLATFORM: wrench, **self.external}
 
 
 class FrictionForces:

@@ -16,10 +16,9 @@ from p3dof.checks import FloatArray
 from p3dof.closed_loop import ClosedLoopModel, FrameTarget, State
 from p3dof.errors import AssemblyError, DynamicsError, SampleError, SingularityError
 from p3dof.parameters import Friction
-from p3dof.routes.friction import FrictionForces
+from p3dof.routes.friction import PLATFORM, FrictionForces
 from p3dof.routes.results import JointStates, Solution
 
-PLATFORM = "platform_center"
 MASK = (False, True, True, False, True, False)
 """What a pose prescribes of the platform's placement: y, z and the rotation about y0."""
 
@@ -77,7 +76,7 @@ def solve(
             try:
                 state = _complete(loop, target_of(pose[i], depth), velocity[i], acceleration[i], guess)
                 lost = resisting.at(state.q, state.v)
-                external = lost.external if wrench is None else {PLATFORM: wrench[i], **lost.external}
+                external = lost.external_with(None if wrench is None else wrench[i])
                 found = loop.inverse_dynamics(state.q, state.v, state.a, external, lost.joint_forces)
             except (AssemblyError, DynamicsError, SingularityError) as error:
                 if on_invalid == "raise":
@@ -135,7 +134,7 @@ def accelerate(
         state = _complete(loop, target_of(pose[i], depth), velocity[i], np.zeros(3), guess)
         guess = state.q
         lost = resisting.at(state.q, state.v)
-        external = lost.external if wrench is None else {PLATFORM: wrench[i], **lost.external}
+        external = lost.external_with(None if wrench is None else wrench[i])
         a = loop.forward_dynamics(state.q, state.v, forces[i], external, lost.joint_forces).a
         pin.forwardKinematics(loop.model, data, state.q, state.v, a)
         pin.updateFramePlacement(loop.model, data, frame)

@@ -15,7 +15,7 @@ from p3dof.errors import DynamicsError, InputError
 from p3dof.minimal import WRENCH_ROWS
 from p3dof.parameters import Parameters
 from p3dof.routes import SLIDES, JointStates, pinocchio_route
-from p3dof.routes.friction import FrictionForces
+from p3dof.routes.friction import PLATFORM, FrictionForces
 from p3dof.simulation.equations import Equations
 
 _NOWHERE = (ValueError, ArithmeticError)
@@ -117,7 +117,7 @@ class ConstrainedPlant:
         self._beta = stabilisation
         self._friction = FrictionForces(self.loop, parameters.friction)
         self._data = self.loop.model.createData()
-        self._frame = self.loop.model.getFrameId(pinocchio_route.PLATFORM)
+        self._frame = self.loop.model.getFrameId(PLATFORM)
         names = [str(name) for name in self.loop.model.names[1:]]
         self._names = tuple(names)
         self._slides = [names.index(name) for name in SLIDES]
@@ -156,7 +156,7 @@ class ConstrainedPlant:
             return np.full(2 * self._nv, np.nan)
         q, v = state[: self._nv], state[self._nv :]
         lost = self._friction.at(q, v)
-        external = {pinocchio_route.PLATFORM: wrench, **lost.external} if wrench.any() else lost.external
+        external = lost.external_with(wrench if wrench.any() else None)
         try:
             found = self.loop.forward_dynamics(q, v, forces, external, lost.joint_forces, self._beta)
         except (InputError, DynamicsError):  # the trial step of an integrator that went too far
