@@ -332,6 +332,11 @@ def test_files_hold_the_run(tmp_path):
         run.save(tmp_path / "run.xlsx")
     with pytest.raises(FileError):
         run.save(tmp_path / "run.csv" / "inside.csv")
+    other = p3dof.paper_motion(11)
+    followed = robot.simulate(0.01, controller=p3dof.PD(robot, motion), reference=other, samples=2)
+    np.testing.assert_allclose(followed.reference, other.resampled([0, 0.01]).pose, atol=1e-14)
+    with pytest.raises(InputError, match="motion: expected a Motion, got 3"):
+        robot.simulate(0.01, reference=3)
     with pytest.raises(InputError, match="error: the run had no motion to follow"):
         _ = robot.simulate(0.01).error
 

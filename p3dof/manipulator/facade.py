@@ -247,6 +247,7 @@ class Manipulator(MovingMachine):
         pose: ArrayLike = (0.0, 0.0, 0.0),
         velocity: ArrayLike = (0.0, 0.0, 0.0),
         controller: ControllerLike = None,
+        reference: Motion | None = None,
         method: Method = "virtual-power",
         rate: float | None = None,
         saturation: bool | ArrayLike = False,
@@ -273,7 +274,9 @@ class Manipulator(MovingMachine):
         pose, velocity : array-like, shape (3,)
             Where the platform starts: (y, z, θ) [m, m, rad] and per second.
         controller : callable or array-like, shape (3,), optional
-            Takes a `p3dof.simulation.Measurement`, returns the forces of A, B, C [N]; or forces that stay.
+            Takes a `p3dof.Measurement`, returns the forces of A, B, C [N]; or forces that stay.
+        reference : Motion, optional
+            What the run should follow, for `Simulation.error`; what the controller follows by default.
         method : {"virtual-power", "pinocchio"}
             Integrate the minimal form in y, z, θ; or Pinocchio's constrained dynamics of all joints, with
             stabilised closures. Both by the Runge-Kutta method DOP853 with adaptive steps.
@@ -323,6 +326,7 @@ class Manipulator(MovingMachine):
             pose,
             velocity,
             controller,
+            reference,
             method,
             rate,
             saturation,

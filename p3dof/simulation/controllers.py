@@ -78,7 +78,8 @@ class PD:
 
     f = f_home + K (λ_d - λ) + D (λ̇_d - λ̇) + K/T ∫(λ_d - λ) dt
 
-    K = ω² m and D = 2 ζ ω m with what each slider has to move at home, m = diag (J⁻ᵀ M J⁻¹).
+    K = ω² m and D = 2 ζ ω m with what each slider has to move at home, m = diag (J⁻ᵀ M J⁻¹): ω is that of a
+    slider alone, the coordinates y, z, θ swing a little slower or faster.
 
     Parameters
     ----------

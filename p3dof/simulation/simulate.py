@@ -39,6 +39,7 @@ def simulate(
     pose: ArrayLike = (0.0, 0.0, 0.0),
     velocity: ArrayLike = (0.0, 0.0, 0.0),
     controller: ControllerLike = None,
+    reference: Motion | None = None,
     method: str = "virtual-power",
     rate: float | None = None,
     saturation: bool | ArrayLike = False,
@@ -60,7 +61,7 @@ def simulate(
         The machine.
     loop : callable
         Returns its closed-loop model; called for ``method="pinocchio"`` only.
-    duration, pose, velocity, controller, method, rate, saturation, noise, wrench, samples
+    duration, pose, velocity, controller, reference, method, rate, saturation, noise, wrench, samples
         As for `p3dof.Manipulator.simulate`.
     joints, stop_at, rtol, atol, stabilisation, progress
         Likewise.
@@ -99,15 +100,15 @@ def simulate(
     margins = Margins(parameters, tuple(stop_at), plant.pose(state)[0])
     limits = _saturation(saturation, parameters.limits.force)
     actuation = Actuation(parameters, controller, period, limits, noise)
-    reference = _reference(controller)
+    followed = _reference(controller) if reference is None else Reference(reference)
     integrator = Integrator(plant, actuation, acting, margins, times, period, tolerances, progress)
     try:
         recording = integrator.run(state)
     except ControllerError as error:
         if integrator.recording.times:
-            error.run = _result(method, plant, integrator.recording, reference)
+            error.run = _result(method, plant, integrator.recording, followed)
         raise
-    return _result(method, plant, recording, reference)
+    return _result(method, plant, recording, followed)
 
 
 def _result(
