@@ -28,7 +28,8 @@ def columns(path):
 def test_payload_and_wrench_reach_the_forces(tmp_path, capsys, wrench_file):
     arguments = ("--samples", 21, "--payload", "5,0.01,0.02,-0.1", "--wrench", wrench_file)
     code, _, err = run(capsys, "forces", *arguments, "--out", tmp_path / "f.csv")
-    assert (code, err) == (0, "")
+    assert code == 0
+    assert err.startswith("p3dof: the load is known from 0 to 0.5 s, the motion takes place from 0 to 1 s")
     robot = p3dof.load(PAPER.carrying(Body(5, [0.01, 0.02, -0.1], np.zeros(3))))
     history = p3dof.WrenchHistory.from_csv(wrench_file)
     expected = robot.inverse_dynamics(p3dof.paper_motion(21), "virtual-power", wrench=history).forces
@@ -135,8 +136,8 @@ def test_energy(tmp_path, capsys):
 def test_reactions(tmp_path, capsys, wrench_file, joints):
     files = ("--out", tmp_path / "r.csv", "--figure", tmp_path / "r.svg")
     arguments = ("--samples", 11, "--joints", joints, "--wrench", wrench_file)
-    code, out, err = run(capsys, "reactions", *arguments, *files)
-    assert (code, err) == (0, "")
+    code, out, _ = run(capsys, "reactions", *arguments, *files)
+    assert code == 0
     assert f"joints as {joints}" in out
     assert "hinge_platform" in out
     assert "</svg>" in (tmp_path / "r.svg").read_text()
@@ -146,8 +147,9 @@ def test_reactions(tmp_path, capsys, wrench_file, joints):
 def test_simulate_shows_what_the_inverse_model_gains(tmp_path, capsys):
     code, out, err = run(capsys, "simulate", "--samples", 201, "--out", tmp_path)
     assert (code, err) == (0, "")
-    gains = [float(line.split("at least ")[1].split()[0]) for line in out.splitlines() if "at least" in line]
-    assert len(gains) == 2
+    lines = [line.split("larger by ")[1] for line in out.splitlines() if "larger by" in line]
+    gains = [float(part.split()[0]) for line in lines for part in line.split(", ")]
+    assert len(gains) == 6
     assert min(gains) > 1000
     for name in ("pd", "feedforward", "computed-torque"):
         table = columns(tmp_path / f"simulation_{name}.csv")
@@ -163,7 +165,7 @@ def test_a_run_that_ends_early_says_why_and_keeps_its_samples(tmp_path, capsys):
     assert code == 1
     assert "computed-torque: ended by slider stop at t = " in out
     with np.load(tmp_path / "simulation_computed-torque.npz") as arrays:
-        assert str(arrays["stop"]).startswith("slider stop at t = ")
+        assert arrays["stop"][0] == "slider stop"
         assert len(arrays["time"]) > 10
         assert np.abs(arrays["forces"]).max() == 40
     assert not (tmp_path / "tracking.png").exists()
@@ -179,7 +181,7 @@ def test_every_option_of_simulate(tmp_path, capsys, wrench_file):
     )  # fmt: skip
     assert (code, err) == (0, "")
     table = columns(tmp_path / "o" / "simulation_feedforward.csv")
-    assert len(table) == 31
+    assert len(table) == 1001
     assert table["closure_error_m"].max() < 1e-9
     assert "computed-torque" not in out
 

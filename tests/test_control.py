@@ -134,6 +134,24 @@ def test_an_integral_does_not_wind_up_while_forces_are_cut_off():
     assert np.abs(run.pose[-1] - [0.05, 0.05, 0.3]).max() < 1e-3
 
 
+def test_computed_torque_stops_integrating_whichever_force_is_cut_off():
+    far = p3dof.Motion([0.0], [[0.05, 0.05, 0.3]], [HOME], [HOME])
+    controller = ComputedTorque(PAPER, far, integral_time=0.1)
+    controller.reset()
+    only_a = np.array([True, False, False])
+    none = np.zeros(3, dtype=bool)
+    first = controller(Measurement(0, 1e-3, HOME, HOME, none, PAPER.geometry))
+    cut = controller(Measurement(1e-3, 1e-3, HOME, HOME, only_a, PAPER.geometry))
+    np.testing.assert_array_equal(cut, first)
+
+
+def test_a_reference_out_of_reach_is_named():
+    far = p3dof.Motion([0.0], [[0.3, 0.0, 0.0]], [HOME], [HOME])
+    for controller in (PD, Feedforward):  # computed torque only takes the difference
+        with pytest.raises(ControllerError, match="out of reach: leg A is too short"):
+            p3dof.load().simulate(0.1, controller=controller(PAPER, far), rate=100, stop_at=())
+
+
 def test_a_controller_can_be_used_again():
     controller = PD(scaled(1.1), ENTERED, integral_time=0.1)
     first, second = followed(controller), followed(controller)
@@ -241,7 +259,7 @@ def test_bad_input_is_one_clear_error(make, message):
 
 def test_an_integral_needs_a_rate():
     controller = PD(PAPER, ENTERED, integral_time=0.1)
-    with pytest.raises(ControllerError, match="an integral needs a control rate, this run is continuous"):
+    with pytest.raises(InputError, match="an integral needs a control rate, this run is continuous"):
         p3dof.load().simulate(0.1, controller=controller)
 
 

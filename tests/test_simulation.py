@@ -12,7 +12,7 @@ from test_friction import random_friction
 
 import p3dof
 from p3dof import PAPER, Friction, Limits, Springs
-from p3dof.errors import ControllerError, FileError, InputError, ReachError
+from p3dof.errors import ControllerError, DynamicsError, FileError, InputError, ReachError
 
 METHODS = ("virtual-power", "pinocchio")
 HOME = np.zeros(3)
@@ -192,6 +192,138 @@ def test_held_forces_are_those_of_the_last_period():
 
 
 @pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("size", [1e8, 1e100, 1e150, 1e300])
+def test_forces_beyond_all_measure_end_the_run(method, size):
+    robot = p3dof.load()
+    run = robot.simulate(0.1, controller=[size, -size, size], method=method)
+    assert run.stop.kind in {"tilt limit", "slider stop", "accuracy"}
+    assert np.isfinite(run.pose).all()
+    assert run.time[0] == 0
+
+
+def test_a_run_without_a_finite_beginning_cannot_start():
+    for method in METHODS:
+        with pytest.raises(
+            DynamicsError, match="the run cannot start: accuracy at t = 0 s: no step is small"
+        ):
+            p3dof.load().simulate(0.1, controller=[1.7e308, 1.7e308, 1.7e308], method=method)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("width", [0.002, 0.01, 0.05])
+def test_a_short_push_is_felt_where_nothing_else_happens(method, width):
+    """At rest steps could be as long as the run: a triangle of 100 N gives its impulse all the same."""
+    robot = p3dof.load(WIDE)
+    hold = robot.forces(HOME, HOME, HOME)
+    lift = np.array([0, 0, 100.0, 0, 0, 0])
+    wrench = p3dof.WrenchHistory(
+        [0, 1, 1 + width / 2, 1 + width, 9], [0 * lift, 0 * lift, lift, 0 * lift, 0 * lift]
+    )
+    gain = np.linalg.inv(robot.mass_matrix(HOME))[1, 1]
+    pushed = (np.linalg.inv(robot.mass_matrix(HOME)) @ robot.jacobian(HOME).T @ np.full(3, 20.0))[1]
+    options = {"controller": hold, "method": method, "samples": [1.0, 1 + width]}
+    for load in (wrench, wrench.__call__):  # a history, and a function that nothing is known of
+        run = robot.simulate(1 + width, wrench=load, **options)
+        fine = robot.simulate(1 + width, wrench=load, max_step=2e-4, **options)
+        assert run.velocity[-1, 1] == pytest.approx(100 * width / 2 * gain, rel=0.02)
+        np.testing.assert_allclose(run.velocity[-1], fine.velocity[-1], rtol=0, atol=1e-7)
+    run = robot.simulate(
+        1 + width, controller=lambda m: hold + 20.0 * (1 < m.time < 1 + width), method=method, samples=2
+    )
+    assert run.velocity[-1, 1] == pytest.approx(pushed * width, rel=0.05)
+
+
+@pytest.mark.parametrize(("frequency", "rtol"), [(10, 1e-9), (68, 1e-5), (152, 1e-3)])
+def test_a_limit_passed_within_a_step_is_seen(frequency, rtol):
+    robot = p3dof.load()
+    hold = robot.forces(HOME, HOME, HOME)
+    springs = Springs(4.0 * (2 * np.pi * frequency) ** 2, preload=hold)
+    start = {"velocity": [0.3, 0.1, 0.5], "controller": springs, "rtol": rtol}
+    free = robot.simulate(0.2, samples=20001, **start)
+    assert free.finished
+    peak = free.sliders[:, 1].max()
+    for share in (0.5, 0.9, 0.99, 0.999):
+        limits = Limits((-0.2, share * peak), tilt=(-1, 1))
+        run = p3dof.load(replace(PAPER, limits=limits)).simulate(0.2, samples=2, **start)
+        assert run.stop is not None
+        assert run.sliders[-1, 1] == pytest.approx(share * peak, abs=1e-9)
+        first = free.time[np.argmax(free.sliders[:, 1] >= share * peak)]
+        assert run.stop.time == pytest.approx(first, abs=2e-5)
+
+
+@pytest.mark.parametrize(
+    ("rate", "duration", "samples"), [(30, 0.3, 46), (700, 0.23, 162), (1000, 0.23, 1151)]
+)
+def test_a_sample_at_a_tick_has_the_forces_that_begin_there(rate, duration, samples):
+    hold = p3dof.load().forces(HOME, HOME, HOME)
+    run = p3dof.load().simulate(
+        duration, controller=lambda m: hold + round(m.time * rate) % 7, rate=rate, samples=samples
+    )
+    tick = np.minimum(np.floor(run.time * rate + 1e-6), np.ceil(duration * rate - 1e-6) - 1)
+    np.testing.assert_allclose(run.forces[:, 0] - hold[0], tick % 7, atol=1e-12)
+
+
+def test_a_controller_may_fill_the_same_array_again():
+    held = np.zeros(3)
+    hold = p3dof.load().forces(HOME, HOME, HOME)
+
+    def controller(measured):
+        held[:] = hold + measured.time
+        return held
+
+    run = p3dof.load().simulate(0.1, controller=controller, rate=100, samples=11)
+    np.testing.assert_array_equal(run.asked, run.forces)
+    assert len(np.unique(run.asked[:, 0])) == 10
+
+
+def test_both_ways_count_whole_turns_of_the_platform():
+    machine = p3dof.load(replace(PAPER, limits=Limits((-50, 50), tilt=(-20, 20))))
+    runs = [machine.simulate(0.5, velocity=[0, 0, -9], stop_at=(), method=method) for method in METHODS]
+    assert runs[0].pose[-1, 2] < -np.pi
+    np.testing.assert_allclose(runs[1].pose, runs[0].pose, rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("start", [([0, 0, 0.3], [2.0, 0, 0]), ([0, 0, 0.1], [-2.0, 1.0, 0.5])])
+def test_a_continuous_controller_is_not_asked_beyond_a_limit(method, start):
+    hold = p3dof.load().forces(HOME, HOME, HOME)
+    run = p3dof.load(WIDE).simulate(
+        0.5, *start, lambda measured: (measured.pose, measured.velocity, hold)[2], method=method
+    )
+    assert run.stop.kind == "reach limit"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"controller": p3dof.PD}, InputError, "controller: expected an object, got the class PD"),
+        ({"stop_at": "slider stop"}, InputError, "stop_at: expected a list of slider stop"),
+        ({"stop_at": None}, InputError, "stop_at: expected a list of slider stop"),
+        ({"progress": 5}, InputError, "progress: expected a function, got 5"),
+        ({"rtol": 1e-20}, InputError, "rtol: expected at least 2.3e-14, got 1e-20"),
+        ({"max_step": 0}, InputError, "max_step: expected a positive number, got 0"),
+        ({"stabilisation": 1e4, "method": "pinocchio"}, InputError, "stabilisation: expected 0 to 1000 1/s"),
+        ({"wrench": lambda _: 1 / 0}, InputError, "wrench at t = 0 s: division by zero"),
+    ],
+)
+def test_more_bad_input(arguments, error, message):
+    with pytest.raises(error, match=message):
+        p3dof.load().simulate(0.1, **arguments)
+
+
+def test_a_controller_that_cannot_be_reset():
+    class Broken:
+        def reset(self):
+            raise ValueError("worn out")
+
+        def __call__(self, _):
+            return HOME
+
+    with pytest.raises(ControllerError, match="the controller failed to reset: worn out"):
+        p3dof.load().simulate(0.1, controller=Broken())
+
+
+@pytest.mark.parametrize("method", METHODS)
 def test_holding_a_constant_force_changes_nothing(method):
     robot = p3dof.load()
     forces = robot.forces(HOME, HOME, HOME) + np.array([3, -2, 1])
@@ -253,10 +385,10 @@ def test_joints_may_be_the_start_and_open_loops_are_refused_with_their_gap():
         ({"wrench": lambda _: [1, 2]}, InputError, r"wrench at t = 0 s: expected shape \(6,\)"),
         ({"samples": 1}, p3dof.MotionError, "samples: expected a whole number from 2"),
         ({"samples": [0, 0.5, 0.4]}, InputError, "samples: expected rising times from 0 to 0.1 s"),
-        ({"stop_at": ["collision"]}, InputError, "stop_at: expected some of slider stop, tilt limit"),
+        ({"stop_at": ["collision"]}, InputError, "stop_at: expected a list of slider stop, tilt limit"),
         ({"rtol": 0}, InputError, "rtol: expected a positive number, got 0"),
         ({"atol": -1}, InputError, "atol: expected a positive number, got -1"),
-        ({"stabilisation": -1}, InputError, "stabilisation: expected zero or more, got -1"),
+        ({"stabilisation": -1}, InputError, "stabilisation: expected 0 to 1000 1/s, got -1"),
     ],
 )
 def test_bad_input_is_one_clear_error(arguments, error, message):
@@ -294,6 +426,9 @@ def test_a_controller_that_fails_says_when_and_keeps_the_run(method, rate, answe
         assert error.time == pytest.approx(0.05)
         assert error.run.time[-1] == pytest.approx(0.049, abs=2e-3)
         np.testing.assert_allclose(error.run.pose, 0, atol=1e-9)
+    assert not error.run.finished
+    assert error.run.stop.kind == "controller"
+    assert error.run.stop.time == error.time
 
 
 def test_an_interrupt_goes_through():
@@ -325,7 +460,21 @@ def test_files_hold_the_run(tmp_path):
             np.testing.assert_array_equal(arrays[name], getattr(run, name))
         np.testing.assert_array_equal(arrays["q"], run.joints.q)
         assert arrays["joint_names"].tolist() == list(run.joints.names)
-        assert str(arrays["stop"]) == ""
+    again = p3dof.Simulation.load(tmp_path / "run.npz")
+    assert again.finished
+    for name, column in run.columns().items():
+        np.testing.assert_array_equal(again.columns()[name], column)
+    np.testing.assert_array_equal(again.joints.q, run.joints.q)
+    stopped = robot.simulate(1.0)
+    stopped.save(tmp_path / "stopped.npz")
+    assert p3dof.Simulation.load(tmp_path / "stopped.npz").stop == stopped.stop
+    (tmp_path / "bad.npz").write_bytes(b"PK not really")
+    np.savez(tmp_path / "other.npz", time=[1, 2])
+    for name in ("bad.npz", "other.npz", "run.csv", "nowhere.npz"):
+        with pytest.raises(FileError, match=f"{name}: expected a run saved as .npz"):
+            p3dof.Simulation.load(tmp_path / name)
+    with pytest.raises(FileError, match="expected the path of a file, got 5"):
+        run.save(5)
     with pytest.raises(
         InputError, match=re.escape("run.xlsx: expected a file name that ends in .csv or .npz")
     ):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import sys
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from p3dof.cli.output import progress_bar
 from p3dof.errors import InputError, ParameterError
 from p3dof.manipulator import METHODS, InverseDynamics, Manipulator, load
 from p3dof.motion import Motion, WrenchHistory, paper_motion
+from p3dof.motion.splines import eased
 from p3dof.parameters import Body
 from p3dof.routes import wrenches_at
 
@@ -143,7 +145,34 @@ class Case:
     @property
     def wrench(self) -> FloatArray | None:
         """The external load at the samples of the motion."""
-        return None if self.history is None else wrenches_at(self.motion.time, self.history, "raise")
+        if self.history is None:
+            return None
+        known, asked = self.history.time, self.motion.time
+        if known[0] > asked[0] or known[-1] < asked[-1]:
+            sys.stderr.write(
+                f"p3dof: the load is known from {known[0]:g} to {known[-1]:g} s, the motion takes place from "
+                f"{asked[0]:g} to {asked[-1]:g} s: its first and last values are kept\n"
+            )
+        return wrenches_at(asked, self.history, "raise")
+
+    def load_along(self, ramp: float) -> Callable[[float], FloatArray] | None:
+        """Return the load of a run that enters the motion from rest, by its place on the path.
+
+        Parameters
+        ----------
+        ramp : float
+            How long it takes to come from rest to the motion's own rate [s]; 0 to start as the motion does.
+        """
+        history = self.history
+        if history is None:
+            return None
+        begin, duration = float(self.motion.time[0]), self.motion.duration + ramp / 2
+
+        def at(time: float) -> FloatArray:
+            phase = eased(np.array([time]), duration, ramp, 0.0)[0][0] if ramp else time
+            return history(begin + phase)
+
+        return at
 
     def solve(self, method: str) -> tuple[InverseDynamics, float]:
         """Solve with a progress bar; return the result and the seconds that it took."""

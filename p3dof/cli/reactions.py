@@ -12,7 +12,7 @@ from rich.table import Table
 
 from p3dof.cli.app import app
 from p3dof.cli.options import FIGURE, Case, with_case
-from p3dof.cli.output import print_plain, progress_bar
+from p3dof.cli.output import print_plain, print_warnings, progress_bar
 from p3dof.reactions import IDEALISATIONS, Reactions
 
 _COLUMNS = {
@@ -68,9 +68,13 @@ def reactions(case: Case, joints: str, out: Path | None, figure: Path | None) ->
     )
     residual = result.residual[result.valid].max()
     print_plain(console, f"largest error of Newton's and Euler's equations: {residual:.1e} N or N m")
-    invalid = len(result.time) - int(result.valid.sum())
-    if invalid:
-        print_plain(console, f"{invalid} of {len(result.time)} samples are invalid and left NaN")
+    known = case.robot.inverse_dynamics(
+        case.motion,
+        "virtual-power",
+        case.wrench,
+        case.on_invalid,  # type: ignore[arg-type]  # likewise
+    )
+    print_warnings(console, case.robot, known)
     for path in written:
         print_plain(console, f"wrote {path}")
 

@@ -17,9 +17,11 @@ from p3dof.cli.options import Case, with_load
 from p3dof.cli.output import print_plain, progress_bar
 from p3dof.errors import MissingExtraError
 from p3dof.manipulator import METHODS
-from p3dof.motion import Motion
-from p3dof.parameters import Parameters
+from p3dof.parameters import Limits, Parameters
 from p3dof.simulation import PD, ComputedTorque, Feedforward, Noise, Simulation
+
+SAMPLES = 1001
+"""Least number of samples of a run: errors are sought among them."""
 
 CONTROLLERS = {"pd": PD, "feedforward": Feedforward, "computed-torque": ComputedTorque}
 
@@ -109,6 +111,7 @@ def simulate(
     files = {name: out / f"simulation_{name}.{kind}" for name in names}
     figures = [out / f"tracking.{ending}" for ending in ("png", "svg")]
     case.protect(*files.values(), *figures)
+    case.robot.inverse_kinematics(case.motion.pose)  # names a pose that is out of reach before anything moves
     motion = case.motion.from_rest(ramp) if ramp else case.motion
     model = _wrong(case.robot.parameters, mass_error)
     runs: dict[str, Simulation] = {}
@@ -125,8 +128,8 @@ def simulate(
                 rate=rate,
                 saturation=False if saturation is None else saturation,
                 noise=Noise(*noise, seed) if noise else None,
-                wrench=case.history,
-                samples=_sampled(motion),
+                wrench=case.load_along(ramp),
+                samples=max(SAMPLES, len(motion)),
                 progress=progress,
             )
     written = [run.save(files[name]) for name, run in runs.items()]
@@ -135,6 +138,7 @@ def simulate(
     console = Console()
     console.print(errors_table(runs))
     _print_ratio(console, runs)
+    _print_limits(console, case.robot.parameters.limits, runs)
     for name, run in runs.items():
         if run.stop is not None:
             console.print(f"{name}: ended by {run.stop}", style="yellow", highlight=False, soft_wrap=True)
@@ -169,9 +173,13 @@ def _wrong(parameters: Parameters, error: float) -> Parameters:
     return replace(parameters, bodies=parameters.bodies.scaled(1 + error)) if error else parameters
 
 
-def _sampled(motion: Motion) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    """Return the times of the motion's samples, from 0."""
-    return np.asarray(motion.time - motion.time[0])
+def _print_limits(console: Console, limits: Limits, runs: dict[str, Simulation]) -> None:
+    """Say which limits the runs exceeded that do not end a run: of force and speed."""
+    for name, run in runs.items():
+        for exceedance in run.exceedances(limits):
+            if exceedance.quantity in {"force", "speed"}:
+                text = f"{name}: limit exceeded: {exceedance}"
+                console.print(text, style="yellow", highlight=False, soft_wrap=True)
 
 
 def _print_ratio(console: Console, runs: dict[str, Simulation]) -> None:
@@ -181,10 +189,9 @@ def _print_ratio(console: Console, runs: dict[str, Simulation]) -> None:
         if plain is None or run is plain or not (run.finished and plain.finished):
             continue
         if run.peak_error.min() > 0:
-            gain = float((plain.peak_error / run.peak_error).min())
-            console.print(
-                f"{name}: errors at least {gain:.3g} times smaller than by pd alone", highlight=False
-            )
+            gains = plain.peak_error / run.peak_error
+            text = ", ".join(f"{gain:.3g} in {axis}" for gain, axis in zip(gains, "yzθ", strict=True))
+            console.print(f"{name}: errors of pd alone are larger by {text}", highlight=False, soft_wrap=True)
 
 
 def _draw(paths: list[Path], runs: dict[str, Simulation]) -> list[Path]:

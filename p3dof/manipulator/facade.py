@@ -250,7 +250,7 @@ class Manipulator(MovingMachine):
         reference: Motion | None = None,
         method: Method = "virtual-power",
         rate: float | None = None,
-        saturation: bool | ArrayLike = False,
+        saturation: bool | ArrayLike | None = False,
         noise: Noise | None = None,
         wrench: WrenchLike = None,
         samples: int | ArrayLike = 1001,
@@ -258,6 +258,7 @@ class Manipulator(MovingMachine):
         stop_at: Sequence[str] = simulation.KINDS,
         rtol: float = 1e-9,
         atol: float = 1e-11,
+        max_step: float | None = None,
         stabilisation: float = 10.0,
         progress: Progress | None = None,
     ) -> Simulation:
@@ -288,17 +289,20 @@ class Manipulator(MovingMachine):
             Errors of the measured slider positions and velocities; needs a `rate`.
         wrench : array-like, shape (6,), or callable, optional
             External force and moment on the platform at P, in the fixed frame [N, N m]; or a function of
-            time that returns them.
+            the time since the start of the run that returns them, such as a `p3dof.WrenchHistory`.
         samples : int or array-like, shape (N,)
             How many samples to keep, evenly spaced, or their times [s]; the end is always one.
         joints : tuple of two array-like, shape (10,), optional
-            Positions and velocities of all joints, instead of `pose` and `velocity`, for
+            Positions and velocities of all joints, which take the place of `pose` and `velocity`, for
             ``method="pinocchio"``.
         stop_at : sequence of str
             Which limits end the run, of ``"slider stop"``, ``"tilt limit"``, ``"singular pose"``; the
             ``"reach limit"`` always does.
         rtol, atol : float
             Relative and absolute tolerance of the integrator.
+        max_step : float, optional
+            Longest step [s]. By default 2 ms where a function of time or of the state, other than `Springs`,
+            acts continuously, which could change for a moment between longer steps; else unlimited.
         stabilisation : float
             β of Baumgarte's stabilisation of the closures [1/s], for ``method="pinocchio"``.
         progress : callable, optional
@@ -337,6 +341,7 @@ class Manipulator(MovingMachine):
             stop_at,
             rtol,
             atol,
+            max_step,
             stabilisation,
             progress,
         )

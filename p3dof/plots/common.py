@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+FORMATS = ("png", "svg", "pdf")
+"""What figures are written as."""
+
 COLOURS = ("#0072b2", "#d55e00", "#009e73")
 """Colours of the legs A, B, C: distinct for colour-blind readers and in grey print."""
 
@@ -42,7 +45,7 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
     """
     path = Path(path)
     kind = path.suffix.lstrip(".").lower()
-    if kind not in figure.canvas.get_supported_filetypes():
+    if kind not in FORMATS:
         raise InputError(f"{path}: expected a file name that ends in .png, .svg or .pdf")
     stream = io.BytesIO()
     metadata = {"Date": None} if kind == "svg" else {}

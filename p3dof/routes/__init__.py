@@ -8,6 +8,7 @@ from p3dof.routes.results import (
     InverseDynamics,
     JointStates,
     Solution,
+    exceedances_of,
     write_table,
 )
 
@@ -19,6 +20,7 @@ __all__ = [
     "JointStates",
     "Solution",
     "WrenchOverTime",
+    "exceedances_of",
     "wrenches_at",
     "write_table",
 ]

@@ -224,7 +224,7 @@ class InverseDynamics:
         return np.asarray(np.sqrt(np.trapezoid(forces**2, time, axis=0) / (time[-1] - time[0])))
 
     def exceedances(self, limits: Limits) -> list[Exceedance]:
-        """Return the limits that the motion exceeds, each at its worst sample.
+        """Return the limits that the motion exceeds, each at its worst sample; see `exceedances_of`.
 
         Parameters
         ----------
@@ -241,25 +241,7 @@ class InverseDynamics:
         InputError
             If `limits` is not a `Limits`.
         """
-        if not isinstance(limits, Limits):
-            raise InputError(f"limits: expected Limits, got {type(limits).__name__}")
-        found: list[Exceedance] = []
-        for leg, name in enumerate(LEGS):
-            found += self._outside("travel", name, self.sliders[:, leg], *limits.travel)
-            speed, force = self.slider_velocities[:, leg], self.forces[:, leg]
-            found += self._outside("speed", name, speed, -limits.speed, limits.speed)
-            found += self._outside("force", name, force, -limits.force, limits.force)
-        return found + self._outside("tilt", "platform", self.motion.pose[:, 2], *limits.tilt)
-
-    def _outside(
-        self, quantity: str, leg: str, values: FloatArray, low: float, high: float
-    ) -> list[Exceedance]:
-        excess = np.nan_to_num(np.maximum(values - high, low - values), nan=-np.inf)
-        worst = int(np.argmax(excess))
-        if excess[worst] <= 0:
-            return []
-        value = float(values[worst])
-        return [Exceedance(quantity, leg, float(self.time[worst]), value, high if value > high else low)]
+        return exceedances_of(limits, self.motion, self.sliders, self.slider_velocities, self.forces)
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write time, forces, pose, sliders, closure error and power to a CSV file, 17 significant digits.
@@ -294,6 +276,49 @@ class InverseDynamics:
             self.power_residual,
         )
         return write_table(path, header, columns)
+
+
+def exceedances_of(
+    limits: Limits, motion: Motion, sliders: FloatArray, speeds: FloatArray, forces: FloatArray
+) -> list[Exceedance]:
+    """Return the limits that samples exceed, each at its worst.
+
+    Parameters
+    ----------
+    limits : Limits
+        What the actuators can do.
+    motion : Motion
+        Of the platform.
+    sliders, speeds, forces : ndarray, shape (N, 3)
+        Slider positions [m], velocities [m/s] and actuator forces [N]; NaN where a sample is invalid.
+
+    Returns
+    -------
+    list of Exceedance
+        Empty when the machine can do it.
+
+    Raises
+    ------
+    InputError
+        If `limits` is not a `Limits`.
+    """
+    if not isinstance(limits, Limits):
+        raise InputError(f"limits: expected Limits, got {type(limits).__name__}")
+    columns: list[tuple[str, str, FloatArray, float, float]] = []
+    for leg, name in enumerate(LEGS):
+        columns.append(("travel", name, sliders[:, leg], *limits.travel))
+        columns.append(("speed", name, speeds[:, leg], -limits.speed, limits.speed))
+        columns.append(("force", name, forces[:, leg], -limits.force, limits.force))
+    columns.append(("tilt", "platform", motion.pose[:, 2], *limits.tilt))
+    found = []
+    for quantity, name, values, low, high in columns:
+        excess = np.nan_to_num(np.maximum(values - high, low - values), nan=-np.inf)
+        worst = int(np.argmax(excess))
+        if excess[worst] > 0:
+            value = float(values[worst])
+            limit = high if value > high else low
+            found.append(Exceedance(quantity, name, float(motion.time[worst]), value, limit))
+    return found
 
 
 def write_table(path: str | os.PathLike[str], header: list[str], columns: tuple[FloatArray, ...]) -> Path:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from p3dof import kinematics
 from p3dof.checks import FloatArray, as_floats, frozen_array, shown
-from p3dof.errors import InputError
+from p3dof.errors import ControllerError, InputError
 from p3dof.parameters import Geometry, Parameters
 
 
@@ -43,7 +43,11 @@ class Measurement:
 
     @cached_property
     def pose(self) -> FloatArray:
-        """Pose by forward kinematics of the sliders, shape (3,)."""
+        """Pose by forward kinematics of the sliders, shape (3,), in the working mode.
+
+        Sliders do not tell on which side of a singular pose (det J = 0) the platform is: behind one this is
+        another pose than the machine's.
+        """
         return kinematics.forward_kinematics(self.geometry, self.sliders)
 
     @cached_property
@@ -57,7 +61,9 @@ class Controller(Protocol):
     """Anything that can be called with a `Measurement` and returns the forces of A, B, C [N], shape (3,).
 
     A method ``reset()`` is called before a run if there is one; an attribute ``motion`` is taken as what the
-    run should follow.
+    run should follow; a true attribute ``autonomous`` says that the forces depend on the state alone, so that
+    a continuous run can take steps as long as its accuracy allows. A continuous controller is also called at
+    trial times that are not kept: it should not count its calls.
     """
 
     def __call__(self, measured: Measurement, /) -> ArrayLike:
@@ -97,8 +103,10 @@ class Noise:
             if value < 0:
                 raise InputError(f"{name}: expected zero or more, got {value:g}")
             object.__setattr__(self, name, value)
-        if isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0:
+        whole = isinstance(self.seed, int | np.integer) and not isinstance(self.seed, bool)
+        if not whole or self.seed < 0:
             raise InputError(f"seed: expected a whole number of zero or more, got {shown(self.seed)}")
+        object.__setattr__(self, "seed", int(self.seed))
 
 
 class Actuation:
@@ -127,6 +135,8 @@ class Actuation:
         noise: Noise | None,
     ) -> None:
         self._geometry = parameters.geometry
+        if isinstance(controller, type):
+            raise InputError(f"controller: expected an object, got the class {controller.__name__}")
         self._controller = controller if callable(controller) else _constant(controller)
         self._period, self._limits = period, limits
         self._noise = noise
@@ -134,7 +144,10 @@ class Actuation:
         self._saturated = np.zeros(3, dtype=bool)
         reset = getattr(controller, "reset", None)
         if callable(reset):
-            reset()
+            try:
+                reset()
+            except Exception as error:
+                raise ControllerError(f"the controller failed to reset: {error}", 0.0) from error
 
     def __call__(self, time: float, sliders: FloatArray, speeds: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the forces on the machine and those that the controller asked for, shape (3,) [N].
@@ -160,7 +173,7 @@ def _constant(forces: ArrayLike | None) -> Callable[[Measurement], FloatArray]:
 
 
 def _three_numbers(forces: ArrayLike) -> FloatArray:
-    array = as_floats("controller", forces)
+    array = as_floats("controller", forces).copy()  # it may be the same array every time
     if array.shape != (3,):
         raise InputError(f"controller: expected forces of shape (3,), got {array.shape}")
     if not np.isfinite(array).all():

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from p3dof import kinematics, minimal, virtual_power
-from p3dof.checks import FloatArray, frozen_array, positive, shown
+from p3dof.checks import FloatArray, as_floats, batch_of, frozen_array, positive, shown
 from p3dof.errors import InputError
 from p3dof.motion import Motion
 from p3dof.parameters import Parameters
@@ -27,7 +27,7 @@ from p3dof.simulation.reference import Reference
 _HOME = np.zeros(3)
 
 _HUGE = 1e3
-"""Forces by so much larger than those at home make one look whether the pose is singular."""
+"""Forces by so much larger than the weight make one look whether the pose is singular."""
 
 
 class Springs:
@@ -50,6 +50,8 @@ class Springs:
         If an argument does not fit, or a stiffness or damping is negative.
     """
 
+    autonomous = True
+
     def __init__(
         self, stiffness: ArrayLike, rest: ArrayLike = 0.0, damping: ArrayLike = 0.0, preload: ArrayLike = 0.0
     ) -> None:
@@ -69,7 +71,7 @@ class Springs:
 
         Of the preload it counts the potential, which is zero at `rest`.
         """
-        stretch = np.asarray(sliders, dtype=float) - self.rest
+        stretch = batch_of("sliders", sliders, 3) - self.rest
         return np.asarray(np.sum(stretch * (self.stiffness * stretch / 2 - self.preload), axis=-1))
 
 
@@ -113,13 +115,14 @@ class PD:
         self.equations = Equations(self.model)
         self.omega = 2 * math.pi * positive("frequency", frequency, InputError)
         self.zeta = positive("damping", damping, InputError)
-        self.integral_time = (
-            math.inf if integral_time == math.inf else positive("integral_time", integral_time, InputError)
-        )
+        endless = isinstance(integral_time, float) and integral_time == math.inf
+        self.integral_time = math.inf if endless else positive("integral_time", integral_time, InputError)
         J = kinematics.inverse_jacobian(self.model.geometry, _HOME)
         inverse = np.linalg.inv(J)
         self.moved = np.diag(inverse.T @ minimal.mass_matrix(self.model, _HOME) @ inverse)
         self.holding = virtual_power.forces(self.model, _HOME, _HOME, _HOME)
+        gravity = max(9.81, float(np.abs(self.model.gravity).max()))
+        self._huge = _HUGE * self.model.bodies.mass * gravity
         self._integral = np.zeros(3)
 
     @property
@@ -138,20 +141,23 @@ class PD:
     def feedback(self, measured: Measurement) -> FloatArray:
         """Return what the errors at the sliders ask for [N]."""
         pose, velocity, _ = self.reference.at(measured.time)
-        wanted = self.equations.sliders(*pose.tolist(), *velocity.tolist())
+        try:
+            wanted = self.equations.sliders(*pose.tolist(), *velocity.tolist())
+        except (ValueError, ArithmeticError):  # the checked way says which leg does not reach
+            sliders = kinematics.inverse_kinematics(self.model.geometry, pose).sliders
+            rates = kinematics.inverse_jacobian(self.model.geometry, pose) @ velocity
+            wanted = (*sliders.tolist(), *rates.tolist())
         error, rate = wanted[:3] - measured.sliders, wanted[3:] - measured.slider_velocities
-        integral = self._integrated(error, measured)
+        integral = self._integrated(error, measured, measured.saturated)
         return self.moved * (self.omega**2 * (error + integral) + 2 * self.zeta * self.omega * rate)
 
-    def _integrated(self, error: FloatArray, measured: Measurement) -> FloatArray:
+    def _integrated(self, error: FloatArray, measured: Measurement, frozen: Any) -> FloatArray:
         """Return ∫ error dt / T, and go on integrating."""
         if self.integral_time == math.inf:
             return self._integral
         if not measured.period:
             raise InputError("integral_time: an integral needs a control rate, this run is continuous")
-        self._integral = self._integral + np.where(
-            measured.saturated, 0.0, error * measured.period / self.integral_time
-        )
+        self._integral = self._integral + np.where(frozen, 0.0, error * measured.period / self.integral_time)
         return self._integral
 
     def inverse_model(self, pose: FloatArray, velocity: FloatArray, acceleration: FloatArray) -> FloatArray:
@@ -162,7 +168,7 @@ class PD:
             )
         except (ValueError, ArithmeticError):
             found = np.full(3, np.nan)
-        if np.all(np.abs(found) < _HUGE * np.abs(self.holding).max()):
+        if np.all(np.abs(found) < self._huge):
             return found
         return virtual_power.forces(self.model, pose, velocity, acceleration)  # says what is wrong, if it is
 
@@ -196,15 +202,18 @@ class ComputedTorque(PD):
         wanted, wanted_velocity, _ = self.reference.at(measured.time)
         _, _, acceleration = self.reference.at(measured.time + half)
         error = wanted - pose
-        correction = self.omega**2 * (error + self._integrated(error, measured))
+        integral = self._integrated(error, measured, measured.saturated.any())  # each force moves all of x
+        correction = self.omega**2 * (error + integral)
         correction = correction + 2 * self.zeta * self.omega * (wanted_velocity - velocity)
         ahead = pose + half * (velocity + half / 2 * acceleration)
+        if not kinematics.singularity(self.model.geometry, ahead).serial.min() > 0:
+            ahead = pose  # the middle of the hold is beyond reach
         return self.inverse_model(ahead, velocity + half * acceleration, acceleration + correction)
 
 
 def _each(name: str, value: ArrayLike) -> FloatArray:
-    array = np.asarray(value)
-    return frozen_array(name, np.full(3, array) if array.ndim == 0 else value, (3,))
+    array = as_floats(name, value)
+    return frozen_array(name, np.full(3, array) if array.ndim == 0 else array, (3,))
 
 
 def _parameters(model: Any) -> Parameters:

@@ -12,16 +12,65 @@ import numpy as np
 from p3dof.checks import FloatArray
 from p3dof.errors import ControllerError
 from p3dof.simulation.control import Actuation
+from p3dof.simulation.crossings import Crossings
 from p3dof.simulation.limits import Margins, Stop
 from p3dof.simulation.plants import Plant
 
-CHECKED = 2e-3
-"""The limits are looked at this often at least [s]."""
+_FAILED = "no step is small enough for the tolerances; the forces may be too large or change too fast"
 
 _EDGE = 1e-9
 """Share of a hold below which a rest of it is rounding."""
 
+_NEAR = 1e-6
+"""A run that cannot go on this near a limit has got there [m, rad, or share of a leg's length]."""
+
+_TINY, _PATIENCE = 1e-13, 1000
+"""Steps that are so small a share of the run lead nowhere, if so many of them come one after the other."""
+
 Progress = Callable[[int, int], None]
+
+
+class Schedule:
+    """When something happens in a run: samples, control ticks, kinks of the load.
+
+    Parameters
+    ----------
+    times : ndarray, shape (N,)
+        Times of the samples, from 0; the last is the end of the run [s].
+    period : float
+        How long forces are held [s]; zero for not at all.
+    kinks : ndarray, shape (K,)
+        Other times at which a step must end, rising [s].
+    """
+
+    def __init__(self, times: FloatArray, period: float, kinks: FloatArray) -> None:
+        self.times, self.period = times, period
+        self._end = float(times[-1])
+        self._kinks = kinks[(kinks > 0) & (kinks < self._end)]
+        self._ticks = 0
+
+    def is_tick(self, time: float) -> bool:
+        """Return whether the controller acts at a time, and count it."""
+        tick = self.period > 0 and abs(time - self._ticks * self.period) <= self.slack(time)
+        self._ticks += tick
+        return bool(tick)
+
+    def after(self, time: float) -> float:
+        """Return when a step that begins at a time must end."""
+        until = self._end
+        if self.period:
+            tick = self._ticks * self.period
+            until = until if self._end - tick < _EDGE * self.period else tick
+        later = self._kinks[self._kinks > time + self.slack(time)]
+        return min(until, float(later[0])) if len(later) else until
+
+    def slack(self, time: float) -> float:
+        """Return by how much times may differ that are the same but for rounding."""
+        return max(1e-15 * time, _EDGE * self.period)
+
+
+class _LostStep(Exception):  # noqa: N818 - never seen outside
+    """The integrator has lost its step: it is not a number."""
 
 
 @dataclass(eq=False)
@@ -52,10 +101,11 @@ class Recording:
 
 
 class Tolerances(NamedTuple):
-    """Relative and absolute tolerance of an integrator, by step and component of the state."""
+    """Relative and absolute tolerance of an integrator, and its longest step [s]."""
 
     rtol: float
     atol: float
+    max_step: float = np.inf
 
 
 class Integrator:
@@ -71,10 +121,8 @@ class Integrator:
         Time to external wrench (6,).
     margins : Margins
         What ends the run.
-    times : ndarray, shape (N,)
-        When samples are taken, from 0 to the end of the run [s].
-    period : float
-        How long forces are held [s]; zero for not at all.
+    schedule : Schedule
+        When samples are taken, forces change, and the load has a kink.
     tolerances : Tolerances
         Of the integrator.
     progress : callable, optional
@@ -87,18 +135,19 @@ class Integrator:
         actuation: Actuation,
         wrench: Callable[[float], FloatArray],
         margins: Margins,
-        times: FloatArray,
-        period: float,
+        schedule: Schedule,
         tolerances: Tolerances,
         progress: Progress | None,
     ) -> None:
         self._plant, self._actuation, self._wrench = plant, actuation, wrench
-        self._margins, self._times, self._period = margins, times, period
-        self._tolerances = tolerances._asdict()
+        self._margins, self._crossings = margins, Crossings(plant, margins)
+        self._schedule, self._times = schedule, schedule.times
+        self._tolerances = tolerances
         self._progress = progress
         self._held: tuple[FloatArray, FloatArray] | None = None
         self._next = 0
         self._step: float | None = None
+        self._lost = self._crawled = 0
         self.recording = Recording()
 
     def run(self, state: FloatArray) -> Recording:
@@ -110,120 +159,145 @@ class Integrator:
             If the controller fails; `recording` holds the samples so far.
         """
         begun = clock.perf_counter()
-        end = float(self._times[-1])
-        time, ticks = 0.0, 0
+        time, end = 0.0, float(self._times[-1])
         try:
             while self.recording.stop is None and time < end:
-                until = end
-                if self._period:
+                if self._schedule.is_tick(time):
                     self._held = self._forces(time, state)
-                    ticks += 1
-                    until = min(end, ticks * self._period)
-                    until = end if end - until < _EDGE * self._period else until
                 self._sample_at(time, state)
-                state = self._interval(time, state, until)
-                time = until
+                time, state = self._interval(time, state, self._schedule.after(time))
             if self.recording.stop is None:
                 self._sample_at(end, state)
+        except ControllerError as error:
+            self.recording.stop = Stop("controller", error.time, str(error.__cause__))
+            raise
         finally:
             self.recording.seconds = clock.perf_counter() - begun
         return self.recording
 
-    def _interval(self, time: float, state: FloatArray, until: float) -> FloatArray:
-        """Integrate over one hold, or over the whole run; return the state at its end."""
+    def _interval(self, time: float, state: FloatArray, until: float) -> tuple[float, FloatArray]:
+        """Integrate to a time; return it, or when the run ended before, and the state then."""
         from scipy.integrate import DOP853
 
-        first = None if self._step is None else min(self._step, until - time)
-        solver = DOP853(self._rate, time, state, until, first_step=first, **self._tolerances)
+        options: dict[str, Any] = self._tolerances._asdict()
+        if self._step is not None:
+            options["first_step"] = min(self._step, until - time)
+        try:
+            with np.errstate(all="ignore"):
+                solver = DOP853(self._rate, time, state, until, **options)
+        except _LostStep:
+            return self._failed(time, state)
+        if not np.isfinite(solver.f).all() or not np.isfinite(solver.h_abs):
+            return self._failed(time, state)
         while solver.status == "running":
-            message = solver.step()
-            if solver.status == "failed":
-                self.recording.stop = Stop("accuracy", float(solver.t), str(message))
-                break
-            dense = solver.dense_output() if self._needs_dense(solver) else None
-            self.recording.stop = self._crossed(solver, dense)
-            last = solver.t if self.recording.stop is None else self.recording.stop.time
-            self._samples(dense, last)
-            if self.recording.stop is not None and dense is not None:
-                self._record(last, dense(last))
-                break
+            before = float(solver.t), np.array(solver.y)
+            if not self._stepped(solver):
+                return self._failed(*before)
+            time, state = float(solver.t), np.array(solver.y)
+            dense = solver.dense_output() if self._needs_dense(*before, time, state) else None
+            crossed = None if dense is None else self._crossings.first(dense, before[0], time)
+            if crossed is not None and dense is not None:
+                time, index = crossed
+                self.recording.stop = self._margins.stop(index, time)
+                self._samples(dense, time)
+                state = np.asarray(dense(time))
+                self._record_end(time, state)
+                return time, state
+            self._samples(dense, time)
         self._step = float(solver.h_abs)
-        return np.asarray(solver.y)
+        return until, state
 
-    def _needs_dense(self, solver: Any) -> bool:
-        """Return whether a step holds samples or is too long to look at its end alone."""
-        sampled = self._next < len(self._times) and self._times[self._next] < solver.t
-        long = solver.t - solver.t_old > CHECKED
-        return bool(sampled or long or self._margins_of(solver.y).min() <= 0)
+    def _stepped(self, solver: Any) -> bool:
+        """Take a step; return whether there was one to take."""
+        try:
+            with np.errstate(all="ignore"):  # steps that overflow are refused
+                solver.step()
+        except _LostStep:
+            return False
+        if solver.status == "failed":
+            return False
+        tiny = solver.t - solver.t_old < _TINY * self._times[-1]
+        self._crawled = self._crawled + 1 if tiny else 0
+        return self._crawled < _PATIENCE
 
-    def _crossed(self, solver: Any, dense: Any) -> Stop | None:
-        """Return the first limit that a step crosses."""
-        if dense is None:
-            return None
-        from scipy.optimize import brentq
+    def _failed(self, time: float, state: FloatArray) -> tuple[float, FloatArray]:
+        """End the run where the integrator cannot go on."""
+        margins = self._crossings.at(state)
+        near = int(np.argmin(margins))
+        if margins[near] < _NEAR:  # what keeps it from going on is a limit, beyond which nothing is defined
+            self.recording.stop = self._margins.stop(near, time)
+        else:
+            self.recording.stop = Stop("accuracy", time, _FAILED)
+        self._record_end(time, state)
+        return time, state
 
-        def margins(time: float) -> FloatArray:
-            return self._margins_of(dense(time))
-
-        pieces = int(np.ceil((solver.t - solver.t_old) / CHECKED))
-        before = float(solver.t_old)
-        for time in np.linspace(solver.t_old, solver.t, pieces + 1)[1:]:
-            crossed = np.flatnonzero(margins(time) <= 0)
-            if len(crossed):
-                found = []
-                for index in crossed:
-                    inside = margins(before)[index] > 0
-                    root = brentq(lambda t, i=index: margins(t)[i], before, time) if inside else before
-                    found.append((float(root), int(index)))
-                when, index = min(found)
-                return self._margins.stop(index, when)
-            before = float(time)
-        return None
-
-    def _margins_of(self, state: FloatArray) -> FloatArray:
-        return self._margins(self._plant.pose(state)[0], self._plant.drops(state))
+    def _needs_dense(self, start: float, before: FloatArray, end: float, after: FloatArray) -> bool:
+        """Return whether a step holds samples or may cross a limit."""
+        sampled = self._next < len(self._times) and self._times[self._next] < end
+        return bool(sampled or self._crossings.possible(before, after, end - start))
 
     def _samples(self, dense: Any, last: float) -> None:
         """Take the samples up to a time, where a step reaches beyond them."""
-        while dense is not None and self._next < len(self._times) and self._times[self._next] < last:
+        edge = last - self._schedule.slack(last)  # a sample at a tick belongs to the hold that begins there
+        while dense is not None and self._next < len(self._times) and self._times[self._next] < edge:
             time = float(self._times[self._next])
-            self._sample_at(time, dense(time))
+            self._next += 1
+            self._record(time, np.asarray(dense(time)))
 
     def _sample_at(self, time: float, state: FloatArray) -> None:
         """Take the sample that is due at a time, if one is."""
-        if self._next < len(self._times) and abs(self._times[self._next] - time) <= 1e-12 * max(1.0, time):
-            self._next += 1
+        if self._next < len(self._times):
+            due = float(self._times[self._next])
+            if abs(due - time) <= self._schedule.slack(time):
+                self._next += 1
+                self._record(due, state)
+
+    def _record_end(self, time: float, state: FloatArray) -> None:
+        """Record where a run ended early, unless that is a sample already."""
+        if not self.recording.times or self.recording.times[-1] < time:
             self._record(time, state)
-            if self._progress is not None:
-                self._progress(self._next, len(self._times))
 
     def _record(self, time: float, state: FloatArray) -> None:
         forces, asked = self._held or self._forces(time, state)
         wrench = self._wrench(time)
+        with np.errstate(all="ignore"):
+            rate = self._plant.rate(state, forces, wrench)
+        if not np.isfinite(rate).all():  # where the integrator could not go on either
+            return
         record = self.recording
         record.times.append(time)
         record.states.append(np.array(state))
-        record.rates.append(self._plant.rate(state, forces, wrench))
+        record.rates.append(rate)
         record.forces.append(forces)
         record.asked.append(asked)
         record.wrenches.append(wrench)
+        if self._progress is not None:
+            self._progress(self._next, len(self._times))
 
     def _rate(self, time: float, state: FloatArray) -> FloatArray:
         self.recording.evaluations += 1
-        if not np.isfinite(state).all():
-            return np.full(state.shape, np.nan)
-        forces = self._held[0] if self._held is not None else self._continuous(time, state)
-        return self._plant.rate(state, forces, self._wrench(time))
+        if not np.isfinite(time) or self._lost > _PATIENCE:  # SciPy would look for a step for ever
+            raise _LostStep
+        rate = np.full(state.shape, np.nan)
+        if np.isfinite(state).all():
+            forces = self._held[0] if self._held is not None else self._continuous(time, state)
+            rate = self._plant.rate(state, forces, self._wrench(time))
+        self._lost = 0 if np.isfinite(rate).all() else self._lost + 1
+        return rate
 
     def _continuous(self, time: float, state: FloatArray) -> FloatArray:
+        """Return the forces at a trial step; none beyond a limit, if the controller knows none there."""
         try:
-            self._plant.sliders(state)
-        except (ValueError, ArithmeticError):  # a trial step beyond reach, where there are no sliders
-            return np.full(3, np.nan)
-        return self._forces(time, state)[0]
+            return self._forces(time, state)[0]
+        except ControllerError:
+            if self._crossings.at(state).min() <= 0:
+                return np.full(3, np.nan)
+            raise
 
     def _forces(self, time: float, state: FloatArray) -> tuple[FloatArray, FloatArray]:
         try:
             return self._actuation(time, *self._plant.sliders(state))
         except Exception as error:
-            raise ControllerError(f"the controller failed at t = {time:.6g} s: {error}", time) from error
+            raise ControllerError(
+                f"the controller failed at t = {time:.6g} s: {error}", float(time)
+            ) from error

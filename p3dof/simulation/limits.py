@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from p3dof.algebra import Scalar
-from p3dof.checks import FloatArray
+from p3dof.checks import FloatArray, shown
 from p3dof.errors import InputError
 from p3dof.kinematics.formulas import Lengths, configuration
 from p3dof.kinematics.validity import reach_margins
@@ -31,7 +32,8 @@ class Stop:
     Parameters
     ----------
     kind : str
-        One of `KINDS`, or ``"accuracy"`` when the integrator could not go on.
+        One of `KINDS`; ``"accuracy"`` when the integrator could not go on, ``"controller"`` when the
+        controller failed.
     time : float
         When [s].
     reason : str
@@ -57,6 +59,8 @@ class Margins:
         Which of `KINDS` count.
     pose : ndarray, shape (3,)
         Where the run starts: the singular pose is to be crossed from its side.
+    drops : ndarray, shape (3,), optional
+        As in `__call__`.
 
     Raises
     ------
@@ -64,10 +68,13 @@ class Margins:
         If a kind is unknown, or the run starts beyond a limit.
     """
 
-    def __init__(self, parameters: Parameters, stop_at: tuple[str, ...], pose: FloatArray) -> None:
-        unknown = [kind for kind in stop_at if kind not in KINDS]
-        if unknown:
-            raise InputError(f"stop_at: expected some of {', '.join(KINDS)}, got {unknown[0]!r}")
+    def __init__(
+        self, parameters: Parameters, stop_at: Sequence[str], pose: FloatArray, drops: FloatArray | None
+    ) -> None:
+        kinds = [stop_at] if isinstance(stop_at, str) or not isinstance(stop_at, Iterable) else list(stop_at)
+        unknown = [kind for kind in kinds if kind not in KINDS]
+        if unknown or isinstance(stop_at, str):
+            raise InputError(f"stop_at: expected a list of {', '.join(KINDS)}, got {shown(stop_at)}")
         self._geometry = parameters.geometry
         self._lengths = Lengths.of(parameters.geometry)
         limits = parameters.limits
@@ -80,12 +87,12 @@ class Margins:
         names += [("reach limit", f"leg {leg} horizontal") for leg in _LEGS]
         names += [("singular pose", "the sliders cannot hold the platform's rotation (det J = 0)")]
         self._names = names
-        counted = np.array([kind in stop_at or kind == "reach limit" for kind, _ in names])
+        counted = np.array([kind in kinds or kind == "reach limit" for kind, _ in names])
         self._offset = np.where(counted, 0.0, np.inf)
         self._bounds = np.array([low] * 3 + [high] * 3 + [down, up] + [HORIZONTAL] * 3 + [0.0])
         self._sign = np.array([1.0] * 3 + [-1.0] * 3 + [1.0, -1.0] + [1.0] * 4)
         self._sign[-1] = np.sign(self._values(*pose.tolist())[-1]) or 1.0
-        margins = self(pose)
+        margins = self(pose, drops)
         if margins.min() <= 0:
             kind, reason = names[int(np.argmin(margins))]
             raise InputError(f"pose: the run would start beyond a limit: {kind}: {reason}")

@@ -122,6 +122,7 @@ class ConstrainedPlant:
         self._names = tuple(names)
         self._slides = [names.index(name) for name in SLIDES]
         self._nv = int(self.loop.model.nv)
+        self._turns = [names.index(name) for name in ("hinge_c", "hinge_platform")]
         self._legs = [names.index(name) + 1 for name in ("hinge_a", "hinge_b", "hinge_left")]
 
     def state(self, pose: FloatArray, velocity: FloatArray) -> FloatArray:
@@ -175,6 +176,7 @@ class ConstrainedPlant:
         moving = pin.getFrameVelocity(model, data, self._frame, pin.LOCAL_WORLD_ALIGNED)
         _, y, z = place.translation
         turned = np.arctan2(place.rotation[0, 2], place.rotation[0, 0])
+        turned += 2 * np.pi * np.round((state[self._turns].sum() - turned) / (2 * np.pi))  # whole turns
         velocity = np.array([moving.linear[1], moving.linear[2], moving.angular[1]])
         return np.array([y, z + self._depth, turned]), velocity
 

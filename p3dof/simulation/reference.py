@@ -56,9 +56,10 @@ class Reference:
         """
         if time < 0 or not self._curves:
             return self.motion.pose[0], np.zeros(3), np.zeros(3)
-        if time > self.motion.duration:
+        if time > self.motion.duration * (1 + 1e-14):
             return self.motion.pose[-1], np.zeros(3), np.zeros(3)
-        pose, velocity, acceleration = (np.asarray(curve(time)) for curve in self._curves)
+        inside = min(time, self.motion.duration)
+        pose, velocity, acceleration = (np.asarray(curve(inside)) for curve in self._curves)
         return pose, velocity, acceleration
 
     def poses(self, times: FloatArray) -> FloatArray:

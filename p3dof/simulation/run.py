@@ -4,20 +4,27 @@ from __future__ import annotations
 
 import io
 import os
+import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from p3dof.checks import FloatArray
-from p3dof.errors import InputError
+from p3dof.checks import FloatArray, shown
+from p3dof.errors import FileError, InputError
 from p3dof.files import write_atomic
 from p3dof.motion import Motion
-from p3dof.routes import LEGS, JointStates, write_table
+from p3dof.parameters import Limits
+from p3dof.routes import LEGS, Exceedance, JointStates, exceedances_of, write_table
 from p3dof.simulation.limits import Stop
+
+_MOTION = ("time", "pose", "velocity", "acceleration")
+_ARRAYS = ("forces", "asked", "sliders", "slider_velocities", "wrench", "closure_error")
 
 POSE = ("y [m]", "z [m]", "theta [rad]")
 _DOTTED = ("ydot [m/s]", "zdot [m/s]", "thetadot [rad/s]")
+_TWICE = ("yddot [m/s^2]", "zddot [m/s^2]", "thetaddot [rad/s^2]")
+_WRENCH = ("Fx [N]", "Fy [N]", "Fz [N]", "Mx [N m]", "My [N m]", "Mz [N m]")
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +118,10 @@ class Simulation:
             raise InputError("error: the run had no motion to follow")
         return self.pose - self.reference
 
+    def exceedances(self, limits: Limits) -> list[Exceedance]:
+        """Return the limits that the samples exceed, each at its worst; empty if none is."""
+        return exceedances_of(limits, self.motion, self.sliders, self.slider_velocities, self.forces)
+
     @property
     def rms_error(self) -> FloatArray:
         """Root mean square over the samples of the tracking error, shape (3,) [m, m, rad]."""
@@ -132,10 +143,12 @@ class Simulation:
         tables = [
             (POSE, self.pose),
             (_DOTTED, self.velocity),
+            (_TWICE, self.acceleration),
             (tuple(f"slider {leg} [m]" for leg in LEGS), self.sliders),
             (tuple(f"slider {leg} [m/s]" for leg in LEGS), self.slider_velocities),
             (tuple(f"f{leg} [N]" for leg in LEGS), self.forces),
             (tuple(f"f{leg} asked [N]" for leg in LEGS), self.asked),
+            (_WRENCH, self.wrench),
         ]
         if self.reference is not None:
             tables.append((tuple(f"reference {name}" for name in POSE), self.reference))
@@ -165,6 +178,8 @@ class Simulation:
         FileError
             If the file cannot be written.
         """
+        if not isinstance(path, str | os.PathLike):
+            raise FileError(f"expected the path of a file, got {shown(path)}")
         kind = Path(path).suffix.lower()
         if kind == ".csv":
             columns = self.columns()
@@ -187,9 +202,54 @@ class Simulation:
             "q": self.joints.q,
             "v": self.joints.v,
             "a": self.joints.a,
-            "stop": np.array("" if self.stop is None else str(self.stop)),
+            "method": np.array(self.method),
+            "stop": np.array([] if self.stop is None else [self.stop.kind, self.stop.reason]),
+            "stop_time": np.array(np.nan if self.stop is None else self.stop.time),
+            "evaluations": np.array(self.evaluations),
+            "seconds": np.array(self.seconds),
         }
         if self.reference is not None:
             arrays["reference"] = self.reference
         np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]  # NumPy's own stubs
         return write_atomic(path, stream.getvalue())
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Simulation:
+        """Read a run that `save` wrote as ``.npz``.
+
+        Parameters
+        ----------
+        path : path-like
+            The file.
+
+        Returns
+        -------
+        Simulation
+
+        Raises
+        ------
+        FileError
+            If the file cannot be read, or is no such run.
+        """
+        try:
+            with np.load(Path(path), allow_pickle=False) as file:
+                found = {name: file[name] for name in file.files}
+            stop = None
+            if len(found["stop"]):
+                kind, reason = (str(word) for word in found["stop"])
+                stop = Stop(kind, float(found["stop_time"]), reason)
+            names = tuple(str(name) for name in found["joint_names"])
+            time, pose, velocity, acceleration = (found[name] for name in _MOTION)
+            motion = Motion(time, pose, velocity, acceleration, check=False)
+            return cls(
+                method=str(found["method"]),
+                motion=motion,
+                joints=JointStates(names, found["q"], found["v"], found["a"]),
+                reference=found.get("reference"),
+                stop=stop,
+                evaluations=int(found["evaluations"]),
+                seconds=float(found["seconds"]),
+                **{name: found[name] for name in _ARRAYS},
+            )
+        except (OSError, ValueError, KeyError, IndexError, TypeError, zipfile.BadZipFile) as error:
+            raise FileError(f"{path}: expected a run saved as .npz ({error})") from error

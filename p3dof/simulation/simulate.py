@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
@@ -10,13 +11,14 @@ from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, as_floats, frozen_array, positive, shown
 from p3dof.closed_loop import ClosedLoopModel
-from p3dof.errors import ControllerError, InputError
+from p3dof.errors import ControllerError, DynamicsError, InputError
 from p3dof.kinematics.states import reachable_poses
-from p3dof.motion import Motion
+from p3dof.motion import Motion, WrenchHistory
 from p3dof.motion.times import evenly, sample_count
 from p3dof.parameters import Parameters
 from p3dof.simulation.control import Actuation, ControllerLike, Noise
-from p3dof.simulation.integration import Integrator, Progress, Recording, Tolerances
+from p3dof.simulation.crossings import CHECKED
+from p3dof.simulation.integration import Integrator, Progress, Recording, Schedule, Tolerances
 from p3dof.simulation.limits import KINDS, Margins
 from p3dof.simulation.plants import ConstrainedPlant, MinimalPlant
 from p3dof.simulation.reference import Reference
@@ -27,6 +29,12 @@ WrenchLike: TypeAlias = ArrayLike | Callable[[float], ArrayLike] | None
 
 CLOSED = 1e-9
 """Largest gap of the loops that a run may start with [m]."""
+
+LEAST_RTOL = 2.3e-14
+"""Below, rounding hides the error of a step."""
+
+STIFFEST = 1e3
+"""Largest stabilisation: what it makes of rounding in the gaps stays below the accuracy asked of a step."""
 
 MAX_HOLDS = 100_000_000
 """Most control periods in a run: a slip of the keyboard must not run for days."""
@@ -42,7 +50,7 @@ def simulate(
     reference: Motion | None = None,
     method: str = "virtual-power",
     rate: float | None = None,
-    saturation: bool | ArrayLike = False,
+    saturation: bool | ArrayLike | None = False,
     noise: Noise | None = None,
     wrench: WrenchLike = None,
     samples: int | ArrayLike = 1001,
@@ -50,6 +58,7 @@ def simulate(
     stop_at: Sequence[str] = KINDS,
     rtol: float = 1e-9,
     atol: float = 1e-11,
+    max_step: float | None = None,
     stabilisation: float = 10.0,
     progress: Progress | None = None,
 ) -> Simulation:
@@ -63,7 +72,7 @@ def simulate(
         Returns its closed-loop model; called for ``method="pinocchio"`` only.
     duration, pose, velocity, controller, reference, method, rate, saturation, noise, wrench, samples
         As for `p3dof.Manipulator.simulate`.
-    joints, stop_at, rtol, atol, stabilisation, progress
+    joints, stop_at, rtol, atol, max_step, stabilisation, progress
         Likewise.
 
     Returns
@@ -71,17 +80,13 @@ def simulate(
     Simulation
     """
     times = _times(duration, samples)
-    tolerances = Tolerances(positive("rtol", rtol, InputError), positive("atol", atol, InputError))
-    period = 0.0 if rate is None else 1.0 / positive("rate", rate, InputError)
-    if period and times[-1] / period > MAX_HOLDS:
-        raise InputError(f"rate: expected at most {MAX_HOLDS} control periods, got {times[-1] / period:.3g}")
-    if noise is not None and not isinstance(noise, Noise):
-        raise InputError(f"noise: expected a Noise, got {shown(noise)}")
-    if noise is not None and not period:
-        raise InputError("noise: needs a control rate, this run is continuous")
+    period = _period(rate, times[-1], controller, noise)
+    tolerances = _tolerances(rtol, atol, _longest_step(max_step, rate, controller, wrench))
+    if progress is not None and not callable(progress):
+        raise InputError(f"progress: expected a function, got {shown(progress)}")
     beta = float(frozen_array("stabilisation", stabilisation, ()))
-    if beta < 0:
-        raise InputError(f"stabilisation: expected zero or more, got {beta:g}")
+    if not 0 <= beta <= STIFFEST:
+        raise InputError(f"stabilisation: expected 0 to {STIFFEST:g} 1/s, got {beta:g}")
     acting = _wrench(wrench)
     plant: MinimalPlant | ConstrainedPlant
     if method == "virtual-power":
@@ -97,18 +102,55 @@ def simulate(
         state = plant.state(start, frozen_array("velocity", velocity, (3,)))
     else:
         state = _joint_state(plant, joints)
-    margins = Margins(parameters, tuple(stop_at), plant.pose(state)[0])
+    margins = Margins(parameters, stop_at, plant.pose(state)[0], plant.drops(state))
     limits = _saturation(saturation, parameters.limits.force)
     actuation = Actuation(parameters, controller, period, limits, noise)
     followed = _reference(controller) if reference is None else Reference(reference)
-    integrator = Integrator(plant, actuation, acting, margins, times, period, tolerances, progress)
+    kinks = wrench.time if isinstance(wrench, WrenchHistory) else np.zeros(0)
+    schedule = Schedule(times, period, kinks)
+    integrator = Integrator(plant, actuation, acting, margins, schedule, tolerances, progress)
     try:
         recording = integrator.run(state)
     except ControllerError as error:
         if integrator.recording.times:
             error.run = _result(method, plant, integrator.recording, followed)
         raise
+    if not recording.times:
+        raise DynamicsError(f"the run cannot start: {recording.stop}")
     return _result(method, plant, recording, followed)
+
+
+def _period(rate: float | None, end: float, controller: ControllerLike, noise: Noise | None) -> float:
+    """Return how long forces are held [s]; zero if they are not, which not everything can do with."""
+    if noise is not None and not isinstance(noise, Noise):
+        raise InputError(f"noise: expected a Noise, got {shown(noise)}")
+    if rate is None:
+        if noise is not None:
+            raise InputError("noise: needs a control rate, this run is continuous")
+        if getattr(controller, "integral_time", math.inf) != math.inf:
+            raise InputError("integral_time: an integral needs a control rate, this run is continuous")
+        return 0.0
+    period = 1.0 / positive("rate", rate, InputError)
+    if end / period > MAX_HOLDS:
+        raise InputError(f"rate: expected at most {MAX_HOLDS} control periods, got {end / period:.3g}")
+    return period
+
+
+def _tolerances(rtol: float, atol: float, longest: float) -> Tolerances:
+    if positive("rtol", rtol, InputError) < LEAST_RTOL:
+        raise InputError(f"rtol: expected at least {LEAST_RTOL:g}, got {float(rtol):g}")
+    return Tolerances(float(rtol), positive("atol", atol, InputError), longest)
+
+
+def _longest_step(
+    max_step: float | None, rate: float | None, controller: ControllerLike, wrench: WrenchLike
+) -> float:
+    """Return the longest step of the integrator [s]: short where something may change unseen in between."""
+    if max_step is not None:
+        return positive("max_step", max_step, InputError)
+    watched = callable(wrench) and not isinstance(wrench, WrenchHistory)
+    acting = not rate and callable(controller) and not getattr(controller, "autonomous", False)
+    return CHECKED if watched or acting else math.inf
 
 
 def _result(
@@ -147,8 +189,8 @@ def _times(duration: float, samples: int | ArrayLike) -> FloatArray:
     return times if times[-1] == end else np.append(times, end)
 
 
-def _saturation(saturation: bool | ArrayLike, limit: float) -> FloatArray:
-    if isinstance(saturation, bool):
+def _saturation(saturation: bool | ArrayLike | None, limit: float) -> FloatArray:
+    if saturation is None or isinstance(saturation, bool | np.bool_):
         return np.full(3, limit if saturation else np.inf)
     forces = as_floats("saturation", saturation)
     if forces.shape not in ((), (3,)) or not (forces > 0).all():
@@ -161,7 +203,16 @@ def _saturation(saturation: bool | ArrayLike, limit: float) -> FloatArray:
 def _wrench(wrench: WrenchLike) -> Callable[[float], FloatArray]:
     if callable(wrench):
         function = wrench
-        return lambda time: frozen_array(f"wrench at t = {time:g} s", function(time), (6,))
+
+        def at(time: float) -> FloatArray:
+            name = f"wrench at t = {time:g} s"
+            try:
+                found = function(time)
+            except Exception as error:
+                raise InputError(f"{name}: {error}") from error
+            return frozen_array(name, found, (6,))
+
+        return at
     held = frozen_array("wrench", np.zeros(6) if wrench is None else wrench, (6,))
     return lambda _: held
 

@@ -1,0 +1,120 @@
+"""Where a run crosses a limit: within one step of an integrator, by its dense output."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import TypeAlias
+
+import numpy as np
+
+from p3dof.checks import FloatArray
+from p3dof.simulation.limits import Margins
+from p3dof.simulation.plants import Plant
+
+CHECKED = 2e-3
+"""The limits are looked at this often at least, and where a margin may turn around in between [s]."""
+
+_NEARBY = 1e-6
+"""Share of a step over which a margin's rate is taken."""
+
+Dense: TypeAlias = Callable[[float], FloatArray]
+"""Time to state, within one step."""
+
+
+class Crossings:
+    """Finds the first limit that a step crosses.
+
+    Parameters
+    ----------
+    plant : Plant
+        The machine.
+    margins : Margins
+        What must stay positive.
+    """
+
+    def __init__(self, plant: Plant, margins: Margins) -> None:
+        self._plant, self._margins = plant, margins
+
+    def at(self, state: FloatArray) -> FloatArray:
+        """Return the margins of a state."""
+        return self._margins(self._plant.pose(state)[0], self._plant.drops(state))
+
+    def possible(self, before: FloatArray, after: FloatArray, step: float) -> bool:
+        """Return whether a limit may be crossed in a step between two states: what costs a dense output."""
+        if step > CHECKED:
+            return True
+        first, falling = self._trend(before, step)
+        last, rising = self._trend(after, step)
+        return bool(last.min() <= 0 or _turning(first, falling, last, rising).any())
+
+    def first(self, dense: Dense, start: float, end: float) -> tuple[float, int] | None:
+        """Return when the first limit is crossed in a step, and which; None if none is.
+
+        Parameters
+        ----------
+        dense : callable
+            The states of the step.
+        start, end : float
+            Its ends [s].
+
+        Returns
+        -------
+        tuple of float and int, or None
+            Time [s] and index of the margin.
+        """
+        from scipy.optimize import brentq
+
+        before = start
+        for time in self._looked_at(dense, start, end):
+            crossed = np.flatnonzero(self.at(dense(time)) <= 0)
+            if len(crossed):
+                inside = self.at(dense(before))
+                found = [
+                    (
+                        brentq(lambda t, i=i: self.at(dense(t))[i], before, time)
+                        if inside[i] > 0
+                        else before,
+                        i,
+                    )
+                    for i in crossed
+                ]
+                when, index = min(found)
+                return float(when), int(index)
+            before = time
+        return None
+
+    def _looked_at(self, dense: Dense, start: float, end: float) -> list[float]:
+        """Return the ends of the pieces of a step, and where a margin is least in between."""
+        from scipy.optimize import minimize_scalar
+
+        ends = np.linspace(start, end, int(np.ceil((end - start) / CHECKED)) + 1)
+        found: list[float] = []
+        for low, high in pairwise(ends):
+            first, falling = self._trend(dense(low), high - low)
+            last, rising = self._trend(dense(high), high - low)
+            for i in np.flatnonzero(_turning(first, falling, last, rising) & (last > 0)):
+                least = minimize_scalar(
+                    lambda t, i=i: self.at(dense(t))[i], bounds=(low, high), method="bounded"
+                )
+                found.append(float(least.x))
+            found.append(float(high))
+        return sorted(found)
+
+    def _trend(self, state: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
+        """Return the margins of a state, and how much they would change in a step at their present rate."""
+        pose, velocity = self._plant.pose(state)
+        drops = self._plant.drops(state)
+        here = self._margins(pose, drops)
+        near = self._margins(pose + _NEARBY * step * velocity, drops)
+        with np.errstate(invalid="ignore"):
+            change = np.where(np.isfinite(here) & np.isfinite(near), (near - here) / _NEARBY, 0.0)
+        return here, change
+
+
+def _turning(
+    first: FloatArray, falling: FloatArray, last: FloatArray, rising: FloatArray
+) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    """Return which margins fall at the start and rise at the end, so steeply that they may reach zero."""
+    deep = np.minimum(first + falling, last - rising)  # where the tangents lead
+    return np.asarray((falling < 0) & (rising > 0) & (deep <= 0))
