@@ -7,12 +7,13 @@ BIN := $(VENV)/bin
 OUT ?= out
 EXTRAS ?=
 DEV := $(VENV)/.dev$(EXTRAS)
-DEBIAN := liburdfdom-tools libsdformat-dev pkg-config g++
+DEBIAN := liburdfdom-tools libsdformat-dev pkg-config g++ chromium
 
-.PHONY: demo test lint types layers generated pytest fuzz benchmark export clean
+.PHONY: demo test lint types layers generated pytest fuzz benchmark export pictures clean
 
 demo: $(VENV)/.demo
 	$(BIN)/p3dof compare --out $(OUT)
+	$(BIN)/p3dof show --out $(OUT)/animation.html
 
 test: lint types layers generated pytest
 
@@ -42,6 +43,10 @@ benchmark: $(DEV)
 export: $(DEV)
 	$(BIN)/p3dof export
 
+pictures: $(DEV)
+	$(BIN)/p3dof show --at 0.48 --screenshot pictures/machine.png
+	$(BIN)/p3dof forces --figure pictures/forces.png
+
 clean:
 	rm -rf $(VENV) $(OUT)
 
@@ -52,7 +57,7 @@ $(VENV)/pyvenv.cfg:
 		echo "$(PYTHON) cannot make a virtual environment; on Debian: apt-get install python3-venv"; exit 1; }
 
 $(VENV)/.demo: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[plot]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[plot,report,viz]'
 	@touch $@
 
 $(VENV)/.dev: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt

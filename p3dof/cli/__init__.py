@@ -1,4 +1,4 @@
-"""The command line: `p3dof compare`, `forces`, `energy`, `reactions`, `simulate`, `urdf`, `export`.
+"""The command line: `p3dof compare`, `forces`, `show`, `report`, `simulate` and others.
 
 Each command calls the package and prints.
 
@@ -6,7 +6,17 @@ Exit codes: 0 done, 1 a check failed (methods disagree, files differ, a run ende
 input (one line on stderr).
 """
 
-from p3dof.cli import compare, energy, export, forces, reactions, simulate  # noqa: F401 - they add their commands
+from p3dof.cli import (  # noqa: F401 - they add their commands
+    compare,
+    energy,
+    export,
+    forces,
+    plots,
+    reactions,
+    report,
+    show,
+    simulate,
+)
 from p3dof.cli.app import app, main
 
 __all__ = ["app", "main"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -240,6 +240,51 @@ class Manipulator(MovingMachine):
             If `result` is something else, or that of a machine of another geometry.
         """
         return energy_of(self.parameters, result)
+
+    def show(self, motion: Motion | InverseDynamics | None = None, **options: Any) -> Any:
+        """Show the machine in a page of the browser, moving, with controls; needs the extra ``viz``.
+
+        Parameters
+        ----------
+        motion : Motion or InverseDynamics, optional
+            What to play; without it the machine stands at home.
+        **options
+            As for `p3dof.viewer.show`: port, speed, ...
+
+        Returns
+        -------
+        p3dof.viewer.LiveViewer
+            With `url` and `stop()`; in a notebook it shows itself.
+
+        Raises
+        ------
+        MissingExtraError
+            If meshcat is not installed.
+        """
+        from p3dof import viewer
+
+        return viewer.show(self, motion, **options)
+
+    def viewer(self, port: int | None = None) -> Any:
+        """Return Pinocchio's MeshCat visualizer of the machine, shown in a page; needs the extra ``viz``.
+
+        Parameters
+        ----------
+        port : int, optional
+            Where to serve the page; a free one by default.
+
+        Returns
+        -------
+        pinocchio.visualize.MeshcatVisualizer
+
+        Raises
+        ------
+        MissingExtraError
+            If meshcat is not installed.
+        """
+        from p3dof import viewer
+
+        return viewer.viewer(self, port)
 
     def simulate(
         self,

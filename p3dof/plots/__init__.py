@@ -3,7 +3,17 @@
 from p3dof.plots.common import save
 from p3dof.plots.energy import energy_figure
 from p3dof.plots.forces import forces_figure
+from p3dof.plots.joints import joints_figure
+from p3dof.plots.mechanism import mechanism_figure
 from p3dof.plots.reactions import reactions_figure
 from p3dof.plots.tracking import tracking_figure
 
-__all__ = ["energy_figure", "forces_figure", "reactions_figure", "save", "tracking_figure"]
+__all__ = [
+    "energy_figure",
+    "forces_figure",
+    "joints_figure",
+    "mechanism_figure",
+    "reactions_figure",
+    "save",
+    "tracking_figure",
+]

@@ -1,0 +1,145 @@
+"""`p3dof plots`: all figures of a motion in one folder."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+import numpy as np
+from rich.console import Console
+
+from p3dof.cli.app import app
+from p3dof.cli.options import Case, with_case
+from p3dof.cli.output import print_plain, print_warnings, progress_bar
+from p3dof.manipulator import InverseDynamics
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FORMATS = ("png", "svg", "pdf")
+FIGURES = ("forces", "joints", "energy", "reactions", "mechanism")
+
+
+class Drawings:
+    """The figures of a case; what several of them need is computed once.
+
+    Parameters
+    ----------
+    case : Case
+        Machine, motion and load.
+    at : float, optional
+        When the mechanism is drawn [s]; at the first valid sample by default.
+    """
+
+    def __init__(self, case: Case, at: float | None = None) -> None:
+        self._case, self._at = case, at
+
+    def figure(self, name: str) -> Figure:
+        """Draw one of `FIGURES`."""
+        figure: Figure = getattr(self, name)()
+        return figure
+
+    @cached_property
+    def by_pinocchio(self) -> InverseDynamics:
+        """Forces and joints by Pinocchio."""
+        return self._case.solve("pinocchio")[0]
+
+    @cached_property
+    def by_virtual_power(self) -> InverseDynamics:
+        """Forces and joints by virtual powers."""
+        return self._case.solve("virtual-power")[0]
+
+    def forces(self) -> Figure:
+        """Draw the forces by both methods, and their difference."""
+        from p3dof import plots
+
+        return plots.forces_figure([self.by_pinocchio, self.by_virtual_power])
+
+    def joints(self) -> Figure:
+        """Draw positions, velocities and accelerations of all joints."""
+        from p3dof.plots.joints import joints_figure
+
+        return joints_figure(self.by_pinocchio)
+
+    def energy(self) -> Figure:
+        """Draw energy, work and power."""
+        from p3dof import plots
+
+        return plots.energy_figure(self._case.robot.energy(self.by_pinocchio))
+
+    def reactions(self) -> Figure:
+        """Draw the reactions of all joints."""
+        from p3dof import plots
+
+        case = self._case
+        with progress_bar("reactions", len(case.motion)) as progress:
+            found = case.robot.reactions(
+                case.motion,
+                wrench=case.wrench,
+                on_invalid=case.on_invalid,  # type: ignore[arg-type]  # one of two, as the options say
+                progress=progress,
+            )
+        case.require_valid(found.valid)
+        return plots.reactions_figure(found)
+
+    def mechanism(self) -> Figure:
+        """Draw the mechanism with the path of P."""
+        from p3dof.plots.mechanism import mechanism_figure
+
+        motion = self._case.motion
+        if self._at is None:
+            row = int(np.argmax(self.by_virtual_power.valid))
+        else:
+            row = int(np.argmin(np.abs(motion.time - self._at)))
+        return mechanism_figure(self._case.robot, motion.pose[row], motion)
+
+
+@app.command("plots")
+@with_case
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default="out/figures",
+    show_default=True,
+    help="Folder for the figures.",
+)
+@click.option(
+    "--format",
+    "formats",
+    type=click.Choice(FORMATS),
+    multiple=True,
+    default=FORMATS[:2],
+    show_default=True,
+    help="How to write them; may be given several times.",
+)
+@click.option(
+    "--only",
+    type=click.Choice(FIGURES),
+    multiple=True,
+    help="Draw this figure; may be given several times. All without it.",
+)
+@click.option(
+    "--at",
+    type=float,
+    help="Draw the mechanism at the sample nearest to this time [s]; at the first one without it.",
+)
+def draw(case: Case, out: Path, formats: tuple[str, ...], only: tuple[str, ...], at: float | None) -> None:
+    """Draw forces, joints, energy, reactions and the mechanism over a motion (needs the extra 'plot')."""
+    if at is not None and not np.isfinite(at):
+        raise click.BadParameter(f"expected a finite number, got {at:g}", param_hint="--at")
+    chosen = [name for name in FIGURES if name in (only or FIGURES)]
+    paths = {name: [out / f"{name}.{kind}" for kind in dict.fromkeys(formats)] for name in chosen}
+    case.protect(*(path for some in paths.values() for path in some))
+    from p3dof import plots
+    from p3dof.plots.common import new_figure
+
+    new_figure((1.0, 1.0))  # says that matplotlib is missing before the work begins
+    drawings = Drawings(case, at)
+    console = Console()
+    for name, files in paths.items():
+        figure = drawings.figure(name)
+        for path in files:
+            print_plain(console, f"wrote {plots.save(figure, path)}")
+    print_warnings(console, case.robot, drawings.by_virtual_power)

@@ -1,0 +1,98 @@
+"""`p3dof report`: one page that tells all about a motion."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import click
+from rich.console import Console
+
+from p3dof.cli.app import app
+from p3dof.cli.options import Case, with_case
+from p3dof.cli.output import print_plain, print_warnings, progress_bar
+from p3dof.errors import InputError, MissingExtraError
+from p3dof.manipulator import InverseDynamics
+
+
+@app.command("report")
+@with_case
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default="out/report.html",
+    show_default=True,
+    help="HTML file to write.",
+)
+@click.option("--title", help="Heading of the page.")
+@click.option("--animation/--no-animation", default=True, help="Embed the animation (needs the extra 'viz').")
+def make(case: Case, out: Path, title: str | None, animation: bool) -> None:
+    """Write parameters, figures, tables and an animation as one HTML page (needs the extra 'report')."""
+    case.protect(out)
+    from p3dof import report
+
+    result, _ = case.solve("virtual-power")
+    moving, reason = _animation(case, result) if animation else (None, "")
+    with progress_bar("report", len(case.motion)) as progress:
+        path = report.write(
+            out,
+            case.robot,
+            case.motion,
+            case.wrench,
+            case.on_invalid,
+            title=title,
+            about=_about(case),
+            command=_command(case, out, title, animation),
+            animation=moving,
+            no_animation=reason,
+            progress=progress,
+        )
+    console = Console()
+    print_warnings(console, case.robot, result)
+    if reason:
+        print_plain(console, f"no animation: {reason}")
+    print_plain(console, f"wrote {path}")
+
+
+def _animation(case: Case, result: InverseDynamics) -> tuple[str | None, str]:
+    """Return a page that shows the motion, or why there is none."""
+    try:
+        from p3dof.viewer import animation_html
+
+        return animation_html(case.robot, result), ""
+    except (MissingExtraError, InputError) as error:  # no MeshCat, or a motion too long for one page
+        return None, str(error)
+
+
+def _about(case: Case) -> dict[str, str]:
+    """Say where machine, motion and loads come from."""
+    found = {
+        "machine": "the paper's" if case.parameters is None else str(case.parameters),
+        "motion": "the paper's" if case.motion_file is None else str(case.motion_file),
+    }
+    if case.payload is not None:
+        x, y, z = case.payload.com
+        found["payload"] = f"{case.payload.mass:g} kg at ({x:g}, {y:g}, {z:g}) m of the platform's frame"
+    if case.wrench_file is not None:
+        found["external load"] = str(case.wrench_file)
+    return found
+
+
+def _command(case: Case, out: Path, title: str | None, animation: bool) -> str:
+    """Return the command that makes this report."""
+    payload = None
+    if case.payload is not None:
+        payload = ",".join(repr(float(part)) for part in (case.payload.mass, *case.payload.com))
+    options = {
+        "--parameters": case.parameters,
+        "--motion": case.motion_file,
+        "--samples": case.samples,
+        "--payload": payload,
+        "--wrench": case.wrench_file,
+        "--on-invalid": None if case.on_invalid == "raise" else case.on_invalid,
+        "--title": title,
+        "--out": out,
+    }
+    words = ["p3dof", "report"]
+    words += [f"{name}={value}" for name, value in options.items() if value is not None]
+    return shlex.join(words if animation else [*words, "--no-animation"])

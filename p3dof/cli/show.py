@@ -1,0 +1,157 @@
+"""`p3dof show`: the machine in the browser, or as a file to look at."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+
+import click
+from rich.console import Console
+
+from p3dof.cli.app import app
+from p3dof.cli.options import Case, with_case
+from p3dof.cli.output import print_plain, print_warnings, progress_bar
+from p3dof.manipulator import InverseDynamics
+from p3dof.viewer.player import FASTEST, SLOWEST, within
+
+_ENDING = ("SIGINT", "SIGTERM", "SIGHUP")
+
+
+@app.command()
+@with_case
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    help="Port of the page on this machine, 0 for any; the first free one from 7000 on without it.",
+)
+@click.option(
+    "--speed",
+    type=click.FloatRange(SLOWEST, FASTEST),
+    default=1.0,
+    show_default=True,
+    help="How many times faster than in reality.",
+)
+@click.option("--fps", type=click.FloatRange(1, 240), help="Frames a second; 60 without it, 25 in a film.")
+@click.option(
+    "--at", type=float, help="Time of the motion to begin at, and of the picture [s]; its first without it."
+)
+@click.option("--paused", is_flag=True, help="Begin with the motion stopped.")
+@click.option("--open/--no-open", "browse", default=True, show_default=True, help="Open the user's browser.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="Write an HTML file that plays with no network, instead of serving.",
+)
+@click.option(
+    "--video",
+    type=click.Path(path_type=Path),
+    help="Likewise a film, .mp4 or .gif (needs a Chromium, and playwright).",
+)
+@click.option(
+    "--screenshot",
+    type=click.Path(path_type=Path),
+    help="Likewise a picture, .png (needs them too).",
+)
+def show(
+    case: Case,
+    port: int | None,
+    speed: float,
+    fps: float | None,
+    at: float | None,
+    paused: bool,
+    browse: bool,
+    out: Path | None,
+    video: Path | None,
+    screenshot: Path | None,
+) -> None:
+    """Show the machine and its forces in the browser: play a motion, or move the platform by hand.
+
+    The page is served to this machine only, until Ctrl-C or a termination signal, which end it with exit
+    code 0. With --out, --video or --screenshot files are written instead. Needs the extra 'viz'.
+    """
+    case.protect(out, video, screenshot)
+    from p3dof.viewer.live import LiveViewer
+
+    console = Console()
+    result, _ = case.solve("virtual-power")
+    print_warnings(console, case.robot, result)
+    if out or video or screenshot:
+        for path in _files(case, result, speed, fps, at, out, video, screenshot):
+            print_plain(console, f"wrote {path}")
+        return
+    with (
+        _until_signalled() as wait,
+        LiveViewer(
+            case.robot, result, port=port, speed=speed, fps=fps or 60.0, playing=not paused, at=at
+        ) as viewer,
+    ):
+        print_plain(console, f"{viewer.url} shows the machine; Ctrl-C ends it")
+        sys.stdout.flush()
+        if browse and _has_display():
+            viewer.open()
+        wait(viewer.wait)
+
+
+def _files(
+    case: Case,
+    result: InverseDynamics,
+    speed: float,
+    fps: float | None,
+    at: float | None,
+    out: Path | None,
+    video: Path | None,
+    screenshot: Path | None,
+) -> Iterator[Path]:
+    """Write what was asked for."""
+    from p3dof.viewer.animation import save_animation
+    from p3dof.viewer.scene import trace_of
+    from p3dof.viewer.states import States
+    from p3dof.viewer.video import save_screenshot, save_video
+
+    if out is not None:
+        yield save_animation(out, case.robot, result, speed, fps or 60.0)
+    if screenshot is not None:
+        first, last = float(result.time[0]), float(result.time[-1])
+        moment = first if at is None else within("at", at, first, last)
+        shown = States(case.robot, result).of_time(moment, "total")
+        trace = trace_of(case.robot, result.motion.pose[result.valid])
+        yield save_screenshot(screenshot, case.robot, shown.pose, shown.forces, trace)
+    if video is not None:
+        with progress_bar("film", 1) as progress:
+            yield save_video(video, case.robot, result, fps or 25.0, speed=speed, progress=progress)
+
+
+@contextmanager
+def _until_signalled() -> Iterator[Callable[[Callable[[float], bool]], None]]:
+    """Give a function that waits for Ctrl-C or a termination signal, from whenever it came on."""
+    ended = threading.Event()
+
+    def end(_number: int, _frame: FrameType | None) -> None:
+        ended.set()
+
+    def wait(step: Callable[[float], bool]) -> None:
+        while not ended.is_set() and not step(0.2):
+            pass
+
+    main = threading.current_thread() is threading.main_thread()
+    numbers = [getattr(signal, name) for name in _ENDING if main and hasattr(signal, name)]
+    if not sys.platform.startswith("win"):
+        numbers = [n for n in numbers if n != signal.SIGHUP or signal.getsignal(n) != signal.SIG_IGN]  # nohup
+    before = [signal.signal(number, end) or signal.SIG_DFL for number in numbers]
+    try:
+        yield wait
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)
+
+
+def _has_display() -> bool:
+    """Return whether a browser can have a window: without, Python would open one in the terminal."""
+    wanted = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
+    return sys.platform in {"win32", "darwin"} or any(os.environ.get(name) for name in wanted)

@@ -1,0 +1,257 @@
+"""The report: what was computed about a motion, put into one page."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from importlib import resources
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from p3dof.checks import shown
+from p3dof.energy import Energy
+from p3dof.errors import InputError, MissingExtraError
+from p3dof.files import write_atomic
+from p3dof.kinematics import OnInvalid
+from p3dof.manipulator import Manipulator
+from p3dof.motion import Motion
+from p3dof.reactions import Reactions
+from p3dof.report import tables
+from p3dof.report.figures import Pictures, pictures_of
+from p3dof.routes import LEGS, InverseDynamics, WrenchOverTime
+
+TITLE = "Inverse dynamics of a 3-DOF spatial parallel manipulator"
+AGREEMENT = 1e-10
+"""Largest difference of the two methods that passes, as a share of the largest force."""
+
+PACKAGES = ("p3dof", "pin", "numpy", "scipy", "matplotlib", "Jinja2")
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """What a report tells about a motion.
+
+    Parameters
+    ----------
+    robot : Manipulator
+        The machine.
+    motion : Motion
+        Its motion.
+    first, second : InverseDynamics
+        The forces by Pinocchio, and by virtual powers.
+    energy : Energy
+        Of the first.
+    reactions : Reactions
+        In all joints.
+    """
+
+    robot: Manipulator
+    motion: Motion
+    first: InverseDynamics
+    second: InverseDynamics
+    energy: Energy
+    reactions: Reactions
+
+    @property
+    def difference(self) -> float:
+        """Largest difference of the two methods [N]."""
+        both = self.first.valid & self.second.valid
+        return float(np.abs(self.first.forces - self.second.forces)[both].max(initial=0.0))
+
+    @property
+    def agree(self) -> bool:
+        """Whether the two methods find the same."""
+        same = np.array_equal(self.first.valid, self.second.valid)
+        return same and self.difference <= AGREEMENT * float(self.second.peak_forces.max())
+
+    def warnings(self) -> list[str]:
+        """Return what is wrong with the motion although its forces could be computed."""
+        result, invalid = self.second, int((~self.second.valid).sum())
+        found = [f"{invalid} of {len(result.time)} samples are invalid and left out"] if invalid else []
+        found += [f"limit exceeded: {what}" for what in result.exceedances(self.robot.parameters.limits)]
+        found += [
+            f"after t = {time:g} s the motion crosses an actuation singularity: no force can do that"
+            for time in result.crossings
+        ]
+        return found
+
+
+def render(
+    robot: Manipulator,
+    motion: Motion,
+    wrench: WrenchOverTime = None,
+    on_invalid: OnInvalid = "raise",
+    title: str | None = None,
+    about: Mapping[str, str] | None = None,
+    command: str | None = None,
+    animation: str | None = None,
+    no_animation: str = "",
+    date: datetime | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> str:
+    """Return the report on a motion as one HTML page that loads nothing from elsewhere.
+
+    Parameters
+    ----------
+    robot : Manipulator
+        The machine.
+    motion : Motion
+        Its motion.
+    wrench : array-like, shape (6,) or (N, 6), or callable, optional
+        External force and moment on the platform at P, as for `Manipulator.inverse_dynamics` [N, N m].
+    on_invalid : {"raise", "nan"}
+        Raise for samples that are out of reach or singular, or leave them out.
+    title : str, optional
+        Heading of the page; `TITLE` by default.
+    about : mapping of str to str, optional
+        What else its head should tell, such as where machine and motion come from.
+    command : str, optional
+        How to make this report again.
+    animation : str, optional
+        A page that shows the motion, such as that of `p3dof.viewer`; it is put into a frame of the report.
+    no_animation : str
+        Why there is none.
+    date : datetime, optional
+        When it was made; now by default.
+    progress : callable, optional
+        Called with (done, total) while Pinocchio solves, and again while it finds the reactions.
+
+    Returns
+    -------
+    str
+        The page.
+
+    Raises
+    ------
+    ReachError, SingularityError, SampleError
+        Naming the first bad sample.
+    InputError
+        If an argument does not fit, or no sample of the motion is valid.
+    MissingExtraError
+        If Jinja2 or matplotlib is not installed.
+    """
+    template = _template()
+    _check(robot, title=title, command=command, animation=animation, no_animation=no_animation)
+    if date is not None and not isinstance(date, datetime):
+        raise InputError(f"date: expected a datetime, got {shown(date)}")
+    first = robot.inverse_dynamics(motion, "pinocchio", wrench, on_invalid, progress)
+    second = robot.inverse_dynamics(motion, "virtual-power", wrench, on_invalid)
+    if not (first.valid.any() and second.valid.any()):
+        raise InputError(f"no sample of the motion is within what the machine can do ({len(motion)} samples)")
+    reactions = robot.reactions(motion, "paper", wrench, on_invalid, progress)
+    findings = Findings(robot, motion, first, second, robot.energy(first), reactions)
+    when = datetime.now().astimezone() if date is None else date
+    words: dict[str, Any] = {
+        "title": TITLE if title is None else title,
+        "about": dict(about or {}),
+        "command": command,
+        "animation": animation,
+        "no_animation": no_animation,
+        "date": when.isoformat(sep=" ", timespec="seconds"),
+        "versions": _versions(),
+        **_content(findings),
+    }
+    page: str = template.render(words)
+    return page.encode("utf-8", "backslashreplace").decode("utf-8")  # names of files may not be text
+
+
+def write(
+    path: str | os.PathLike[str], robot: Manipulator, motion: Motion, *args: Any, **options: Any
+) -> Path:
+    """Write the report on a motion to an HTML file.
+
+    Parameters
+    ----------
+    path : path-like
+        The file; replaced whole or not at all.
+    robot, motion, *args, **options
+        As for `render`.
+
+    Returns
+    -------
+    Path
+        The path written.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+    P3dofError
+        As `render`.
+    """
+    return write_atomic(path, render(robot, motion, *args, **options))
+
+
+def _check(robot: Manipulator, **texts: str | None) -> None:
+    if not isinstance(robot, Manipulator):
+        raise InputError(f"robot: expected a Manipulator, got {shown(robot)}")
+    for name, text in texts.items():
+        if text is not None and not isinstance(text, str):
+            raise InputError(f"{name}: expected text, got {shown(text)}")
+
+
+def _template() -> Any:
+    try:
+        import jinja2
+        import matplotlib.figure  # noqa: F401 - a page without figures is none
+    except ImportError as error:
+        missing = error.name or "Jinja2 and matplotlib"
+        raise MissingExtraError(f"a report needs {missing}: pip install 'p3dof[report]'") from error
+    text = resources.files("p3dof.report").joinpath("report.html.j2").read_text(encoding="utf-8")
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    return environment.from_string(text)
+
+
+def _versions() -> dict[str, str]:
+    found = {name: version(name) for name in PACKAGES}
+    return {
+        **found,
+        "Python": platform.python_version(),
+        "system": f"{platform.system()} {platform.machine()}",
+    }
+
+
+def _content(findings: Findings) -> dict[str, Any]:
+    """Return what the template shows of the numbers."""
+    parameters, motion = findings.robot.parameters, findings.motion
+    first, second, energy = findings.first, findings.second, findings.energy
+    pictures: Pictures = pictures_of(findings.robot, (first, second), energy, findings.reactions)
+    largest = float(second.peak_forces.max())
+    return {
+        "agree": findings.agree,
+        "difference": f"{findings.difference:.1e}",
+        "share": f"{findings.difference / largest if largest else 0.0:.1e}",
+        "samples": int(second.valid.sum()),
+        "warnings": findings.warnings(),
+        "key": _key_numbers(findings),
+        "parameters": tables.parameter_tables(parameters),
+        "motion": tables.motion_table(motion, second.wrench),
+        "agreement": tables.agreement_table(first, second),
+        "evidence": tables.evidence_table(first, second),
+        "drives": tables.drives_table(energy),
+        "kinetic": tables.bodies_table(energy),
+        "reactions": tables.reactions_table(findings.reactions),
+        "pictures": pictures,
+    }
+
+
+def _key_numbers(findings: Findings) -> dict[str, str]:
+    """Return the few numbers that a reader looks for first."""
+    drives = findings.energy.drives
+    leg = int(np.argmax(drives.peak_force))
+    fast, strong = int(np.argmax(drives.peak_speed)), int(np.argmax(drives.peak_power))
+    steady = int(np.argmax(drives.rms_force))
+    return {
+        "peak force": f"{drives.peak_force[leg]:.4g} N ({LEGS[leg]})",
+        "RMS force": f"{drives.rms_force[steady]:.4g} N ({LEGS[steady]})",
+        "peak speed": f"{drives.peak_speed[fast]:.4g} m/s ({LEGS[fast]})",
+        "peak power": f"{drives.peak_power[strong]:.4g} W ({LEGS[strong]})",
+    }

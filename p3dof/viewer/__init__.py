@@ -1,0 +1,46 @@
+"""The machine to look at, in a browser: through MeshCat and Pinocchio's visualizer.
+
+It needs the extra ``viz`` (meshcat), which is imported when something is drawn; pictures and films need
+``video`` too (playwright, for a browser without a window).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from p3dof.manipulator import InverseDynamics, Manipulator
+from p3dof.motion import Motion
+from p3dof.viewer.animation import animation_html, save_animation
+from p3dof.viewer.scene import Scene, joints_of, trace_of
+from p3dof.viewer.video import save_screenshot, save_video
+from p3dof.viewer.window import SceneWindow
+
+if TYPE_CHECKING:
+    from p3dof.viewer.live import LiveViewer
+
+__all__ = [
+    "Scene",
+    "SceneWindow",
+    "animation_html",
+    "joints_of",
+    "save_animation",
+    "save_screenshot",
+    "save_video",
+    "show",
+    "trace_of",
+    "viewer",
+]
+
+
+def show(robot: Manipulator, motion: Motion | InverseDynamics | None = None, **options: Any) -> LiveViewer:
+    """Show a machine in a page with controls; see `p3dof.viewer.live.LiveViewer`, which takes the options."""
+    from p3dof.viewer.live import LiveViewer
+
+    return LiveViewer(robot, motion, **options)
+
+
+def viewer(robot: Manipulator, port: int | None = None) -> Any:
+    """Return Pinocchio's visualizer of a machine, shown in a page; see `p3dof.viewer.live.viewer`."""
+    from p3dof.viewer import live
+
+    return live.viewer(robot, port)

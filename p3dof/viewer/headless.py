@@ -1,0 +1,190 @@
+"""A browser without a window, to take pictures of pages: the system's Chromium, driven by playwright."""
+
+from __future__ import annotations
+
+import io
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TypeVar
+
+from p3dof.errors import InputError, MissingExtraError
+
+NAMES = (
+    "chromium",
+    "chromium-browser",
+    "google-chrome",
+    "google-chrome-stable",
+    "chrome",
+    "microsoft-edge",
+    "msedge",
+)
+"""Programs that will do, the first one found is taken; the environment's ``CHROMIUM`` goes before them."""
+MAX_PIXELS = 4096
+"""Largest width or height of a picture."""
+_FLAGS = (
+    "--disable-gpu",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--no-first-run",
+    "--disable-quic",
+    "--hide-scrollbars",
+)
+_READY = "typeof viewer === 'object' && viewer.renderer.domElement.width > 0"
+_HIDE = "viewer.gui.domElement.style.display = 'none'"
+_Result = TypeVar("_Result")
+
+
+class Shooter:
+    """An open page, to take pictures of.
+
+    Parameters
+    ----------
+    page : playwright.sync_api.Page
+        Showing a page of `p3dof.viewer.pages`.
+    """
+
+    def __init__(self, page: Any) -> None:
+        self._page = page
+        page.wait_for_function(_READY)
+        page.evaluate(_HIDE)
+
+    def picture(self, time: float | None = None) -> bytes:
+        """Return the page as PNG: as it is, or an animation at a time since its beginning [s]."""
+        self._page.evaluate("viewer.render()" if time is None else f"freeze({float(time)!r})")
+        return bytes(self._page.screenshot(type="png"))
+
+
+@contextmanager
+def opened(html: str, size: tuple[int, int]) -> Iterator[Shooter]:
+    """Open a page that needs nothing else, with the network off.
+
+    Parameters
+    ----------
+    html : str
+        The page.
+    size : tuple of int
+        Width and height [pixels].
+
+    Yields
+    ------
+    Shooter
+
+    Raises
+    ------
+    MissingExtraError
+        If playwright or a browser is missing, or it does not start.
+    InputError
+        If the size does not fit.
+    """
+    width, height = checked_size(size)
+    with browser_of_system() as browser, tempfile.TemporaryDirectory(prefix="p3dof-") as folder:
+        file = Path(folder) / "page.html"
+        file.write_text(html, encoding="utf-8")
+        context = browser.new_context(viewport={"width": width, "height": height}, offline=True)
+        page = context.new_page()
+        page.goto(file.as_uri())
+        yield Shooter(page)
+
+
+def picture_of(html: str, size: tuple[int, int], time: float | None = None) -> bytes:
+    """Return a page as PNG; see `opened` and `Shooter.picture`."""
+
+    def take() -> bytes:
+        with opened(html, size) as shooter:
+            return shooter.picture(time)
+
+    return aside(take)
+
+
+def aside(work: Callable[[], _Result]) -> _Result:
+    """Do some work in a thread of its own: playwright does not start where an event loop runs (notebooks)."""
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(work).result()
+
+
+@contextmanager
+def browser_of_system() -> Iterator[Any]:
+    """Run the system's browser.
+
+    Yields
+    ------
+    playwright.sync_api.Browser
+
+    Raises
+    ------
+    MissingExtraError
+        If playwright or a browser is missing, or it does not start.
+    """
+    try:
+        from playwright import sync_api
+    except ImportError as error:
+        raise MissingExtraError(
+            "pictures and films need a browser without a window: pip install 'p3dof[video]', and Chromium"
+        ) from error
+    sandbox = () if os.name == "nt" or os.geteuid() else ("--no-sandbox",)  # as root it would not start
+    with sync_api.sync_playwright() as playwright:
+        try:
+            browser = playwright.chromium.launch(
+                executable_path=find_browser(playwright), args=[*_FLAGS, *sandbox]
+            )
+        except sync_api.Error as error:
+            reason = str(error).splitlines()[0]
+            raise MissingExtraError(f"the browser for pictures does not start: {reason}") from error
+        try:
+            yield browser
+        finally:
+            browser.close()
+
+
+def find_browser(playwright: Any) -> str:
+    """Return the path of a browser: the user's choice, the system's, or the one that playwright brings.
+
+    Raises
+    ------
+    MissingExtraError
+        If there is none.
+    """
+    chosen = os.environ.get("CHROMIUM")
+    found = chosen or next(filter(None, map(shutil.which, NAMES)), None)
+    own: str = playwright.chromium.executable_path
+    if found is None and not Path(own).exists():
+        raise MissingExtraError(
+            "pictures and films need Chromium or Chrome: install one, or run 'playwright install chromium'"
+        )
+    return found or own
+
+
+def checked_size(size: Any) -> tuple[int, int]:
+    """Return width and height as whole numbers of pixels.
+
+    Raises
+    ------
+    InputError
+        If they are none, or too small or large.
+    """
+    fits = isinstance(size, tuple | list) and len(size) == 2 and all(type(n) is int for n in size)
+    if not (fits and all(16 <= n <= MAX_PIXELS for n in size)):
+        got = f"({size[0]}, {size[1]})" if fits else f"a {type(size).__name__}"
+        raise InputError(f"size: expected width and height from 16 to {MAX_PIXELS} pixels, got {got}")
+    return size[0], size[1]
+
+
+def as_image(png: bytes) -> Any:
+    """Return a picture as a `PIL.Image`.
+
+    Raises
+    ------
+    MissingExtraError
+        If Pillow, which MeshCat brings, is not installed.
+    """
+    try:
+        from PIL import Image
+    except ImportError as error:
+        raise MissingExtraError("pictures need Pillow: pip install 'p3dof[viz]'") from error
+    return Image.open(io.BytesIO(png)).convert("RGB")

@@ -1,0 +1,231 @@
+"use strict";
+// The page: MeshCat shows the scene, the panel says what the page is told and sends what the user does.
+
+const AXES = ["y", "z", "theta"];
+const LEGS = ["a", "b", "c"];
+const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4];
+const CHART = { left: 34, right: 276, top: 8, bottom: 112 };
+
+const $ = (id) => document.getElementById(id);
+const here = location.host;
+
+/* ---- scene ---- */
+
+const pane = $("pane");
+window.viewer = new MeshCat.Viewer(pane);
+const resize = viewer.set_3d_pane_size.bind(viewer);
+viewer.set_3d_pane_size = () => resize(pane.clientWidth, Math.max(pane.clientHeight, 1));
+new ResizeObserver(() => viewer.set_3d_pane_size()).observe(pane);
+viewer.connect(`ws://${here}/scene`);
+
+/* ---- what goes to the server ---- */
+
+let socket = null;
+let wanted = {};       // the latest of each kind since the last frame of the page
+let sending = false;
+const held = new Set();  // sliders that the user holds: they show what is wanted, not what is
+
+function send(type, value) {
+  delete wanted[type];
+  wanted[type] = value;
+  if (!sending) {
+    sending = true;
+    setTimeout(flush, 15);
+  }
+}
+
+function flush() {
+  sending = false;
+  const messages = wanted;
+  wanted = {};
+  if (!socket || socket.readyState !== WebSocket.OPEN) return;
+  for (const [type, value] of Object.entries(messages)) socket.send(JSON.stringify({ type, value }));
+}
+
+function connect(again) {
+  socket = new WebSocket(`ws://${here}/control`);
+  socket.onopen = () => again ? location.reload() : linked(true);
+  socket.onmessage = (event) => told(JSON.parse(event.data));
+  socket.onclose = () => { linked(false); setTimeout(() => connect(true), 1000); };
+}
+
+function linked(on) {
+  $("link").className = on ? "" : "off";
+  $("link").title = on ? "connected" : "not connected";
+  if (!on) note("message", "The viewer was closed, or cannot be reached.");
+}
+
+/* ---- what comes from the server ---- */
+
+let setup = null;
+let state = null;
+
+function told(message) {
+  if (message.type === "setup") prepare(message);
+  else if (message.type === "state") show(message);
+  else if (message.type === "error") note("message", message.message);
+}
+
+function prepare(message) {
+  setup = message;
+  $("panel").hidden = false;
+  $("motion").hidden = $("case").hidden = !setup.motion;
+  setup.colours.forEach((c, i) => document.documentElement.style.setProperty(`--${LEGS[i]}`, `rgb(${c})`));
+  AXES.forEach((axis, i) => { [$(axis).min, $(axis).max] = setup.ranges[i]; });
+  if (setup.motion) [$("time").min, $("time").max] = setup.motion;
+  $("warnings").replaceChildren(...setup.warnings.map((text) => element("li", {}, text)));
+  $("speed").replaceChildren(...SPEEDS.map((s) => element("option", { value: s }, `${s}×`)));
+}
+
+function show(message) {
+  const other = !state || state.case !== message.case;
+  state = message;
+  const [y, z, theta] = state.pose;
+  AXES.forEach((axis, i) => { if (!held.has(axis)) $(axis).value = state.pose[i]; });
+  text("y-value", `${fixed(y, 4)} m`);
+  text("z-value", `${fixed(z, 4)} m`);
+  text("theta-value", `${fixed(theta, 4)} rad`);
+  $("theta-value").title = `${fixed(theta * 180 / Math.PI, 2)}°`;
+  if (setup.motion) showMotion();
+  LEGS.forEach((leg, i) => {
+    const force = state.forces[i], slider = state.sliders[i];
+    text(`force-${leg}`, force === null ? "–" : `${fixed(force, 2)} N`);
+    text(`slider-${leg}`, `${fixed(slider, 4)} m`);
+    const [low, high] = setup.limits.travel;
+    $(`force-${leg}`).classList.toggle("over", Math.abs(force) > setup.limits.force);
+    $(`slider-${leg}`).classList.toggle("over", slider < low || slider > high);
+    $(`force-${leg}`).parentElement.classList.toggle("bad", state.leg === leg);
+  });
+  for (const button of $("case").children) button.setAttribute("aria-pressed", button.value === state.case);
+  note("message", state.message && `${state.message[0].toUpperCase()}${state.message.slice(1)}.\nThe last reachable pose is kept.`);
+  note("limits", state.limits.length ? `Beyond a limit: ${state.limits.join("; ")}` : "");
+  $("rest").hidden = state.source !== "pose";
+  if (other) drawChart();
+  moveCursor();
+}
+
+function showMotion() {
+  if (!held.has("time")) $("time").value = state.time;
+  text("time-value", `${fixed(state.time, 3)} s`);
+  $("play").classList.toggle("playing", state.playing);
+  $("play").setAttribute("aria-label", state.playing ? "Pause" : "Play");
+  text("source", state.source === "pose" ? "moved by hand" : state.playing ? "playing" : "paused");
+  const speed = String(state.speed);
+  if (![...$("speed").options].some((option) => option.value === speed)) {
+    $("speed").append(element("option", { value: speed }, `${Number(state.speed.toFixed(3))}×`));
+  }
+  if (document.activeElement !== $("speed") || !held.has("speed")) $("speed").value = speed;
+}
+
+/* ---- chart ---- */
+
+function drawChart() {
+  const chart = $("chart");
+  chart.toggleAttribute("hidden", !setup.motion || setup.time.length < 2);
+  if (!setup.motion || setup.time.length < 2) return;
+  const columns = setup.curves[state.case];
+  const values = columns.flat().filter((value) => value !== null);
+  const [low, high, step] = nice(Math.min(0, ...values), Math.max(0, ...values));
+  const [first, last] = setup.motion;
+  const x = (t) => CHART.left + (t - first) / (last - first) * (CHART.right - CHART.left);
+  const y = (f) => CHART.bottom - (f - low) / (high - low) * (CHART.bottom - CHART.top);
+  const parts = [];
+  for (let k = Math.round(low / step); k <= Math.round(high / step); k++) {
+    const at = y(k * step);
+    parts.push(shape("line", { class: k ? "grid" : "zero", x1: CHART.left, x2: CHART.right, y1: at, y2: at }));
+    parts.push(shape("text", { x: CHART.left - 5, y: at + 3, "text-anchor": "end" }, minus(Number((k * step).toPrecision(6)))));
+  }
+  parts.push(shape("text", { x: CHART.left, y: 126 }, `${Number(first.toPrecision(4))} s`));
+  parts.push(shape("text", { x: CHART.right, y: 126, "text-anchor": "end" }, `${Number(last.toPrecision(4))} s`));
+  parts.push(shape("text", { x: (CHART.left + CHART.right) / 2, y: 126, "text-anchor": "middle" }, "force [N] over time"));
+  columns.forEach((column, leg) => {
+    let path = "", pen = "M";
+    column.forEach((f, i) => {
+      if (f === null) { pen = "M"; return; }
+      path += `${pen}${x(setup.time[i]).toFixed(1)} ${y(f).toFixed(1)}`;
+      pen = "L";
+    });
+    parts.push(shape("path", { class: "curve", d: path, stroke: `var(--${LEGS[leg]})` }));
+  });
+  parts.push(shape("line", { class: "now", id: "now", y1: CHART.top, y2: CHART.bottom }));
+  chart.replaceChildren(...parts);
+}
+
+function moveCursor() {
+  const now = $("now");
+  if (!now) return;
+  const [first, last] = setup.motion;
+  const at = CHART.left + (state.time - first) / (last - first) * (CHART.right - CHART.left);
+  now.setAttribute("x1", at);
+  now.setAttribute("x2", at);
+  now.toggleAttribute("hidden", state.source === "pose");
+}
+
+function nice(low, high) {
+  const span = high - low || 1;
+  const power = 10 ** Math.floor(Math.log10(span / 4));
+  const step = [1, 2, 5, 10].map((m) => m * power).find((s) => span / s <= 5) || 10 * power;
+  const bottom = Math.floor(low / step + 1e-9) * step;
+  const top = Math.ceil(high / step - 1e-9) * step;
+  return [bottom, top > bottom ? top : bottom + step, step];
+}
+
+/* ---- small things ---- */
+
+function fixed(value, digits) {
+  const rounded = value.toFixed(digits);
+  return Number(rounded) === 0 ? rounded.replace("-", "") : minus(rounded);
+}
+
+function minus(number) {
+  return String(number).replace("-", "\u2212");
+}
+
+function text(id, value) {
+  if ($(id).textContent !== value) $(id).textContent = value;
+}
+
+function note(id, value) {
+  $(id).hidden = !value;
+  if (value) text(id, value);
+}
+
+function element(name, attributes, content) {
+  return Object.assign(document.createElement(name), attributes, { textContent: content });
+}
+
+function shape(name, attributes, content) {
+  const made = document.createElementNS("http://www.w3.org/2000/svg", name);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  if (content !== undefined) made.textContent = content;
+  return made;
+}
+
+/* ---- what the user does ---- */
+
+function hold(slider) {
+  const release = () => {
+    if (!held.delete(slider.id) || !state) return;
+    const index = AXES.indexOf(slider.id);
+    slider.value = index < 0 ? state.time : state.pose[index];
+  };
+  slider.addEventListener("pointerdown", () => held.add(slider.id));
+  for (const end of ["pointerup", "pointercancel", "lostpointercapture", "blur"]) slider.addEventListener(end, () => setTimeout(release, 120));
+}
+
+for (const axis of AXES) {
+  hold($(axis));
+  $(axis).addEventListener("input", () => {
+    const pose = state.pose.slice();
+    pose[AXES.indexOf(axis)] = Number($(axis).value);
+    send("pose", pose);
+  });
+}
+hold($("time"));
+$("time").addEventListener("input", () => send("time", Number($("time").value)));
+$("play").addEventListener("click", () => send(state.playing ? "pause" : "play", null));
+$("speed").addEventListener("change", () => send("speed", Number($("speed").value)));
+$("home").addEventListener("click", () => send("pose", [0, 0, 0]));
+for (const button of $("case").children) button.addEventListener("click", () => send("case", button.value));
+
+connect(false);

@@ -1,0 +1,80 @@
+"""Pages that need nothing else: MeshCat's own script, a scene and what to do with it, in one HTML file."""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+from collections.abc import Iterable
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from p3dof.errors import MissingExtraError
+
+
+def standalone(messages: Iterable[bytes], title: str = "p3dof", script: str = "") -> str:
+    """Return a page that shows a scene with no network.
+
+    Parameters
+    ----------
+    messages : iterable of bytes
+        Packed commands, as of `SceneWindow.messages`.
+    title : str
+        Of the page.
+    script : str
+        JavaScript to run when the scene is there; it finds MeshCat's ``viewer``.
+
+    Returns
+    -------
+    str
+        The HTML.
+
+    Raises
+    ------
+    MissingExtraError
+        If MeshCat is not installed.
+    """
+    commands = [base64.b64encode(message).decode("ascii") for message in messages]
+    return filled(
+        resource("standalone.html"),
+        TITLE=html.escape(title),
+        MESHCAT=meshcat_script(),
+        COMMANDS=as_script(commands),
+        SCRIPT=script,
+    )
+
+
+def filled(text: str, **parts: str) -> str:
+    """Return a template with every ``@NAME@`` replaced, in one pass: what is put in is not searched."""
+    for name in parts:
+        text = text.replace(f"@{name}@", f"\0{name}\0")
+    return "".join(parts[piece] if i % 2 else piece for i, piece in enumerate(text.split("\0")))
+
+
+def as_script(value: Any) -> str:
+    """Return plain data as JavaScript that may stand in a page."""
+    return json.dumps(value, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def resource(name: str) -> str:
+    """Return the text of a file of this package."""
+    return (resources.files("p3dof.viewer") / name).read_text(encoding="utf-8")
+
+
+@cache
+def meshcat_script() -> str:
+    """Return MeshCat's JavaScript, from its package.
+
+    Raises
+    ------
+    MissingExtraError
+        If MeshCat is not installed.
+    """
+    try:
+        import meshcat
+    except ImportError as error:
+        raise MissingExtraError("the viewer needs meshcat: pip install 'p3dof[viz]'") from error
+    path = Path(meshcat.__file__).parent / "viewer" / "dist" / "main.min.js"
+    return path.read_text(encoding="utf-8")

@@ -1,0 +1,312 @@
+"""`Scene`: the machine drawn through Pinocchio's MeshCat visualizer, with forces and the path of P."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from p3dof.checks import FloatArray, as_floats, frozen_array
+from p3dof.description.shapes import PLATFORM
+from p3dof.errors import InputError, MissingExtraError
+from p3dof.manipulator import Manipulator
+from p3dof.parameters import Dimensions
+from p3dof.viewer.arrows import draw_arrow, set_length
+from p3dof.viewer.scenery import COLOURS, LEGS, Room, above, draw_scenery, set_stage
+from p3dof.viewer.window import SceneWindow
+
+ROOT = "p3dof"
+"""Name of the machine under MeshCat's root, ``/meshcat``."""
+LINKS_OF_LEGS = {
+    "a": ("slider_a", "leg_a"),
+    "b": ("slider_b", "leg_b"),
+    "c": ("slider_c", "crossbar_upper", "rod_left", "crossbar_lower", "rod_right"),
+}
+"""The bodies of each leg."""
+MARK = (0.85, 0.05, 0.1, 1.0)
+"""Colour of a leg that is out of reach."""
+GLASS = (0.62, 0.66, 0.70, 0.45)
+"""Colour of the frame, which stands between the eye and the legs."""
+TRACE = 0x7B1FA2
+"""Colour of P and its path."""
+_PROUD = 1.04
+"""How much larger the platform's skin is than its solids."""
+
+
+class Scene:
+    """One machine in a window, at home at first.
+
+    Everything is drawn under ``/meshcat``, whose axes are those of the fixed frame, in metres.
+
+    Parameters
+    ----------
+    robot : Manipulator
+        The machine.
+    window : SceneWindow, optional
+        What to draw into; a new one by default.
+
+    Attributes
+    ----------
+    visualizer : pinocchio.visualize.MeshcatVisualizer
+        The plain visualizer of the machine, to go on from.
+    window : SceneWindow
+        What is drawn into.
+
+    Raises
+    ------
+    MissingExtraError
+        If MeshCat is not installed.
+    InputError
+        If `robot` is no Manipulator or `window` no SceneWindow.
+    """
+
+    def __init__(self, robot: Manipulator, window: SceneWindow | None = None) -> None:
+        if not isinstance(robot, Manipulator):
+            raise InputError(f"robot: expected a Manipulator, got {type(robot).__name__}")
+        if not isinstance(window, SceneWindow | None):
+            raise InputError(f"window: expected a SceneWindow, got {type(window).__name__}")
+        self.robot = robot
+        self.window = SceneWindow() if window is None else window
+        self.visualizer = _visualizer(robot, self.window)
+        self._viewer = self.visualizer.viewer
+        self._room = Room.around(robot.parameters)
+        self._radius = 0.7 * self._room.size.rod_radius
+        self._scale = _arrow_scale(robot, self._room)
+        self._columns = [robot.model.names[1:].tolist().index(f"slide_{leg}") for leg in LEGS]
+        set_stage(self._viewer, self._room)
+        draw_scenery(self._viewer["scenery"], self._room)
+        self._draw_arrows()
+        self._draw_platform()
+        self._lighten_frame()
+        self.display(np.zeros(robot.model.nq))
+
+    def display(self, q: ArrayLike, forces: ArrayLike | None = None) -> None:
+        """Show the machine at joint positions, and the forces of its actuators.
+
+        Parameters
+        ----------
+        q : array-like, shape (10,)
+            Joints in Pinocchio's order, as of `joints_of` [m, rad].
+        forces : array-like, shape (3,), optional
+            Of the actuators A, B, C [N]; the arrow of a NaN is hidden, and all are without.
+
+        Raises
+        ------
+        InputError
+            If a shape does not fit, or a joint is not finite.
+        """
+        joints = frozen_array("q", q, (self.robot.model.nq,))
+        newtons = as_floats("forces", [np.nan] * 3 if forces is None else forces)
+        if newtons.shape != (3,):
+            raise InputError(f"forces: expected shape (3,), got {newtons.shape}")
+        self.visualizer.display(joints)
+        self._viewer["platform"].set_transform(self._frame("platform_center"))
+        for leg, column, force in zip(LEGS, self._columns, newtons, strict=True):
+            node = self._viewer["forces"][leg]
+            place = np.eye(4)
+            place[:3, 3] = above(self._arrow_place(leg), joints[column])
+            node.set_transform(place)
+            set_length(node, self.arrow_length(float(force)), self._radius)
+
+    def arrow_length(self, force: float) -> float:
+        """Return how long the arrow of a force is drawn [m], negative for one that points down.
+
+        It is in proportion to the force up to four times the largest force that holds the machine at home,
+        and no longer beyond.
+
+        Parameters
+        ----------
+        force : float
+            Force [N].
+
+        Returns
+        -------
+        float
+        """
+        newtons, metres = self._scale
+        return float(metres * np.clip(force / newtons, -4.0, 4.0))
+
+    def draw_trace(self, points: ArrayLike) -> None:
+        """Draw the path of P; it replaces the one before.
+
+        Parameters
+        ----------
+        points : array-like, shape (N, 3)
+            In the fixed frame [m]; where one is not finite the line has a gap. See `trace_of`.
+
+        Raises
+        ------
+        InputError
+            If the shape does not fit.
+        """
+        import meshcat.geometry as mg
+
+        path = as_floats("points", points)
+        if path.ndim != 2 or path.shape[1] != 3:
+            raise InputError(f"points: expected shape (N, 3), got {path.shape}")
+        steps = np.stack((path[:-1], path[1:]), axis=1)  # (N-1, 2, 3)
+        steps = steps[np.isfinite(steps).all(axis=(1, 2))]
+        self._viewer["trace"].delete()
+        if len(steps):
+            line = mg.PointsGeometry(steps.reshape(-1, 3).T.astype(np.float32))
+            ink = mg.LineBasicMaterial(color=TRACE, depthTest=False)  # seen through the platform
+            self._viewer["trace"].set_object(mg.LineSegments(line, ink))
+
+    def mark_leg(self, leg: str | None) -> None:
+        """Turn a leg red, and the others back to their colours.
+
+        Parameters
+        ----------
+        leg : {"a", "b", "c"} or None
+            The leg, as in `p3dof.ReachError.leg`; None for none.
+
+        Raises
+        ------
+        InputError
+            If there is no such leg.
+        """
+        if leg is not None and leg not in LINKS_OF_LEGS:
+            raise InputError(f"leg: expected 'a', 'b', 'c' or None, got {leg!r}")
+        for name, links in LINKS_OF_LEGS.items():
+            for solid in self.robot.visual_model.geometryObjects:
+                if solid.name.rpartition("_")[0] in links:
+                    colour = MARK if name == leg else solid.meshColor.tolist()
+                    self._solid(solid.name).set_property("color", list(colour))
+
+    def _draw_arrows(self) -> None:
+        import meshcat.geometry as mg
+
+        for leg in LEGS:
+            material = mg.MeshLambertMaterial(color=_number(COLOURS[leg]))
+            draw_arrow(self._viewer["forces"][leg], self._radius, material)
+
+    def _draw_platform(self) -> None:
+        """Draw the platform's skin, which hides the seams of its solids, and P, which nothing hides."""
+        import meshcat.geometry as mg
+
+        geometry, size = self.robot.parameters.geometry, self._room.size
+        node = self._viewer["platform"]
+        material = mg.MeshPhongMaterial(color=_number(PLATFORM.rgba))
+        node["skin"].set_object(mg.TriangularMeshGeometry(*_skin(geometry.r, size)), material)
+        ink = mg.MeshBasicMaterial(color=TRACE, depthTest=False, transparent=True)
+        node["P"].set_object(mg.Sphere(0.5 * size.rod_radius), ink)
+
+    def _lighten_frame(self) -> None:
+        """Make the frame, which stands between the eye and the legs, light enough to see through."""
+        for solid in self.robot.visual_model.geometryObjects:
+            if solid.parentJoint == 0:
+                self._solid(solid.name).set_property("color", list(GLASS))
+
+    def _frame(self, name: str) -> FloatArray:
+        """Return where a frame of the model is, as a matrix."""
+        visualizer, number = self.visualizer, self.robot.model.getFrameId(name)
+        placement = pin.updateFramePlacement(visualizer.model, visualizer.data, number)
+        return np.asarray(placement.homogeneous)
+
+    def _solid(self, name: str) -> Any:
+        return self._viewer[f"{ROOT}/visuals/{name}"]
+
+    def _arrow_place(self, leg: str) -> FloatArray:
+        """Return where the arrow of a slider at 0 starts: outside it, that of C beside the cross-bar."""
+        edge, b = self._room.size.slider_edge, self.robot.parameters.geometry.b
+        along_y = {"a": -1.2 * edge, "b": 1.2 * edge, "c": b + 0.7 * edge}
+        return np.asarray(self._room.pivots[leg] + np.array([0.0, along_y[leg], 0.0]))
+
+
+def joints_of(robot: Manipulator, pose: ArrayLike) -> FloatArray:
+    """Return all joints at poses, in Pinocchio's order.
+
+    Parameters
+    ----------
+    robot : Manipulator
+        The machine.
+    pose : array-like, shape (..., 3)
+        y [m], z [m], θ [rad].
+
+    Returns
+    -------
+    ndarray, shape (..., 10)
+
+    Raises
+    ------
+    ReachError, InputError
+        Naming leg, margin and sample.
+    """
+    joints = robot.inverse_kinematics(pose).joints
+    return np.stack([joints[name] for name in robot.model.names[1:]], axis=-1)
+
+
+def trace_of(robot: Manipulator, pose: ArrayLike) -> FloatArray:
+    """Return where P is at poses, in the fixed frame.
+
+    Parameters
+    ----------
+    robot : Manipulator
+        The machine.
+    pose : array-like, shape (..., 3)
+        y [m], z [m], θ [rad].
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        [m].
+
+    Raises
+    ------
+    InputError
+        If the shape does not fit.
+    """
+    poses = as_floats("pose", pose)
+    if poses.ndim == 0 or poses.shape[-1] != 3:
+        raise InputError(f"pose: expected shape (..., 3), got {poses.shape}")
+    y, z = poses[..., 0], poses[..., 1]
+    return np.stack((0.0 * y, y, z - robot.parameters.geometry.h), axis=-1)
+
+
+def _visualizer(robot: Manipulator, window: SceneWindow) -> Any:
+    """Return Pinocchio's visualizer with the machine loaded into a window."""
+    try:
+        import meshcat
+    except ImportError as error:
+        raise MissingExtraError("the viewer needs meshcat: pip install 'p3dof[viz]'") from error
+    from pinocchio.visualize import MeshcatVisualizer
+
+    visualizer = MeshcatVisualizer(robot.model, None, robot.visual_model)
+    visualizer.initViewer(viewer=meshcat.Visualizer(window=window))
+    visualizer.loadViewerModel(ROOT)
+    return visualizer
+
+
+def _arrow_scale(robot: Manipulator, room: Room) -> tuple[float, float]:
+    """Return a force that the machine needs at home [N], and how long its arrow is [m]."""
+    home = np.zeros(3)
+    static = float(np.abs(robot.forces(home, home, home, method="virtual-power", on_invalid="nan")).max())
+    metres = 0.5 * room.radius
+    return (static, metres) if static > 0 else (robot.parameters.limits.force, metres)
+
+
+def _skin(r: float, size: Dimensions) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Return vertices and faces of the plate: the triangle A3 B3 C5 about P, widened by the corner radius."""
+    corners = np.array([(0.0, r), (-r, 0.0), (0.0, -r)])  # B3, C5, A3, counter-clockwise
+    turns = [(0.0, 3 / 4), (3 / 4, 5 / 4), (5 / 4, 2.0)]  # π times where the edges beside them face
+    angles = np.concatenate([np.linspace(start * np.pi, end * np.pi, 13) for start, end in turns])
+    around = np.repeat(corners, 13, axis=0)
+    rim = around + size.corner_radius * _PROUD * np.stack((np.cos(angles), np.sin(angles)), axis=-1)
+    half = size.plate_thickness / 2 * _PROUD
+    low, high = (np.column_stack((rim, np.full(len(rim), z))) for z in (-half, half))
+    vertices = np.concatenate((low, high, low, high))  # the walls, then the covers: edges stay sharp
+    n = len(rim)
+    i = np.arange(n)
+    j, fan = (i + 1) % n, np.arange(1, n - 1)
+    walls = np.concatenate((np.stack((i, j, n + j), axis=1), np.stack((i, n + j, n + i), axis=1)))
+    cover = np.stack((np.zeros_like(fan), fan, fan + 1), axis=1)
+    return vertices, np.concatenate((walls, 2 * n + cover[:, ::-1], 3 * n + cover))
+
+
+def _number(rgba: Sequence[float]) -> int:
+    """Return a colour as MeshCat's materials take it."""
+    red, green, blue = (round(255 * part) for part in rgba[:3])
+    return 65536 * red + 256 * green + blue

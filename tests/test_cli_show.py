@@ -1,0 +1,230 @@
+"""`p3dof show` as a process: it serves, says where, ends cleanly; and its files and errors."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+
+import p3dof
+
+pytest.importorskip("meshcat", reason="meshcat is not installed")
+
+from tornado.websocket import websocket_connect
+
+from p3dof.cli import main, show  # noqa: F401 - it adds its command
+
+ROOT = Path(__file__).parents[1]
+PROGRAM = "import sys; import p3dof.cli.show; from p3dof.cli import main; sys.exit(main(sys.argv[1:]))"
+
+
+@contextlib.contextmanager
+def running(*arguments, **how):
+    """The command as a process, and the URL that it prints."""
+    command = [sys.executable, "-c", PROGRAM, "show", "--no-open", "--samples", "21", *map(str, arguments)]
+    how = {"stdin": subprocess.DEVNULL, **how}
+    process = subprocess.Popen(
+        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **how
+    )
+    try:
+        line = process.stdout.readline()
+        found = re.match(r"(http://127\.0\.0\.1:(\d+)/) ", line)
+        assert found, line + process.stderr.read()
+        yield process, found[1], int(found[2])
+    finally:
+        if process.poll() is None:
+            process.kill()
+        process.communicate()
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def state_of(port):
+    """What a page is told of the machine when it is opened."""
+
+    async def listen():
+        page = await websocket_connect(f"ws://127.0.0.1:{port}/control")
+        while (message := json.loads(await page.read_message()))["type"] != "state":
+            pass
+        page.close()
+        while await page.read_message() is not None:
+            pass
+        return message
+
+    return asyncio.run(listen())
+
+
+def run(capsys, *arguments):
+    code = main(["show", *map(str, arguments)])
+    captured = capsys.readouterr()
+    return code, captured.out, captured.err
+
+
+def one_line(code, err):
+    assert code == 2
+    assert err.startswith("p3dof: error: ")
+    assert err.count("\n") == 1
+    return err
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_it_serves_until_it_is_told_to_end(number):
+    port = free_port()
+    with running("--port", port) as (process, url, found):
+        assert found == port
+        with urllib.request.urlopen(url, timeout=10) as answer:  # noqa: S310 - http
+            assert b"meshcat.js" in answer.read()
+        own = psutil.Process(process.pid)
+        assert own.children() == []
+        listening = [c.laddr for c in own.net_connections() if c.status == psutil.CONN_LISTEN]
+        assert {(address.ip, address.port) for address in listening} == {("127.0.0.1", port)}
+        start = time.monotonic()
+        process.send_signal(number)
+        out, err = process.communicate(timeout=5)
+        assert time.monotonic() - start < 5
+    assert (process.returncode, out, err) == (0, "", "")
+    with socket.socket() as again:
+        again.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # closed connections linger, no listener
+        again.bind(("127.0.0.1", port))
+
+
+@pytest.mark.skipif(os.name != "posix", reason="shells of Unix close standard input like this")
+def test_without_standard_input():
+    with running("--port", 0, stdin=None, preexec_fn=lambda: os.close(0)) as (process, url, _):
+        with urllib.request.urlopen(url, timeout=10) as answer:  # noqa: S310 - http
+            assert answer.status == 200
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=5)
+    assert process.returncode == 0
+
+
+def test_a_busy_port(capsys):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        code, out, err = run(capsys, "--no-open", "--samples", 11, "--port", port)
+    assert f"port {port}: cannot listen on it (it is busy); give another one, or none" in one_line(code, err)
+    assert "http" not in out
+
+
+def test_it_finds_a_free_port():
+    with running() as (_, _, first), running() as (_, _, second):
+        assert first != second
+
+
+def test_options_reach_the_page():
+    with running("--port", 0, "--speed", 0.25, "--paused", "--at", 0.5) as (process, url, port):
+        state = state_of(port)
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=5)
+    assert url.endswith(f":{port}/")
+    assert (state["speed"], state["playing"], state["time"]) == (0.25, False, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--port", 70000], "70000 is not in the range 0<=x<=65535"),
+        (["--speed", 9], "9.0 is not in the range 0.1<=x<=4.0"),
+        (["--fps", 0], "is not in the range"),
+        (["--at", 3], "at: expected a number from 0 to 1, got 3.0"),
+        (["--at", "nan"], "got nan"),
+        (["--motion", "missing.csv"], "missing.csv"),
+        (["--parameters", "missing.yaml"], "missing.yaml"),
+        (["--samples", 11, "--motion", "missing.csv"], "--samples belongs to the paper's motion"),
+        (["--out", "same.html", "--screenshot", "same.html"], "same.html would be overwritten"),
+        (["--video", "film.avi"], ".mp4 or .gif"),
+        (["--screenshot", "picture.bmp"], ".png"),
+    ],
+)
+def test_bad_arguments(capsys, arguments, words):
+    code, out, err = run(capsys, "--no-open", *arguments)
+    assert words in one_line(code, err)
+    assert "http" not in out
+
+
+def test_a_motion_out_of_reach(tmp_path, capsys):
+    (tmp_path / "far.csv").write_text("t,y,z,theta\n0,0,0,0\n1,0.5,0,0\n", encoding="utf-8")
+    code, _, err = run(capsys, "--no-open", "--motion", tmp_path / "far.csv")
+    assert "leg A is too short by 0.25 m" in one_line(code, err)
+
+
+def test_without_meshcat(capsys, monkeypatch):
+    for name in [name for name in sys.modules if name.startswith("p3dof.viewer.")]:
+        monkeypatch.delitem(sys.modules, name)
+    for name in ("meshcat", "tornado", "tornado.web"):
+        monkeypatch.setitem(sys.modules, name, None)
+    code, _, err = run(capsys, "--no-open", "--samples", 11)
+    assert "pip install 'p3dof[viz]'" in one_line(code, err)
+
+
+def test_the_animation(tmp_path, capsys):
+    code, out, _ = run(capsys, "--samples", 51, "--out", tmp_path / "deep" / "motion.html")
+    assert code == 0
+    assert f"wrote {tmp_path / 'deep' / 'motion.html'}" in out
+    assert "http://127" not in out
+    size = (tmp_path / "deep" / "motion.html").stat().st_size
+    assert 1e6 < size < 3e6
+
+
+def test_pictures(tmp_path, capsys, monkeypatch):
+    made = {}
+
+    def recorder(name):
+        def record(path, *arguments, **options):
+            made[name] = (path, *arguments, options)
+            return path
+
+        return record
+
+    for name in ("save_screenshot", "save_video"):  # tested on their own, in a browser
+        monkeypatch.setattr(f"p3dof.viewer.video.{name}", recorder(name))
+    picture, film = tmp_path / "machine.png", tmp_path / "machine.gif"
+    arguments = ("--samples", 11, "--at", 0.5, "--fps", 4, "--speed", 0.5)
+    code, out, _ = run(capsys, *arguments, "--screenshot", picture, "--video", film)
+    assert code == 0
+    assert out.splitlines()[-2:] == [f"wrote {picture}", f"wrote {film}"]
+    path, robot, pose, forces, trace, _ = made["save_screenshot"]
+    motion = p3dof.paper_motion(11)
+    assert path == picture
+    np.testing.assert_allclose(pose, motion.pose[5], atol=1e-15)
+    expected = robot.forces(motion.pose[5], motion.velocity[5], motion.acceleration[5])
+    np.testing.assert_allclose(forces, expected, atol=1e-11)
+    assert trace.shape == (11, 3)
+    path, _, result, fps, options = made["save_video"]
+    assert (path, fps, options["speed"], len(result.time)) == (film, 4.0, 0.5, 11)
+
+
+def test_interrupted_while_it_computes(capsys, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(p3dof.Manipulator, "inverse_dynamics", interrupted)
+    assert run(capsys, "--no-open")[0] == 130
+
+
+def test_signals_are_given_back(capsys):
+    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        run(capsys, "--no-open", "--samples", 11, "--port", taken.getsockname()[1])
+    assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before

@@ -1,0 +1,493 @@
+"""The report: one page with the numbers of the API, that loads nothing and trusts nobody."""
+
+from __future__ import annotations
+
+import base64
+import builtins
+import contextlib
+import re
+import shlex
+import sys
+import threading
+from dataclasses import fields
+from datetime import datetime, timezone
+from html.parser import HTMLParser
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import numpy as np
+import pytest
+from browser import chromium
+
+import p3dof
+import p3dof.cli.report
+from p3dof import report
+from p3dof.cli import main
+from p3dof.errors import FileError, InputError, MissingExtraError, ReachError
+from p3dof.report.figures import Picture, Pictures
+from p3dof.report.tables import number
+
+NOON = datetime(2024, 5, 6, 12, 0, tzinfo=timezone.utc)
+HOSTILE = "<script>alert(1)</script>&\"'--{{ 7 * 7 }}"
+VOID = {"meta", "img", "br", "link", "input", "hr"}
+
+
+class Page(HTMLParser):
+    """What a browser would find: tags in order, tables by their captions, texts."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.tables: dict[str, list[list[str]]] = {}
+        self.text = ""
+        self._open: list[str] = []
+        self._rows: list[list[str]] = []
+        self._caption = ""
+        self.feed(html)
+        self.close()
+        assert self._open == []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self._open.append(tag)
+        if tag == "table":
+            self._rows, self._caption = [], ""
+        if tag == "tr":
+            self._rows.append([])
+        if tag in {"td", "th"}:
+            self._rows[-1].append("")
+
+    def handle_endtag(self, tag):
+        assert self._open.pop() == tag
+        if tag == "table":
+            self.tables[self._caption] = self._rows
+
+    def handle_data(self, data):
+        if "style" in self._open:
+            return
+        self.text += data
+        if "caption" in self._open:
+            self._caption += data
+        elif self._open and self._open[-1] in {"td", "th"}:
+            self._rows[-1][-1] += data
+
+    def named(self, tag):
+        return [attributes for name, attributes in self.tags if name == tag]
+
+
+def run(capsys, *arguments):
+    code = main([str(argument) for argument in arguments])
+    captured = capsys.readouterr()
+    return code, captured.out, captured.err
+
+
+@pytest.fixture(scope="module")
+def robot():
+    friction = p3dof.Friction({"sliders": 20.0}, {"hinge_a": 0.05})
+    parameters = p3dof.PAPER
+    limits = p3dof.Limits(speed=0.5)
+    return p3dof.load(
+        p3dof.Parameters(parameters.geometry, parameters.bodies, limits, parameters.gravity, friction)
+    )
+
+
+@pytest.fixture(scope="module")
+def motion():
+    return p3dof.paper_motion(41)
+
+
+def full_page(robot, motion):
+    return report.render(
+        robot,
+        motion,
+        wrench=(1.0, 2.0, -30.0, 0.0, 0.4, 0.0),
+        title=HOSTILE,
+        about={HOSTILE: HOSTILE},
+        command=f"p3dof report --title {HOSTILE}",
+        animation=f"<!DOCTYPE html><p title='x'>{HOSTILE}</p>",
+        date=NOON,
+    )
+
+
+@pytest.fixture(scope="module")
+def html(robot, motion):
+    return full_page(robot, motion)
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Leaves the pictures away, which take nearly all of the time."""
+    blank = Picture("data:,", "nothing", "nothing", 1, 1)
+    pictures = Pictures(*[blank] * len(fields(Pictures)))
+    monkeypatch.setattr("p3dof.report.page.pictures_of", lambda *_: pictures)
+
+
+@pytest.fixture(scope="module")
+def page(html):
+    return Page(html)
+
+
+def test_the_numbers_are_those_of_the_api(robot, motion, page):
+    wrench = (1.0, 2.0, -30.0, 0.0, 0.4, 0.0)
+    by_pinocchio = robot.inverse_dynamics(motion, wrench=wrench)
+    result = robot.inverse_dynamics(motion, "virtual-power", wrench=wrench)
+    energy = robot.energy(by_pinocchio)
+    rows = {row[0]: row[1:] for row in page.tables["What the drives must do"]}
+    for name, values in (
+        ("peak force [N]", energy.drives.peak_force),
+        ("RMS force [N]", energy.drives.rms_force),
+        ("peak speed [m/s]", energy.drives.peak_speed),
+        ("peak power [W]", energy.drives.peak_power),
+        ("peak braking power [W]", energy.drives.peak_braking),
+        ("mean power [W]", energy.drives.mean_power),
+        ("work given [J]", energy.drives.positive_work),
+        ("work taken back [J]", energy.drives.negative_work),
+    ):
+        np.testing.assert_allclose([float(cell) for cell in rows[name]], values, rtol=5.1e-6)
+    rows = page.tables["Forces by pinocchio and by virtual-power"][1:]
+    for leg, row in enumerate(rows):
+        assert float(row[1]) == pytest.approx(result.peak_forces[leg], rel=5.1e-6)
+        assert float(row[2]) == pytest.approx(result.rms_forces[leg], rel=5.1e-6)
+        assert float(row[3]) < 1e-11
+    rows = page.tables["Kinetic energy"][1:]
+    assert [row[0] for row in rows] == list(energy.bodies)
+    np.testing.assert_allclose(
+        [float(row[1]) for row in rows], energy.kinetic.max(axis=0), rtol=5.1e-6, atol=1e-12
+    )
+    assert sum(float(row[2].rstrip("%")) for row in rows) == pytest.approx(100, abs=0.5)
+    rows = {row[0]: row[1:] for row in page.tables["Motion"][1:]}
+    assert [float(cell) for cell in rows["θ [rad], per s, per s²"]] == pytest.approx(
+        [-0.4, 0.4, 1.6 * np.pi, 6.4 * np.pi**2], rel=1e-5
+    )
+    assert "1, 2, 30 N; 0, 0.4, 0 N m" in page.text
+    assert "41 samples over 1 s" in page.text
+
+
+def test_reactions_are_listed_with_marks(robot, motion, page):
+    found = robot.reactions(motion, wrench=(1.0, 2.0, -30.0, 0.0, 0.4, 0.0))
+    rows = page.tables["Largest reactions"]
+    fields = ("force", "axial", "radial", "moment", "across", "rms_force", "rms_moment")
+    assert len(rows) == 14
+    marks = 0
+    for peak, row in zip(found.peaks(), rows[1:], strict=True):
+        assert row[0] == peak.joint
+        for name, cell in zip(fields, row[1:], strict=True):
+            value = getattr(peak, name)
+            assert cell.endswith("*") == (name in peak.undetermined and value > 1e-9)
+            assert float(cell.rstrip("*")) == pytest.approx(value, rel=5.1e-6, abs=1e-9)
+            marks += cell.endswith("*")
+    assert marks > 20
+    assert "not determined by rigid bodies" in page.text
+
+
+def test_parameters_are_complete(robot, page):
+    geometry, parameters = robot.parameters.geometry, robot.parameters
+    lengths = [float(row[1]) for row in page.tables["Geometry"][1:]]
+    assert lengths == pytest.approx([geometry.r, geometry.R, geometry.L, geometry.b, geometry.h], rel=1e-5)
+    rows = page.tables["Bodies"]
+    for (name, body), row in zip(parameters.bodies.items(), rows[1:], strict=True):
+        assert row[0] == name
+        upper = body.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+        expected = [body.mass, *body.com, *upper]
+        np.testing.assert_allclose([float(cell) for cell in row[1:]], expected, rtol=5.1e-6, atol=1e-15)
+    limits = {row[0]: row[1] for row in page.tables["Limits and gravity"][1:]}
+    assert limits["slider speed [m/s]"] == "0.5"
+    assert limits["slider travel [m]"] == "-0.2 to 0.2"
+    assert limits["gravity x₀, y₀, z₀ [m/s²]"] == "0, 0, -9.806"
+    friction = {row[0]: row[1:] for row in page.tables["Friction"][1:]}
+    assert friction == {
+        "slide_a": ["20", "0"],
+        "slide_b": ["20", "0"],
+        "slide_c": ["20", "0"],
+        "hinge_a": ["0", "0.05"],
+    }
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_exceeded_limits_stand_in_a_box(robot, motion, page, html):
+    result = robot.inverse_dynamics(motion, "virtual-power")
+    exceedances = result.exceedances(robot.parameters.limits)
+    assert exceedances
+    box = html[html.index('class="box care"') : html.index('<dl class="key">')]
+    for exceedance in exceedances:
+        assert f"<li>limit exceeded: {exceedance}</li>" in box
+    assert "The two methods agree:" in page.text
+    calm = report.render(p3dof.load(), p3dof.paper_motion(5))
+    assert 'class="box care"' not in calm
+
+
+def test_versions_date_and_command(page):
+    for name in ("p3dof", "pin", "numpy", "Python"):
+        assert name in page.text
+    for version in (p3dof.__version__, np.__version__, sys.version.split()[0]):
+        assert version in page.text
+    assert "2024-05-06 12:00:00+00:00" in page.text
+    assert f"p3dof report --title {HOSTILE}" in page.text
+
+
+def test_nothing_is_loaded_from_elsewhere(html, page):
+    for tag, attributes in page.tags:
+        assert tag not in {"link", "script", "object", "embed", "base", "form"}
+        for name in ("src", "href", "data", "action", "poster", "srcset", "background"):
+            address = attributes.get(name)
+            assert address is None or address.startswith(("data:image/svg+xml;base64,", "#"))
+    style = html[html.index("<style>") : html.index("</style>")]
+    assert "url(" not in style
+    assert "@import" not in style
+    assert re.search(r"https?://", html) is None
+    policy = page.named("meta")[2]["content"]
+    assert policy.startswith("default-src 'none'")
+
+
+def test_pictures_are_drawings_with_words(page):
+    images = page.named("img")
+    assert len(images) == 5
+    for image in images:
+        svg = base64.b64decode(image["src"].split(",", 1)[1]).decode("utf-8")
+        assert svg.rstrip().endswith("</svg>")
+        assert re.search(r'(href|src)="(?!#|data:)', svg) is None
+        assert len(image["alt"]) > 40
+        assert int(image["width"]) > 600
+    assert len({image["alt"] for image in images}) == 5
+    targets = {attributes["id"] for _, attributes in page.tags if "id" in attributes}
+    for link in page.named("a"):
+        assert link["href"][1:] in targets
+
+
+def test_hostile_words_stay_words(html, page):
+    assert "<script" not in html
+    assert "49" not in html[html.index("<h1>") : html.index("</header>")]
+    assert page.text.count(HOSTILE) == 5  # title, heading, term, description, command
+    (frame,) = page.named("iframe")
+    assert frame["srcdoc"] == f"<!DOCTYPE html><p title='x'>{HOSTILE}</p>"
+    assert frame["sandbox"] == "allow-scripts"
+    assert frame["title"]
+
+
+def test_the_same_motion_makes_the_same_page(robot, motion, html):
+    assert full_page(robot, motion) == html
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_invalid_samples_are_left_out(tmp_path):
+    time = np.linspace(0, 1, 21)
+    pose = np.column_stack([0.3 * time**2, 0 * time, 0 * time])
+    motion = p3dof.Motion.from_poses(time, pose)
+    with pytest.raises(ReachError, match="leg A is too short"):
+        report.write(tmp_path / "r.html", p3dof.load(), motion)
+    assert not list(tmp_path.iterdir())
+    path = report.write(tmp_path / "r.html", p3dof.load(), motion, on_invalid="nan")
+    page = Page(path.read_text(encoding="utf-8"))
+    assert re.search(r"\d of 21 samples are invalid and left out", page.text)
+    assert "nan" not in page.text.lower()
+    far = p3dof.Motion(time, pose + 1, 0 * pose, 0 * pose, check=False)
+    with pytest.raises(InputError, match=r"no sample of the motion .* \(21 samples\)"):
+        report.render(p3dof.load(), far, on_invalid="nan")
+
+
+def test_one_sample_is_enough():
+    motion = p3dof.Motion([0.0], np.zeros((1, 3)), np.zeros((1, 3)), np.zeros((1, 3)))
+    page = Page(report.render(p3dof.load(), motion, no_animation="a reason"))
+    assert "1 samples over 0 s" in page.text
+    assert "No animation: a reason" in page.text
+    assert not page.named("iframe")
+
+
+@contextlib.contextmanager
+def outside_world():
+    """A server that gives everybody everything, and the paths that it was asked for."""
+    asked = []
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self):
+            asked.append(self.path)
+            self.send_response(200)
+            self.send_header("Access-Control-Allow-Origin", "*")
+            self.end_headers()
+
+        def log_message(self, *_):
+            pass
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        try:
+            yield f"http://127.0.0.1:{server.server_port}", asked
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_browser_runs_the_animation_and_lets_nothing_in_or_out(tmp_path, motion):
+    with chromium() as browser, outside_world() as (address, asked):
+        animation = f"""<!DOCTYPE html><body><img src="{address}/image"><script>
+            document.body.dataset.ran = "yes";
+            fetch("{address}/data").then(() => "loaded", () => "refused").then(
+                what => document.body.dataset.fetch = what);
+            try {{ parent.document.title }} catch (error) {{ document.body.dataset.apart = error.name }}
+        </script></body>"""
+        path = report.write(tmp_path / "r.html", p3dof.load(), motion, animation=animation, title=HOSTILE)
+        errors = []
+        tab = browser.new_page(viewport={"width": 400, "height": 800})
+        tab.on("pageerror", lambda error: errors.append(str(error)))
+        tab.goto(path.as_uri())
+        frame = next(frame for frame in tab.frames if frame is not tab.main_frame)
+        frame.wait_for_function("document.body && document.body.dataset.fetch")
+        found = frame.evaluate("({...document.body.dataset})")
+        width = tab.evaluate("document.documentElement.scrollWidth")
+        title = tab.title()
+    assert found == {"ran": "yes", "fetch": "refused", "apart": "SecurityError"}
+    assert asked == []
+    assert errors == []
+    assert title == HOSTILE
+    assert width == 400  # wide tables scroll in themselves
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_disagreement_is_shown(monkeypatch, motion):
+    from p3dof.routes import virtual_power_route
+
+    real = virtual_power_route.virtual_power.forces
+    monkeypatch.setattr(
+        virtual_power_route.virtual_power, "forces", lambda *a, **k: real(*a, **k) * (1 + 1e-9)
+    )
+    html = report.render(p3dof.load(), motion)
+    assert "The two methods DISAGREE:" in html
+    assert 'class="box bad"' in html
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_bad_arguments(robot, motion, tmp_path):
+    for arguments, options, words in (
+        ((None, motion), {}, "robot: expected a Manipulator, got None"),
+        ((robot, None), {}, "motion: expected a Motion, got NoneType"),
+        ((robot, motion), {"title": 3}, "title: expected text, got 3"),
+        ((robot, motion), {"command": b"x"}, "command: expected text, got bytes"),
+        ((robot, motion), {"animation": 1.5}, "animation: expected text, got 1.5"),
+        ((robot, motion), {"date": "now"}, "date: expected a datetime, got 'now'"),
+        ((robot, motion), {"wrench": (1, 2)}, "wrench"),
+    ):
+        with pytest.raises(InputError, match=words):
+            report.render(*arguments, **options)
+    (tmp_path / "file").touch()
+    with pytest.raises(FileError, match="cannot be written"):
+        report.write(tmp_path / "file" / "r.html", p3dof.load(), p3dof.paper_motion(3))
+
+
+@pytest.mark.parametrize("missing", ["jinja2", "matplotlib.figure"])
+def test_a_missing_library_names_the_extra(robot, motion, monkeypatch, missing):
+    monkeypatch.setitem(sys.modules, missing, None)
+    with pytest.raises(MissingExtraError, match=r"p3dof\[report\]"):
+        report.render(robot, motion)
+
+
+def test_number():
+    assert [number(value) for value in (0.1, -0.0, np.nan, 1234567.0)] == ["0.1", "0", "–", "1.23457e+06"]
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_the_command(tmp_path, capsys, monkeypatch):
+    import p3dof.viewer
+
+    monkeypatch.setattr(p3dof.viewer, "animation_html", lambda _, result: f"<p>{len(result.time)}</p>")
+    folder = tmp_path / "<img src=x onerror=alert(1)> ö"
+    folder.mkdir()
+    p3dof.write_parameters(p3dof.SOLIDS, folder / "m.yaml")
+    p3dof.paper_motion(11).to_csv(folder / "m.csv")
+    out = folder / "r.html"
+    arguments = ["report", "--parameters", folder / "m.yaml", "--motion", folder / "m.csv", "--out", out]
+    arguments += ["--payload", "2,0,0.01,0.1", "--title", "A page"]
+    code, text, err = run(capsys, *arguments)
+    assert (code, err) == (0, "")
+    assert f"wrote {out}" in text
+    page = Page(out.read_text(encoding="utf-8"))
+    assert page.named("iframe")[0]["srcdoc"] == "<p>11</p>"
+    assert all(image["src"].startswith("data:") for image in page.named("img"))
+    assert f"--parameters={folder / 'm.yaml'}" in page.text
+    assert "--payload=2.0,0.0,0.01,0.1" in page.text
+    assert "2 kg at (0, 0.01, 0.1) m" in page.text
+    assert page.text.count("A page") == 3
+    # The command in the page makes the page again.
+    line = next(line for line in page.text.splitlines() if line.startswith("p3dof report"))
+    first = out.read_text(encoding="utf-8")
+    code, _, _ = run(capsys, *shlex.split(line)[1:])
+    dated = re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d[+-]\d\d:\d\d")
+    assert code == 0
+    assert dated.sub("", out.read_text(encoding="utf-8")) == dated.sub("", first)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_the_command_without_an_animation(tmp_path, capsys, monkeypatch):
+    import p3dof.viewer
+
+    def missing(*_):
+        raise MissingExtraError("the viewer needs meshcat: pip install 'p3dof[viz]'")
+
+    monkeypatch.setattr(p3dof.viewer, "animation_html", missing)
+    out = tmp_path / "r.html"
+    code, text, _ = run(capsys, "report", "--samples", 5, "--out", out)
+    assert code == 0
+    assert "no animation: the viewer needs meshcat" in text
+    page = Page(out.read_text(encoding="utf-8"))
+    assert "No animation: the viewer needs meshcat: pip install 'p3dof[viz]'" in page.text
+    assert not page.named("iframe")
+    code, text, _ = run(capsys, "report", "--samples", 5, "--out", out, "--no-animation")
+    assert code == 0
+    assert "nimation" not in text
+    assert "No animation" not in out.read_text(encoding="utf-8")
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_bad_arguments_of_the_command(tmp_path, capsys, monkeypatch):
+    motion = tmp_path / "m.csv"
+    p3dof.paper_motion(5).to_csv(motion)
+    (tmp_path / "file").touch()
+    for arguments, words in (
+        (("--motion", motion, "--out", motion), "would be overwritten"),
+        (("--motion", tmp_path / "none.csv"), "cannot be read"),
+        (("--samples", 5, "--out", tmp_path / "file" / "r.html", "--no-animation"), "cannot be written"),
+        (("--samples", 1), "1 is not in the range"),
+        (("--format", "pdf"), "No such option"),
+    ):
+        code, out, err = run(capsys, "report", *arguments)
+        assert code == 2
+        assert words in err
+        assert err.count("\n") == 1
+        assert "wrote" not in out
+    monkeypatch.setitem(sys.modules, "jinja2", None)
+    code, _, err = run(capsys, "report", "--samples", 5, "--out", tmp_path / "r.html", "--no-animation")
+    assert code == 2
+    assert "p3dof[report]" in err
+    assert not (tmp_path / "r.html").exists()
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_an_interrupted_write_leaves_the_old_page(tmp_path, monkeypatch):
+    path = tmp_path / "r.html"
+    path.write_text("old")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("p3dof.files.os.fsync", full)
+    with pytest.raises(FileError, match="No space left"):
+        report.write(path, p3dof.load(), p3dof.paper_motion(3))
+    assert path.read_text() == "old"
+    assert [item.name for item in tmp_path.iterdir()] == ["r.html"]
+
+
+def test_importing_the_report_loads_no_template_engine(monkeypatch):
+    real = builtins.__import__
+
+    def watched(name, *args, **kwargs):
+        assert name.split(".")[0] not in {"jinja2", "matplotlib"}
+        return real(name, *args, **kwargs)
+
+    for name in [name for name in sys.modules if name.startswith("p3dof.report")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setattr(builtins, "__import__", watched)
+    import p3dof.report as fresh
+
+    assert Path(fresh.__file__).parent.joinpath("report.html.j2").is_file()
