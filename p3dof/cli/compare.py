@@ -116,6 +116,7 @@ def compare(
         f"(tolerance {tolerance:.0e}), over {int(first.valid.sum())} samples",
         style="bold green" if agree else "bold red",
         highlight=False,
+        soft_wrap=True,
     )
     return 0 if agree and confirmed else 1
 

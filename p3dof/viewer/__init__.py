@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from p3dof.viewer.live import LiveViewer
 
 __all__ = [
+    "LiveViewer",
     "Scene",
     "SceneWindow",
     "animation_html",
@@ -30,6 +31,14 @@ __all__ = [
     "trace_of",
     "viewer",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "LiveViewer":  # with the server, which is not imported before something is served
+        from p3dof.viewer.live import LiveViewer
+
+        return LiveViewer
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def show(robot: Manipulator, motion: Motion | InverseDynamics | None = None, **options: Any) -> LiveViewer:
