@@ -51,6 +51,9 @@ class SampleError(P3dofError, ValueError):
         self.index = index
         self.count = count
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (str(self), self.index, self.count)
+
 
 class ReachError(SampleError):
     """A pose (or a set of slider positions) is out of reach.
@@ -74,6 +77,9 @@ class ReachError(SampleError):
         self.leg = leg
         self.margin = margin
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (str(self), self.leg, self.margin, self.index, self.count)
+
 
 class SingularityError(SampleError):
     """The actuators cannot hold the mechanism: their forces are unbounded at this configuration."""
@@ -93,6 +99,9 @@ class AssemblyError(P3dofError, RuntimeError):
     def __init__(self, message: str, gap: float = float("nan")) -> None:
         super().__init__(message)
         self.gap = gap
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (str(self), self.gap)
 
 
 class DynamicsError(P3dofError, RuntimeError):
@@ -122,3 +131,6 @@ class ControllerError(P3dofError, RuntimeError):
         super().__init__(message)
         self.time = time
         self.run = run
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (str(self), self.time, self.run)

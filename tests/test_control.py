@@ -1,6 +1,7 @@
 """Controllers: what they promise on the exact model, on a wrong one, with cut-off forces and noise."""
 
 import math
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -156,6 +157,22 @@ def test_a_controller_can_be_used_again():
     controller = PD(scaled(1.1), ENTERED, integral_time=0.1)
     first, second = followed(controller), followed(controller)
     np.testing.assert_array_equal(first.pose, second.pose)
+
+
+def test_controllers_and_errors_travel_to_other_processes():
+    controller = ComputedTorque(PAPER, ENTERED)
+    none = np.zeros(3, dtype=bool)
+    measured = Measurement(0.1, 1e-3, HOME, HOME, none, PAPER.geometry)
+    expected = controller(measured)
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(controller))(measured), expected)  # noqa: S301
+    for error in (
+        p3dof.ReachError("far", "a", -0.1, (3,), 2),
+        SingularityError("flat", (1, 2), 4),
+        p3dof.AssemblyError("open", 0.1),
+        ControllerError("late", 0.5, None),
+    ):
+        again = pickle.loads(pickle.dumps(error))  # noqa: S301
+        assert (type(again), str(again), vars(again)) == (type(error), str(error), vars(error))
 
 
 def test_equal_seeds_give_equal_noise():

@@ -36,6 +36,10 @@ class Equations:
         self._bodies = inertials(parameters.bodies)
         self._gravity = numbers(parameters.gravity)
         self._losses = losses_of(parameters.friction)
+        self._parameters = parameters
+
+    def __reduce__(self) -> tuple[type[Equations], tuple[Parameters]]:
+        return Equations, (self._parameters,)  # compiled functions are not for other processes
 
     @cached_property
     def sliders(self) -> Compiled:
