@@ -116,11 +116,16 @@ def test_exudyn_in_time(tmp_path, capsys):
     code, out, _ = run(capsys, "compare", "--in-time", "--out", tmp_path, "--no-plot", "--samples", 501)
     assert code == 0
     rows = [line.split("│")[1:-1] for line in out.splitlines() if line.startswith("│")]
-    steps = [[cell.strip() for cell in row] for row in rows if row[0].strip() in {"1", "0.5", "0.25", "→ 0"}]
-    assert len(steps) == 4
-    for row in steps[1:3]:
+    steps = [
+        [cell.strip() for cell in row]
+        for row in rows
+        if row[0].strip() in {"1", "0.5", "0.25", "0.125", "→ 0"}
+    ]
+    assert len(steps) == 5
+    for row in steps[1:4]:
         assert float(row[2]) > 1.99
-    assert float(steps[3][1]) < 1e-8
+    assert float(steps[3][1]) < 1e-6  # by a single step size, not only extrapolated
+    assert float(steps[4][1]) < 1e-8
 
 
 def test_energy(tmp_path, capsys):

@@ -75,19 +75,21 @@ def test_forces_are_those_without_friction_and_the_resistances(seed):
     scale = np.abs(expected).max()
     for method in ("virtual-power", "pinocchio"):
         found = p3dof.load(rough).forces(*given_, method, states.wrench)
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * scale)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10 * scale)
 
 
+@pytest.mark.parametrize(("away", "bound"), [({"drop": 0.2, "angle": 0.1}, 1e-10), ({}, 1e-9)])
 @given(seed=SEEDS)
-@settings(max_examples=40, deadline=None)
-def test_forward_dynamics_is_the_inverse_both_ways(seed):
+@settings(max_examples=30, deadline=None)
+def test_forward_dynamics_is_the_inverse_both_ways(away, bound, seed):
+    """Nearer the singular poses the forces grow, and with them what rounding leaves."""
     machine = replace(random_machine(seed), friction=random_friction(np.random.default_rng(seed)))
-    robot, states = p3dof.load(machine), random_states(machine, seed, 3)
+    robot, states = p3dof.load(machine), random_states(machine, seed, 3, **away)
     forces = robot.forces(states.pose, states.velocity, states.acceleration, "virtual-power", states.wrench)
     scale = np.abs(states.acceleration).max()
     for method in ("virtual-power", "pinocchio"):
         found = robot.forward_dynamics(states.pose, states.velocity, forces, method, states.wrench)
-        np.testing.assert_allclose(found, states.acceleration, rtol=0, atol=1e-9 * scale)
+        np.testing.assert_allclose(found, states.acceleration, rtol=0, atol=bound * scale)
 
 
 @pytest.mark.parametrize("method", ["pinocchio", "virtual-power"])

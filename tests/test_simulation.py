@@ -161,20 +161,6 @@ def test_limits_that_do_not_count_are_passed():
     assert p3dof.load().singularity(run.pose[-1]).actuation < 0
 
 
-def test_a_limit_passed_for_a_moment_between_steps_is_seen():
-    """An excursion beyond the stop and back within some milliseconds, in steps that could be longer."""
-    _, springs, run = swinging("virtual-power", 3, 3001, rtol=1e-6)
-    top = run.sliders[:, 1].max()
-    step = 3 / np.sqrt(run.evaluations)  # far more than the time beyond the limit below
-    limits = Limits(travel=(-0.2, top - 1e-7), tilt=(-1, 1))
-    stopped = p3dof.load(replace(PAPER, limits=limits)).simulate(
-        3, [0.02, 0.03, 0.15], [0.1, 0, 0.2], springs, rtol=1e-6
-    )
-    beyond = run.time[run.sliders[:, 1] > top - 1e-7]
-    assert np.ptp(beyond) < step
-    assert stopped.stop is not None or np.ptp(beyond) < 2e-3
-
-
 def test_held_forces_are_those_of_the_last_period():
     times = []
 

@@ -27,8 +27,8 @@ FILES = ("forces.csv", "forces.png", "forces.svg")
 ENGINE_TOLERANCE = 1e-9
 """Largest difference of another engine, as a share of the largest force."""
 
-STEP, RAMP = 1e-3, 0.2
-"""Longest time step of the comparison in time, and how long its motion takes to come from rest [s]."""
+STEP, HALVINGS, RAMP = 1e-3, 3, 0.2
+"""Longest time step of the comparison in time [s], how often it is halved, and the ramp from rest [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +164,7 @@ def _print_convergence(console: Console, case: Case) -> None:
     wrench = None if case.history is None else case.history(motion.time)
     known = case.robot.inverse_dynamics(motion, "virtual-power", wrench=wrench)
     found = engines.convergence(
-        case.robot.parameters, motion, known.forces, step=motion.duration / count, wrench=wrench
+        case.robot.parameters, motion, known.forces, motion.duration / count, HALVINGS, wrench=wrench
     )
     table = Table(escape("step [ms]"), "error, of the largest force", "order", escape("largest gap [m]"))
     table.title = "Exudyn in time (sliders driven, trapezoidal rule), against virtual-power"
