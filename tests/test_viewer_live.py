@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 
 import numpy as np
@@ -16,6 +17,7 @@ pytest.importorskip("meshcat", reason="meshcat is not installed")
 from p3dof.viewer.live import LiveViewer, viewer
 
 READY = "!document.getElementById('panel').hidden && nodeOf('meshcat/p3dof/visuals/rod_right_0/<object>')"
+SPEEDS = itertools.cycle((0.5, 0.75))
 LOOPS = (
     ("leg_a_tip", "platform_a"),
     ("leg_b_tip", "platform_b"),
@@ -58,6 +60,11 @@ def live(viewed):
 def page(viewed):
     running, watched = viewed
     watched.page.mouse.up()
+    watched.wait("held.size === 0")
+    # A slider's last message may be still under way: what the page sends after it tells when it is there.
+    speed = next(SPEEDS)
+    watched.page.evaluate("speed => send('speed', speed)", speed)
+    watched.wait("speed => state.speed === speed", speed)
     running.show_forces("total")
     running.set_speed(1.0)
     running.seek(0.0)
@@ -88,11 +95,12 @@ def joints(robot, pose):
 
 
 def wait_for_pose(watched, robot, pose):
-    x, y, z = placements(robot, joints(robot, pose))[list(solids(robot)).index("platform_0"), :3, 3]
+    places = placements(robot, joints(robot, pose)).reshape(-1, 16).tolist()
     watched.wait(
-        """([x, y, z]) => { const m = placeOf("meshcat/p3dof/visuals/platform_0");
-           return Math.hypot(m[3] - x, m[7] - y, m[11] - z) < 1e-9; }""",
-        [x, y, z],
+        """([paths, places]) => paths.every((path, i) => {
+           const m = placeOf(path);
+           return m && m.every((entry, k) => Math.abs(entry - places[i][k]) < 1e-9); })""",
+        [list(solids(robot).values()), places],
     )
 
 
