@@ -7,6 +7,8 @@ BIN := $(VENV)/bin
 OUT ?= out
 EXTRAS ?=
 DEV := $(VENV)/.dev$(EXTRAS)
+# What the extension is built from: a change builds it again.
+SOURCES := setup.py MANIFEST.in $(wildcard p3dof/kernels/*.[ch] p3dof/kernels/generated/*.h)
 DEBIAN := liburdfdom-tools libsdformat-dev pkg-config g++ chromium
 
 .PHONY: demo test lint types layers generated pytest fuzz benchmark export pictures clean
@@ -48,7 +50,7 @@ pictures: $(DEV)
 	$(BIN)/p3dof forces --figure pictures/forces.png
 
 clean:
-	rm -rf $(VENV) $(OUT)
+	rm -rf $(VENV) $(OUT) build p3dof.egg-info p3dof/kernels/_compiled*.so
 
 $(VENV)/pyvenv.cfg:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || \
@@ -56,15 +58,15 @@ $(VENV)/pyvenv.cfg:
 	@$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); \
 		echo "$(PYTHON) cannot make a virtual environment; on Debian: apt-get install python3-venv"; exit 1; }
 
-$(VENV)/.demo: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt
+$(VENV)/.demo: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt $(SOURCES)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[plot,report,viz]'
 	@touch $@
 
-$(VENV)/.dev: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt
+$(VENV)/.dev: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt $(SOURCES)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
 	@touch $@ $(VENV)/.demo
 
-$(VENV)/.devall: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt
+$(VENV)/.devall: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt $(SOURCES)
 	@if command -v apt-get >/dev/null && [ "$$(id -u)" = 0 ]; then \
 		apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq $(DEBIAN) >/dev/null || \
 		echo "Debian's packages could not be installed; their tests will be skipped: $(DEBIAN)"; fi

@@ -37,6 +37,13 @@ class Namespace(Protocol):
         """Hyperbolic tangent."""
 
 
+class Ordered(Namespace, Protocol):
+    """A namespace whose numbers can be compared: `numpy`, and a tape."""
+
+    def minimum(self, a: Any, b: Any, /) -> Any:
+        """Return the smaller of two numbers."""
+
+
 U1: Vector = (1, 0, 0)
 U2: Vector = (0, 1, 0)
 U3: Vector = (0, 0, 1)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from p3dof.algebra import Namespace, Scalar, Vector, plus, times
+from p3dof.algebra import U1, U2, U3, Namespace, Scalar, Vector, plus, times
 from p3dof.kinematics.formulas import Configuration, Lengths, Rates, configuration, velocities
 from p3dof.parameters import Friction
 
@@ -57,6 +57,29 @@ def lost_power(lengths: Lengths, pose: Vector, velocity: Vector, losses: Losses,
     x = configuration(lengths, pose, xp)
     rates = joint_rates(velocities(lengths, x, velocity), velocity)
     return power_against(resistance(lengths, x, velocity, losses, xp), rates)
+
+
+def generalized_losses(
+    lengths: Lengths, pose: Vector, velocity: Vector, losses: Losses, xp: Namespace
+) -> Vector:
+    """Return the forces of y, z and θ that friction takes; arguments as `actuator_forces`.
+
+    Parameters
+    ----------
+    lengths, pose, velocity, losses, xp
+        As for `actuator_forces`.
+
+    Returns
+    -------
+    tuple
+        [N, N, N m].
+    """
+    x = configuration(lengths, pose, xp)
+    resisting = resistance(lengths, x, velocity, losses, xp)
+    y, z, theta = (
+        power_against(resisting, joint_rates(velocities(lengths, x, unit), unit)) for unit in (U1, U2, U3)
+    )
+    return y, z, theta
 
 
 def joint_rates(w: Rates, velocity: Vector) -> dict[str, tuple[Scalar, ...]]:

@@ -24,13 +24,14 @@ from numpy.typing import ArrayLike
 from p3dof.algebra import Vector, components, vector_array
 from p3dof.checks import FloatArray, batch_of
 from p3dof.errors import InputError
+from p3dof.inertials import inertials, numbers
 from p3dof.kinematics import inverse_jacobian
 from p3dof.kinematics.formulas import Lengths
 from p3dof.kinematics.states import reachable_poses, reachable_states, wrench_like
 from p3dof.kinematics.validity import OnInvalid, raise_not_finite
 from p3dof.losses import NO_LOSSES, Losses, losses_of
 from p3dof.parameters import Parameters
-from p3dof.virtual_power import generalized_forces, inertials, numbers
+from p3dof.virtual_power import generalized_forces
 
 WRENCH_ROWS = (1, 2, 4)
 """What of a wrench works on the platform: F_y, F_z and M_y."""

@@ -43,6 +43,7 @@ from p3dof.algebra import (
     subtract,
 )
 from p3dof.checks import FloatArray
+from p3dof.inertials import Inertial, inertials, numbers
 from p3dof.kinematics.formulas import (
     Configuration,
     Lengths,
@@ -57,18 +58,10 @@ from p3dof.kinematics.recursion import Frame, body_axes, frames, rigid_accelerat
 from p3dof.kinematics.states import holdable_states, wrench_like
 from p3dof.kinematics.validity import OnInvalid, raise_not_finite
 from p3dof.losses import NO_LOSSES, Losses, joint_rates, losses_of, power_against, resistance
-from p3dof.parameters import Bodies, Parameters
+from p3dof.parameters import Parameters
 
 BLOCK = 4096
 """Samples that are computed at once: their intermediate arrays stay in the processor's cache."""
-
-
-class Inertial(NamedTuple):
-    """Mass, mass centre and inertia about it, in the `Body` axes: numbers or symbols."""
-
-    mass: Scalar
-    com: Vector
-    inertia: Matrix
 
 
 class Wrench(NamedTuple):
@@ -226,33 +219,6 @@ def forces(
     if on_invalid == "raise":
         raise_not_finite("forces", forces_)
     return forces_
-
-
-def inertials(bodies: Bodies) -> dict[str, Inertial]:
-    """Return the numbers of bodies as components; exact zeros become structural ones and cost nothing.
-
-    Parameters
-    ----------
-    bodies : Bodies
-        The bodies.
-
-    Returns
-    -------
-    dict of str to Inertial
-    """
-    return {
-        name: Inertial(
-            body.mass or 0,
-            numbers(body.com),
-            (numbers(body.inertia[0]), numbers(body.inertia[1]), numbers(body.inertia[2])),
-        )
-        for name, body in bodies.items()
-    }
-
-
-def numbers(row: FloatArray) -> Vector:
-    """Return three Python numbers, exact zeros as structural ones."""
-    return (float(row[0]) or 0, float(row[1]) or 0, float(row[2]) or 0)
 
 
 def _loads(

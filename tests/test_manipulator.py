@@ -368,7 +368,7 @@ def test_load(tmp_path):
     [
         (
             lambda r: r.forces(HOME, HOME, HOME, method="matlab"),
-            "method: expected 'pinocchio' or 'virtual-power'",
+            "method: expected one of 'pinocchio', 'virtual-power', 'compiled'",
         ),
         (lambda r: r.inverse_dynamics(p3dof.paper_motion(5), "adams"), "method: expected"),
         (lambda r: r.inverse_dynamics(HOME), "motion: expected a Motion, got ndarray"),

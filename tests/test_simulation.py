@@ -360,7 +360,11 @@ def test_joints_may_be_the_start_and_open_loops_are_refused_with_their_gap():
         ({"controller": [1, 2]}, InputError, r"controller: expected shape \(3,\), got \(2,\)"),
         ({"controller": [1, 2, np.nan]}, InputError, "controller: expected finite numbers"),
         ({"controller": "strong"}, InputError, "controller: expected real numbers, got text"),
-        ({"method": "magic"}, InputError, "method: expected 'pinocchio' or 'virtual-power', got 'magic'"),
+        (
+            {"method": "magic"},
+            InputError,
+            "method: expected one of 'pinocchio', 'virtual-power', 'compiled', got 'magic'",
+        ),
         ({"rate": 0}, InputError, "rate: expected a positive number, got 0"),
         ({"rate": 1e12}, InputError, "rate: expected at most 100000000 control periods"),
         ({"saturation": -1}, InputError, "saturation: expected True, False, or one or three positive forces"),

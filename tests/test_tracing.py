@@ -1,5 +1,6 @@
 """Straight-line functions: the formulas they come from, number for number."""
 
+import cmath
 import math
 from dataclasses import replace
 
@@ -12,7 +13,9 @@ from test_friction import random_friction
 import p3dof
 from p3dof import kinematics, minimal, virtual_power
 from p3dof.simulation.equations import Equations
-from p3dof.tracing import Tape, straight_line
+from p3dof.tracing import Tape, derivatives, straight_line
+from p3dof.tracing.c import statements
+from p3dof.tracing.python import function_of
 
 
 @given(seed=SEEDS)
@@ -76,3 +79,81 @@ def test_constants_are_computed_beforehand_and_arrays_are_served():
 def test_numbers_keep_every_bit():
     compiled = straight_line(lambda _, x: [0.1 * x, x - 1e-320, x / (1 / 3)], 1)
     assert compiled(0.7) == (0.1 * 0.7, 0.7 - 1e-320, 0.7 / (1 / 3))
+
+
+def test_derivatives_are_exact():
+    def formula(tape, x, y, z):
+        root = tape.sqrt(x * x + y)
+        mixed = tape.sin(x * y) / root - tape.cos(z) * tape.tanh(x - z) + (1 / z) * (-x)
+        return [mixed, root * 3.0, y, 2.5]
+
+    tape = Tape()
+    symbols = tape.symbols("xyz")
+    rows = derivatives(formula(tape, *symbols), symbols)
+    found = function_of(tape, symbols, [entry for row in rows for entry in row])
+    x, y, z, h = 0.7, 1.3, 0.4, 1e-20
+
+    class Complex:
+        sqrt, sin, cos, tanh = cmath.sqrt, cmath.sin, cmath.cos, cmath.tanh
+
+    expected = []
+    for result in range(4):
+        for step in ((1j * h, 0, 0), (0, 1j * h, 0), (0, 0, 1j * h)):
+            moved = (x + step[0], y + step[1], z + step[2])
+            expected.append(complex(formula(Complex, *moved)[result]).imag / h)
+    np.testing.assert_allclose(found(x, y, z), expected, rtol=1e-14, atol=1e-15)
+    assert rows[2] == [0, 1, 0]
+    assert rows[3] == [0, 0, 0]
+    assert derivatives([1.0, 2.0], [3.0]) == [[0], [0]]
+
+
+def test_signs_move_outward_and_zeros_vanish():
+    tape = Tape()
+    x, y = tape.symbols("xy")
+    before = len(tape.operations)
+    for value in (x + 0, x * 1, x - 0, x / 1, 0 * x, 0 / x, (-x).__neg__()):
+        assert value == 0 or value.index == x.index
+    assert (x + (-y)).index == (x - y).index
+    assert (x - (-y)).index == (y + x).index
+    assert ((-x) * (-y)).index == (x * y).index
+    assert (-(x * y)).index == ((-x) * y).index == (x * (-y)).index
+    assert (-(x / y)).index == ((-x) / y).index == (x / (-y)).index
+    assert (y - x).index == ((-x) + y).index
+    assert (-x - y).index == (-(x + y)).index
+    names = [operation.name for operation in tape.operations[before:]]
+    assert names.count("neg") <= 6
+    assert names.count("add") == 1
+    assert names.count("mul") == 1
+
+
+def test_what_depends_on_constants_only_is_told():
+    tape = Tape()
+    c, d = tape.symbols("cd", constant=True)
+    (x,) = tape.symbols("x")
+    once = tape.sqrt(c * d) + 2
+    assert [tape.constant[value.index] for value in (once, once * x, tape.minimum(c, 3))] == [
+        True,
+        False,
+        True,
+    ]
+    assert tape.minimum(3, 2) == 2
+
+
+def test_statements_of_c_do_what_the_formula_does():
+    tape = Tape()
+    x, y = tape.symbols("xy")
+    result = tape.minimum(tape.sin(x) / y, -tape.sqrt(y)) * tape.cos(x) - 0.1
+    names = {x.index: "x", y.index: "y"}
+    lines = statements(tape, tape.needed([result], names), names)
+    scope = {"x": 0.3, "y": 2.0, "sin": math.sin, "cos": math.cos, "sqrt": math.sqrt}
+    for line in lines:
+        name, expression = line.removeprefix("const double ").removesuffix(";").split(" = ")
+        if "?" in expression:
+            condition, values = expression.split(" ? ")
+            first, second = values.split(" : ")
+            expression = f"{first} if {condition} else {second}"
+        scope[name] = eval(expression, {}, scope)  # noqa: S307 - our own statements
+    assert scope[names[result.index]] == -math.sqrt(2.0) * math.cos(0.3) - 0.1
+    merged = statements(tape, tape.needed([result]), {x.index: "x", y.index: "y"}, "sincos")
+    assert sum("sincos(x, &" in line for line in merged) == 1
+    assert not any("= sin(" in line or "= cos(" in line for line in merged)

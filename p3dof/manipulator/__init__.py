@@ -1,7 +1,7 @@
 """The facade: `Manipulator` puts parameters, description and both dynamics behind a few calls."""
 
 from p3dof.manipulator.facade import Manipulator, load
-from p3dof.manipulator.minimal_form import METHODS, Method
+from p3dof.manipulator.methods import METHODS, Method
 from p3dof.routes.results import Exceedance, InverseDynamics, JointStates
 
 __all__ = [

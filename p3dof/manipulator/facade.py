@@ -13,9 +13,11 @@ from p3dof import simulation, virtual_power
 from p3dof.checks import FloatArray
 from p3dof.energy import Energy, energy_of
 from p3dof.errors import InputError
+from p3dof.kernels import dynamics
 from p3dof.kinematics import OnInvalid
 from p3dof.kinematics.states import holdable_states, wrench_like
-from p3dof.manipulator.minimal_form import Method, MovingMachine, check_method
+from p3dof.manipulator.differential import DifferentialMachine
+from p3dof.manipulator.methods import Method, check_method
 from p3dof.minimal import WRENCH_ROWS
 from p3dof.motion import Motion
 from p3dof.parameters import PAPER, Parameters, read_parameters
@@ -61,7 +63,7 @@ def load(parameters: Parameters | str | os.PathLike[str] | None = None) -> Manip
     return Manipulator(read_parameters(parameters))
 
 
-class Manipulator(MovingMachine):
+class Manipulator(DifferentialMachine):
     """The 3-DOF spatial parallel manipulator: parameters, model and both dynamics.
 
     Poses are (y [m], z [m], θ [rad]), zero at home; sliders and forces are ordered A, B, C, positive along
@@ -89,8 +91,9 @@ class Manipulator(MovingMachine):
         ----------
         pose, velocity, acceleration : array-like, shape (..., 3)
             Of (y, z, θ) [m, m, rad] and per second, per second²; leading shapes broadcast.
-        method : {"pinocchio", "virtual-power"}
-            Pinocchio solves sample by sample; the paper's method is vectorised and hundreds of times faster.
+        method : {"pinocchio", "virtual-power", "compiled"}
+            RNEA and loop closures in Pinocchio; the paper's virtual powers, vectorised; or the kernels, which
+            are the fastest by far.
         wrench : array-like, shape (..., 6), optional
             External force and moment on the platform at P, in the fixed frame [N, N m].
         on_invalid : {"raise", "nan"}
@@ -109,6 +112,8 @@ class Manipulator(MovingMachine):
             If shapes do not fit, a number is not finite, or the method is unknown.
         """
         check_method(method)
+        if method == "compiled":
+            return dynamics.forces(self.kernels, pose, velocity, acceleration, wrench, on_invalid)
         if method == "virtual-power":
             return virtual_power.forces(self.parameters, pose, velocity, acceleration, wrench, on_invalid)
         states = holdable_states(self.parameters, pose, velocity, acceleration, on_invalid)
@@ -140,8 +145,8 @@ class Manipulator(MovingMachine):
         ----------
         motion : Motion
             The motion of the platform.
-        method : {"pinocchio", "virtual-power"}
-            RNEA and loop closures, or the paper's virtual powers.
+        method : {"pinocchio", "virtual-power", "compiled"}
+            RNEA and loop closures, the paper's virtual powers, or the kernels.
         wrench : array-like, shape (6,) or (N, 6), or callable, optional
             External force and moment on the platform at P, in the fixed frame [N, N m]; or a function of the
             times, such as a `p3dof.WrenchHistory`.
@@ -179,7 +184,10 @@ class Manipulator(MovingMachine):
                 progress=progress,
             )
         else:
-            solution = virtual_power_route.solve(self.parameters, *states, wrench=loads)
+            known = None
+            if method == "compiled":
+                known = dynamics.forces(self.kernels, *states, loads, on_invalid="nan")
+            solution = virtual_power_route.solve(self.parameters, *states, wrench=loads, forces=known)
         actuation = self.singularity(states[0]).actuation
         return _with_evidence(method, motion, solution, loads, actuation)
 
@@ -323,9 +331,10 @@ class Manipulator(MovingMachine):
             Takes a `p3dof.Measurement`, returns the forces of A, B, C [N]; or forces that stay.
         reference : Motion, optional
             What the run should follow, for `Simulation.error`; what the controller follows by default.
-        method : {"virtual-power", "pinocchio"}
-            Integrate the minimal form in y, z, θ; or Pinocchio's constrained dynamics of all joints, with
-            stabilised closures. Both by the Runge-Kutta method DOP853 with adaptive steps.
+        method : {"virtual-power", "compiled", "pinocchio"}
+            Integrate the minimal form in y, z, θ by the paper's formulas or by the kernels; or Pinocchio's
+            constrained dynamics of all joints, with stabilised closures. All by the Runge-Kutta method DOP853
+            with adaptive steps.
         rate : float, optional
             How often the controller acts, its forces held in between [Hz]; continuously by default.
         saturation : bool or array-like, shape () or (3,)
@@ -371,6 +380,7 @@ class Manipulator(MovingMachine):
         return simulation.simulate(
             self.parameters,
             lambda: self.loop,
+            lambda: self.kernels,
             duration,
             pose,
             velocity,

@@ -6,8 +6,10 @@ from numpy.typing import ArrayLike
 
 from p3dof import kinematics
 from p3dof.checks import FloatArray
+from p3dof.kernels import dynamics
 from p3dof.kinematics import InverseKinematics, MechanismMotion, OnInvalid, Singularity
 from p3dof.manipulator.machine import Machine
+from p3dof.manipulator.methods import CLOSED_FORMS, ClosedForm, check_method
 
 
 class KinematicMachine(Machine):
@@ -60,8 +62,8 @@ class KinematicMachine(Machine):
         """
         return kinematics.forward_kinematics(self.parameters.geometry, sliders, all_modes, on_invalid)
 
-    def jacobian(self, pose: ArrayLike, on_invalid: OnInvalid = "raise") -> FloatArray:
-        """Return J = ∂(λA, λB, λC)/∂(y, z, θ): slider velocities are J times the pose's velocity.
+    def sliders(self, pose: ArrayLike, on_invalid: OnInvalid = "raise") -> FloatArray:
+        """Return the slider positions at poses by the kernels: what many calls or samples need quickly.
 
         Parameters
         ----------
@@ -72,6 +74,32 @@ class KinematicMachine(Machine):
 
         Returns
         -------
+        ndarray, shape (..., 3)
+            Of A, B, C [m]; those of `inverse_kinematics`.
+
+        Raises
+        ------
+        ReachError, InputError
+            Naming leg, margin and sample.
+        """
+        return dynamics.sliders(self.kernels, pose, on_invalid)
+
+    def jacobian(
+        self, pose: ArrayLike, on_invalid: OnInvalid = "raise", method: ClosedForm = "virtual-power"
+    ) -> FloatArray:
+        """Return J = ∂(λA, λB, λC)/∂(y, z, θ): slider velocities are J times the pose's velocity.
+
+        Parameters
+        ----------
+        pose : array-like, shape (..., 3)
+            y [m], z [m], θ [rad].
+        on_invalid : {"raise", "nan"}
+            Raise for samples out of reach, or leave NaN in their rows.
+        method : {"virtual-power", "compiled"}
+            The paper's formulas, or the kernels.
+
+        Returns
+        -------
         ndarray, shape (..., 3, 3)
 
         Raises
@@ -79,6 +107,8 @@ class KinematicMachine(Machine):
         ReachError, InputError
             Naming leg, margin and sample.
         """
+        if check_method(method, CLOSED_FORMS) == "compiled":
+            return dynamics.jacobian(self.kernels, pose, on_invalid)
         return kinematics.inverse_jacobian(self.parameters.geometry, pose, on_invalid)
 
     def singularity(self, pose: ArrayLike) -> Singularity:

@@ -10,6 +10,7 @@ import pinocchio as pin
 from p3dof import description
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.errors import InputError
+from p3dof.kernels import MachineKernels
 from p3dof.parameters import PAPER, Parameters
 
 
@@ -62,6 +63,11 @@ class Machine:
     def sidecar(self) -> str:
         """The loop closures and actuated joints that belong to the URDF, as YAML."""
         return description.sidecar(self.mechanism)
+
+    @cached_property
+    def kernels(self) -> MachineKernels:
+        """The compiled kernels of the machine (or what stands in for them), for any number of threads."""
+        return MachineKernels(self.parameters)
 
     @cached_property
     def loop(self) -> ClosedLoopModel:

@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Literal, TypeAlias, get_args
-
 from numpy.typing import ArrayLike
 
 from p3dof import minimal
 from p3dof.checks import FloatArray
-from p3dof.errors import InputError
+from p3dof.kernels import dynamics
 from p3dof.kinematics import OnInvalid
 from p3dof.kinematics.states import wrench_like
 from p3dof.manipulator.kinematic import KinematicMachine
+from p3dof.manipulator.methods import CLOSED_FORMS, ClosedForm, Method, check_method
 from p3dof.routes import pinocchio_route
-
-Method: TypeAlias = Literal["pinocchio", "virtual-power"]
-"""The two ways to the forces; they share only the parameters."""
-
-METHODS: tuple[str, ...] = get_args(Method)
 
 
 class MovingMachine(KinematicMachine):
     """A machine that knows how it accelerates: mass matrix, Coriolis matrix, gravity, forward dynamics."""
 
-    def mass_matrix(self, pose: ArrayLike, on_invalid: OnInvalid = "raise") -> FloatArray:
+    def mass_matrix(
+        self, pose: ArrayLike, on_invalid: OnInvalid = "raise", method: ClosedForm = "virtual-power"
+    ) -> FloatArray:
         """Return the mass matrix M (..., 3, 3) in y, z, θ; see `p3dof.minimal`.
 
         Parameters
@@ -32,6 +28,8 @@ class MovingMachine(KinematicMachine):
             y [m], z [m], θ [rad].
         on_invalid : {"raise", "nan"}
             Raise for samples out of reach, or leave NaN in their rows.
+        method : {"virtual-power", "compiled"}
+            The full formulas, or the kernels.
 
         Returns
         -------
@@ -42,6 +40,8 @@ class MovingMachine(KinematicMachine):
         ReachError, InputError
             Naming leg, margin and sample.
         """
+        if check_method(method, CLOSED_FORMS) == "compiled":
+            return dynamics.mass_matrix(self.kernels, pose, on_invalid)
         return minimal.mass_matrix(self.parameters, pose, on_invalid)
 
     def coriolis_matrix(
@@ -103,9 +103,9 @@ class MovingMachine(KinematicMachine):
         ----------
         pose, velocity, forces : array-like, shape (..., 3)
             State of (y, z, θ) [m, m, rad] and per second, and forces of A, B, C [N].
-        method : {"virtual-power", "pinocchio"}
-            The minimal form of the paper's closed forms, vectorised; or Pinocchio's constrained dynamics of
-            the whole tree, sample by sample.
+        method : {"virtual-power", "compiled", "pinocchio"}
+            The minimal form of the paper's closed forms, vectorised; the same reduced, by the kernels; or
+            Pinocchio's constrained dynamics of the whole tree, sample by sample.
         wrench : array-like, shape (..., 6), optional
             External force and moment on the platform at P, in the fixed frame [N, N m].
         on_invalid : {"raise", "nan"}
@@ -122,6 +122,8 @@ class MovingMachine(KinematicMachine):
             Naming leg, margin and sample; also when shapes do not fit or the method is unknown.
         """
         check_method(method)
+        if method == "compiled":
+            return dynamics.forward_dynamics(self.kernels, pose, velocity, forces, wrench, on_invalid)
         if method == "virtual-power":
             return minimal.forward_dynamics(self.parameters, pose, velocity, forces, wrench, on_invalid)
         poses, speeds, given = minimal.forced_states(self.parameters, pose, velocity, forces, on_invalid)
@@ -136,20 +138,3 @@ class MovingMachine(KinematicMachine):
             self.parameters.friction,
         )
         return found.reshape(poses.shape)
-
-
-def check_method(method: str) -> None:
-    """Raise unless a method is known.
-
-    Parameters
-    ----------
-    method : str
-        What the user gave.
-
-    Raises
-    ------
-    InputError
-        If it is not one of `METHODS`.
-    """
-    if method not in METHODS:
-        raise InputError(f"method: expected {' or '.join(map(repr, METHODS))}, got {method!r}")

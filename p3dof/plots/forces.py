@@ -15,7 +15,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _STYLES: tuple[dict[str, Any], ...] = ({"lw": 3.0, "alpha": 0.35}, {"lw": 1.2})
-_NAMES = {"pinocchio": "Pinocchio (URDF, closures, RNEA)", "virtual-power": "virtual power (paper)"}
+_NAMES = {
+    "pinocchio": "Pinocchio (URDF, closures, RNEA)",
+    "virtual-power": "virtual power (paper)",
+    "compiled": "virtual power, reduced and compiled",
+}
 
 
 def forces_figure(results: Sequence[InverseDynamics]) -> Figure:

@@ -133,7 +133,7 @@ class InverseDynamics:
     Parameters
     ----------
     method : str
-        ``"pinocchio"`` or ``"virtual-power"``.
+        ``"pinocchio"``, ``"virtual-power"`` or ``"compiled"``.
     motion : Motion
         The motion of the platform.
     forces : ndarray, shape (N, 3)

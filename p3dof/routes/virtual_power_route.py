@@ -21,6 +21,7 @@ def solve(
     velocity: FloatArray,
     acceleration: FloatArray,
     wrench: FloatArray | None = None,
+    forces: FloatArray | None = None,
 ) -> Solution:
     """Return forces, joints and bodies at every sample.
 
@@ -32,14 +33,18 @@ def solve(
         Motion of the platform; rows of NaN give NaN.
     wrench : ndarray, shape (N, 6), optional
         External force and moment on the platform at P [N, N m].
+    forces : ndarray, shape (N, 3), optional
+        The forces, where they are known already.
 
     Returns
     -------
     Solution
     """
     motion = kinematics.mechanism_motion(parameters.geometry, pose, velocity, acceleration, on_invalid="nan")
+    if forces is None:
+        forces = virtual_power.forces(parameters, pose, velocity, acceleration, wrench, on_invalid="nan")
     return Solution(
-        virtual_power.forces(parameters, pose, velocity, acceleration, wrench, on_invalid="nan"),
+        forces,
         JointStates.from_mappings(
             tuple(motion.position), motion.position, motion.velocity, motion.acceleration
         ),

@@ -7,11 +7,13 @@ from functools import cached_property
 from typing import TypeAlias
 
 from p3dof.algebra import Scalar, Vector, apply_transposed, dot
+from p3dof.inertials import inertials, numbers
+from p3dof.kernels import MachineKernels
 from p3dof.kinematics.formulas import Lengths, configuration, jacobian
-from p3dof.losses import losses_of
+from p3dof.losses import generalized_losses, losses_of
 from p3dof.parameters import Parameters
 from p3dof.tracing import Tape, straight_line
-from p3dof.virtual_power import actuator_forces, generalized_forces, inertials, numbers
+from p3dof.virtual_power import actuator_forces, generalized_forces
 
 Compiled: TypeAlias = Callable[..., tuple[float, ...]]
 
@@ -93,6 +95,43 @@ class Equations:
     ) -> Vector:
         motion = pose, velocity, acceleration
         return generalized_forces(self._lengths, self._bodies, gravity, *motion, tape, losses=self._losses)
+
+
+class CompiledEquations:
+    """What a run in the minimal form asks of `Equations`, by the kernels.
+
+    Parameters
+    ----------
+    kernels : MachineKernels
+        Of the machine.
+    """
+
+    def __init__(self, kernels: MachineKernels) -> None:
+        self._kinematics = kernels.function("kinematics")
+        self._acceleration = kernels.function("forward_dynamics_loaded")
+        parameters = kernels.parameters
+        self._losses: Compiled | None = None
+        if parameters.friction:
+            lengths, friction = Lengths.of(parameters.geometry), losses_of(parameters.friction)
+
+            def formula(tape: Tape, *x: Scalar) -> Vector:
+                return generalized_losses(lengths, x[:3], x[3:], friction, tape)
+
+            self._losses = straight_line(formula, 6)
+
+    def sliders(self, *state: float) -> tuple[float, ...]:
+        """(pose 3, velocity 3) → slider positions 3 [m] and velocities 3 [m/s]; NaN out of reach."""
+        y, z, theta, vy, vz, vtheta = state
+        a, b, c, j_a, j_b, j_c, arm, _ = self._kinematics(y, z, theta)
+        return a, b, c, vz + j_a * vy, vz + j_b * vy, vz + j_c * vy + arm * vtheta
+
+    def acceleration(self, *given: float) -> tuple[float, ...]:
+        """(pose 3, velocity 3, actuator forces 3, wrench's F_y, F_z, M_y) → acceleration of the pose 3."""
+        y, z, theta, vy, vz, vtheta, f_a, f_b, f_c, w_y, w_z, w_theta = given
+        if self._losses is not None:
+            d_y, d_z, d_theta = self._losses(y, z, theta, vy, vz, vtheta)
+            w_y, w_z, w_theta = w_y - d_y, w_z - d_z, w_theta - d_theta
+        return self._acceleration(y, z, theta, vy, vz, vtheta, f_a, f_b, f_c, w_y, w_z, w_theta)[:3]
 
 
 def _solve_symmetric(M: list[Vector], b: list[Scalar]) -> Vector:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -276,13 +277,14 @@ class Integrator:
 
     def _rate(self, time: float, state: FloatArray) -> FloatArray:
         self.recording.evaluations += 1
-        if not np.isfinite(time) or self._lost > _PATIENCE:  # SciPy would look for a step for ever
+        if not math.isfinite(time) or self._lost > _PATIENCE:  # SciPy would look for a step for ever
             raise _LostStep
-        rate = np.full(state.shape, np.nan)
-        if np.isfinite(state).all():
-            forces = self._held[0] if self._held is not None else self._continuous(time, state)
-            rate = self._plant.rate(state, forces, self._wrench(time))
-        self._lost = 0 if np.isfinite(rate).all() else self._lost + 1
+        if not _finite(state):
+            self._lost += 1
+            return np.full(state.shape, np.nan)
+        forces = self._held[0] if self._held is not None else self._continuous(time, state)
+        rate = self._plant.rate(state, forces, self._wrench(time))
+        self._lost = 0 if _finite(rate) else self._lost + 1
         return rate
 
     def _continuous(self, time: float, state: FloatArray) -> FloatArray:
@@ -301,3 +303,8 @@ class Integrator:
             raise ControllerError(
                 f"the controller failed at t = {time:.6g} s: {error}", float(time)
             ) from error
+
+
+def _finite(numbers: FloatArray) -> bool:
+    """Return whether all of a few numbers are finite, sooner than NumPy would."""
+    return all(map(math.isfinite, numbers.tolist()))

@@ -16,7 +16,7 @@ from p3dof.minimal import WRENCH_ROWS
 from p3dof.parameters import Parameters
 from p3dof.routes import SLIDES, JointStates, pinocchio_route
 from p3dof.routes.friction import PLATFORM, FrictionForces
-from p3dof.simulation.equations import Equations
+from p3dof.simulation.equations import CompiledEquations, Equations
 
 _NOWHERE = (ValueError, ArithmeticError)
 """What the closed forms raise out of reach."""
@@ -51,11 +51,13 @@ class MinimalPlant:
     ----------
     parameters : Parameters
         The machine.
+    equations : Equations or CompiledEquations
+        Its equations for one sample at a time.
     """
 
-    def __init__(self, parameters: Parameters) -> None:
+    def __init__(self, parameters: Parameters, equations: Equations | CompiledEquations) -> None:
         self._parameters = parameters
-        self._equations = Equations(parameters)
+        self._equations = equations
 
     def state(self, pose: FloatArray, velocity: FloatArray) -> FloatArray:
         """Return the state (6,) of a pose and its velocity."""

@@ -34,7 +34,8 @@ class Simulation:
     Parameters
     ----------
     method : str
-        ``"virtual-power"`` (minimal coordinates) or ``"pinocchio"`` (all joints, with loop closures).
+        ``"virtual-power"`` or ``"compiled"`` (minimal coordinates), or ``"pinocchio"`` (all joints, with loop
+        closures).
     motion : Motion
         Pose, velocity and acceleration at the samples.
     forces : ndarray, shape (N, 3)

@@ -12,12 +12,14 @@ from numpy.typing import ArrayLike
 from p3dof.checks import FloatArray, as_floats, frozen_array, positive, shown
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.errors import ControllerError, DynamicsError, InputError
+from p3dof.kernels import MachineKernels
 from p3dof.kinematics.states import reachable_poses
 from p3dof.motion import Motion, WrenchHistory
 from p3dof.motion.times import evenly, sample_count
 from p3dof.parameters import Parameters
 from p3dof.simulation.control import Actuation, ControllerLike, Noise
 from p3dof.simulation.crossings import CHECKED
+from p3dof.simulation.equations import CompiledEquations, Equations
 from p3dof.simulation.integration import Integrator, Progress, Recording, Schedule, Tolerances
 from p3dof.simulation.limits import KINDS, Margins
 from p3dof.simulation.plants import ConstrainedPlant, MinimalPlant
@@ -43,6 +45,7 @@ MAX_HOLDS = 100_000_000
 def simulate(
     parameters: Parameters,
     loop: Callable[[], ClosedLoopModel],
+    kernels: Callable[[], MachineKernels],
     duration: float,
     pose: ArrayLike = (0.0, 0.0, 0.0),
     velocity: ArrayLike = (0.0, 0.0, 0.0),
@@ -70,6 +73,8 @@ def simulate(
         The machine.
     loop : callable
         Returns its closed-loop model; called for ``method="pinocchio"`` only.
+    kernels : callable
+        Returns its kernels; called for ``method="compiled"`` only.
     duration, pose, velocity, controller, reference, method, rate, saturation, noise, wrench, samples
         As for `p3dof.Manipulator.simulate`.
     joints, stop_at, rtol, atol, max_step, stabilisation, progress
@@ -89,8 +94,9 @@ def simulate(
         raise InputError(f"stabilisation: expected 0 to {STIFFEST:g} 1/s, got {beta:g}")
     acting = _wrench(wrench)
     plant: MinimalPlant | ConstrainedPlant
-    if method == "virtual-power":
-        plant = MinimalPlant(parameters)
+    if method != "pinocchio":
+        compiled = method == "compiled"
+        plant = MinimalPlant(parameters, CompiledEquations(kernels()) if compiled else Equations(parameters))
         if joints is not None:
             raise InputError(
                 "joints: the minimal coordinates have none; use pose and velocity, or 'pinocchio'"

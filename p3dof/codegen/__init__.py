@@ -1,0 +1,1 @@
+"""Generated C: the batch kernels of the package."""

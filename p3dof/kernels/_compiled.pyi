@@ -1,0 +1,41 @@
+from collections.abc import Mapping, Sequence
+from typing import SupportsIndex, TypeAlias, final, overload
+
+import numpy as np
+from numpy.typing import NDArray
+from typing_extensions import Buffer
+
+levels: tuple[str, ...]
+kernels: Mapping[str, tuple[int, int, int]]
+
+_Doubles: TypeAlias = NDArray[np.float64] | Buffer
+
+@final
+class Call:
+    @property
+    def kernel(self) -> str: ...
+    @property
+    def level(self) -> str: ...
+    @property
+    def size(self) -> int: ...
+    def __new__(
+        cls,
+        kernel: str,
+        level: str,
+        constants: _Doubles,
+        inputs: Sequence[_Doubles],
+        outputs: Sequence[_Doubles | None],
+    ) -> Call: ...
+    @overload
+    def __call__(self) -> bool: ...
+    @overload
+    def __call__(self, start: SupportsIndex, stop: SupportsIndex, /) -> bool: ...
+
+@final
+class Function:
+    @property
+    def kernel(self) -> str: ...
+    @property
+    def level(self) -> str: ...
+    def __new__(cls, kernel: str, level: str, constants: _Doubles) -> Function: ...
+    def __call__(self, *numbers: float) -> tuple[float, ...]: ...

@@ -1,0 +1,349 @@
+"""The kernels against the full formulas, at every level of the processor; bad samples beside good ones."""
+
+from __future__ import annotations
+
+import multiprocessing
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from machines import SEEDS, conditioning, derivative, random_machine, random_states
+from test_friction import random_friction
+
+import p3dof
+from p3dof import kinematics, minimal, virtual_power
+from p3dof.errors import InputError, ReachError, SingularityError
+from p3dof.kernels import MachineKernels, dynamics, levels
+
+HOME = np.zeros(3)
+TURN = float(np.arccos(0.25 / 0.5))
+"""θ of the paper's machine at which the sliders lose hold of the platform, y = 0 [rad]."""
+
+
+@pytest.fixture(params=levels())
+def level(request):
+    return request.param
+
+
+def machine_of(seed):
+    """Machines without symmetry, with it, with friction, and the paper's."""
+    rng = np.random.default_rng(seed)
+    machine = random_machine(seed)
+    if seed % 4 == 1:
+        machine = replace(p3dof.SOLIDS if seed % 8 == 1 else p3dof.PAPER)
+    return replace(machine, friction=random_friction(rng)) if seed % 3 == 0 else machine
+
+
+@given(seed=SEEDS)
+@settings(max_examples=40, deadline=None)
+def test_they_are_the_full_formulas(seed):
+    machine = machine_of(seed)
+    states = random_states(machine, seed, 30)
+    motion = states.pose, states.velocity, states.acceleration
+    wrench = states.wrench if seed % 2 else None
+    expected = virtual_power.forces(machine, *motion, wrench)
+    close = conditioning(machine.geometry, states.pose)[:, None]
+    M = minimal.mass_matrix(machine, states.pose)
+    acceleration = minimal.forward_dynamics(machine, *motion[:2], expected, wrench)
+    J = kinematics.inverse_jacobian(machine.geometry, states.pose)
+    sliders = kinematics.inverse_kinematics(machine.geometry, states.pose).sliders
+    for name in levels():
+        kernels = MachineKernels(machine, name)
+        found = dynamics.forces(kernels, *motion, wrench)
+        assert np.all(np.abs(found - expected) < 1e-12 * close * np.abs(expected).max())
+        found = dynamics.inverse_dynamics_derivatives(kernels, *motion, wrench).forces
+        assert np.all(np.abs(found - expected) < 1e-12 * close * np.abs(expected).max())
+        found = dynamics.forward_dynamics(kernels, *motion[:2], expected, wrench)
+        error = np.abs(found - acceleration) / np.maximum(1, np.linalg.cond(M))[:, None]
+        assert np.all(error < 1e-12 * close * np.abs(acceleration).max())
+        found = dynamics.mass_matrix(kernels, states.pose)
+        np.testing.assert_allclose(found, M, rtol=0, atol=1e-12 * np.abs(M).max())
+        found = dynamics.jacobian(kernels, states.pose)
+        np.testing.assert_allclose(found, J, rtol=0, atol=1e-12 * np.abs(J).max())
+        found = dynamics.sliders(kernels, states.pose)
+        np.testing.assert_allclose(found, sliders, rtol=0, atol=1e-14 * machine.geometry.L)
+
+
+def test_a_million_random_samples_of_random_machines(level):
+    count, machines = 20_000, 50
+    for seed in range(machines):
+        machine = random_machine(seed) if seed % 5 else p3dof.PAPER
+        states = random_states(machine, seed, count)
+        motion = states.pose, states.velocity, states.acceleration
+        expected = virtual_power.forces(machine, *motion)
+        found = dynamics.forces(MachineKernels(machine, level), *motion)
+        bound = 1e-12 * conditioning(machine.geometry, states.pose) * np.abs(expected).max()
+        assert np.all(np.abs(found - expected).max(axis=1) < bound)
+
+
+@given(seed=SEEDS)
+@settings(max_examples=25, deadline=None)
+def test_derivatives_are_those_of_the_full_formulas(seed):
+    machine = machine_of(seed)
+    states = random_states(machine, seed, 8, drop=0.3, angle=0.3)
+    given_ = [states.pose, states.velocity, states.acceleration]
+    if machine.friction:  # tanh turns around within mm/s: leave that to the test of one joint
+        machine = replace(machine, friction=replace(machine.friction, smoothing=1.0))
+    found = dynamics.inverse_dynamics_derivatives(MachineKernels(machine), *given_, states.wrench)
+    size = machine.geometry.L
+    for which, by in enumerate((found.by_pose, found.by_velocity, found.by_acceleration)):
+        for axis in range(3):
+
+            def moved(t, which=which, axis=axis):
+                rows = [row.copy() for row in given_]
+                rows[which][:, axis] += t
+                return virtual_power.forces(machine, *rows, states.wrench)
+
+            step = (2e-4 if which == 0 else 1e-2) * (size if axis < 2 else 1)
+            expected = derivative(moved, 0.0, step)
+            rounding = 1e-14 * np.abs(found.forces).max() / step
+            bound = 1e-7 * np.abs(by).max() + 100 * rounding
+            np.testing.assert_allclose(by[..., axis], expected, rtol=0, atol=bound)
+
+
+def test_bad_samples_do_not_touch_their_neighbours(level):
+    rng = np.random.default_rng(3)
+    kernels = MachineKernels(p3dof.PAPER, level)
+    states = random_states(p3dof.PAPER, 3, 203)
+    q, v, a, w = (np.array(row) for row in (states.pose, states.velocity, states.acceleration, states.wrench))
+    bad = rng.choice(203, 60, replace=False)
+    expected = virtual_power.forces(p3dof.PAPER, q, v, a, w)
+    spoil = [
+        (q, 0, np.nan), (q, 2, np.inf), (q, 1, -np.inf), (q, 0, 0.2501), (q, 0, 1e200), (q, 2, 3.1),
+        (v, 1, np.nan), (v, 2, np.inf), (a, 1, np.nan), (a, 0, -np.inf), (w, 1, np.nan), (w, 0, np.inf),
+    ]  # fmt: skip
+    for k, row in enumerate(bad):
+        array, column, value = spoil[k % len(spoil)]
+        array[row, column] = value
+        if value == 3.1:
+            q[row, 0] = 0.22
+    q[bad[-1]] = [0, 0, TURN]
+    found = dynamics.forces(kernels, q, v, a, w, on_invalid="nan")
+    reference = virtual_power.forces(p3dof.PAPER, q, v, a, w, on_invalid="nan")
+    np.testing.assert_array_equal(np.isnan(found), np.isnan(reference))
+    assert np.isnan(found[bad]).all()
+    good = np.setdiff1d(np.arange(203), bad)
+    close = conditioning(p3dof.PAPER.geometry, q[good])[:, None]
+    assert np.all(np.abs(found[good] - expected[good]) < 1e-12 * close * np.abs(expected).max())
+    by = dynamics.inverse_dynamics_derivatives(kernels, q, v, a, w, on_invalid="nan")
+    for array in (by.by_pose, by.by_velocity, by.by_acceleration):
+        assert np.isnan(array[bad]).all()
+        assert np.isfinite(array[good]).all()
+    reference = minimal.forward_dynamics(p3dof.PAPER, q, v, a, w, on_invalid="nan")
+    found = dynamics.forward_dynamics(kernels, q, v, a, w, on_invalid="nan")
+    np.testing.assert_array_equal(np.isnan(found), np.isnan(reference))
+    reference = minimal.mass_matrix(p3dof.PAPER, q, on_invalid="nan")
+    found = dynamics.mass_matrix(kernels, q, on_invalid="nan")
+    np.testing.assert_array_equal(np.isnan(found), np.isnan(reference))
+
+
+def test_samples_near_the_borders_are_decided_as_numpy_decides(level):
+    """Reach, det J = 0 and far turns: the same samples are refused, and the others have their forces."""
+    kernels = MachineKernels(p3dof.PAPER, level)
+    edges = 10.0 ** np.arange(-16, -1)
+    q = np.concatenate(
+        [
+            [[0.25 - e, 0, 0] for e in edges],
+            [[-0.25 + e, 0, 0.1] for e in edges],
+            [[0, 0.1, TURN + s * e] for e in edges for s in (-1, 1)],
+            [[0.01, 0, 0.3 + 2 * np.pi * n] for n in (1, 1000, 1e4, 1e5, 1e7, -1e9)],
+        ]
+    )
+    v, a = np.full(q.shape, 0.1), np.full(q.shape, 1.0)
+    reference = virtual_power.forces(p3dof.PAPER, q, v, a, on_invalid="nan")
+    found = dynamics.forces(kernels, q, v, a, on_invalid="nan")
+    np.testing.assert_array_equal(np.isnan(found), np.isnan(reference))
+    good = np.isfinite(found[:, 0])
+    assert 40 < good.sum() < len(q)
+    close = conditioning(p3dof.PAPER.geometry, q[good])[:, None]
+    turned = np.maximum(1, np.abs(q[good, 2:]))  # one unit in the last place of θ
+    size = np.abs(reference[good]).max(axis=1, keepdims=True)
+    assert np.all(np.abs(found[good] - reference[good]) < 1e-13 * close * turned * np.maximum(size, 100))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        (([0.3, 0, 0], HOME, HOME), ReachError, "leg A is too short by 0.05 m"),
+        (
+            ([HOME, [0, 0, TURN]], HOME, HOME),
+            SingularityError,
+            "actuation-singular.*sample 1, the first of 1",
+        ),
+        (([np.nan, 0, 0], HOME, HOME), InputError, "pose: expected finite numbers, got"),
+        ((HOME, [0, np.inf, 0], HOME), InputError, "velocity: expected finite numbers, got"),
+        ((HOME, HOME, [HOME, [0, 0, np.nan]]), InputError, "acceleration: expected finite numbers.*sample 1"),
+        ((HOME, HOME, HOME, [0, 0, np.nan, 0, 0, 0]), InputError, "wrench: expected finite numbers"),
+        ((HOME, HOME, HOME, np.zeros(5)), InputError, r"wrench: expected shape \(..., 6\)"),
+        ((HOME, [0, 1e200, 1e200], HOME), InputError, "forces: expected finite numbers"),
+        (([0, 0], HOME, HOME), InputError, r"pose: expected shape \(..., 3\), got \(2,\)"),
+        ((np.zeros((2, 3)), np.zeros((3, 3)), HOME), InputError, "expected shapes that fit each other"),
+        (("home", HOME, HOME), InputError, "pose: expected real numbers"),
+    ],
+)
+def test_bad_input_is_the_error_of_the_other_methods(level, arguments, error, message):
+    with pytest.raises(error, match=message):
+        dynamics.forces(MachineKernels(p3dof.PAPER, level), *arguments)
+    with pytest.raises(error, match=message):
+        virtual_power.forces(p3dof.PAPER, *arguments)
+
+
+def test_shapes_and_strides(level):
+    kernels = MachineKernels(p3dof.PAPER, level)
+    motion = p3dof.paper_motion(24)
+    q, v, a = motion.pose, motion.velocity, motion.acceleration
+    expected = virtual_power.forces(p3dof.PAPER, q, v, a)
+
+    def close(found, reference):
+        np.testing.assert_allclose(found, reference, rtol=0, atol=1e-13 * np.abs(expected).max())
+
+    close(dynamics.forces(kernels, q.reshape(2, 3, 4, 3), v.reshape(2, 3, 4, 3), a.reshape(2, 3, 4, 3)),
+          expected.reshape(2, 3, 4, 3))  # fmt: skip
+    close(dynamics.forces(kernels, q[::-2], v[::-2], a[::-2]), expected[::-2])
+    close(dynamics.forces(kernels, np.asfortranarray(q), v.copy("F"), a.tolist()), expected)
+    close(dynamics.forces(kernels, q[5], v[5], a[5]), expected[5])
+    close(dynamics.forces(kernels, q, v[3], a[3]), virtual_power.forces(p3dof.PAPER, q, v[3], a[3]))
+    close(
+        dynamics.forces(kernels, q[:, None], v[0], a[:2]),
+        virtual_power.forces(p3dof.PAPER, q[:, None], v[0], a[:2]),
+    )
+    close(
+        dynamics.forces(kernels, q.astype(np.float32), v, a),
+        virtual_power.forces(p3dof.PAPER, q.astype(np.float32), v, a),
+    )
+    for count in (0, 1, 2, 7, 9):
+        assert dynamics.forces(kernels, q[:count], v[:count], a[:count]).shape == (count, 3)
+    assert dynamics.mass_matrix(kernels, np.zeros((0, 3))).shape == (0, 3, 3)
+
+
+def test_threads_share_a_batch(level):
+    states = random_states(p3dof.PAPER, 8, 500)
+    motion = [np.tile(row, (300, 1)) for row in (states.pose, states.velocity, states.acceleration)]
+    one, three = (MachineKernels(p3dof.PAPER, level, threads) for threads in (1, 3))
+    np.testing.assert_array_equal(dynamics.forces(one, *motion), dynamics.forces(three, *motion))
+    motion[0][149_999] = [0.3, 0, 0]
+    with pytest.raises(ReachError, match="sample 149999, the first of 1"):
+        dynamics.forces(three, *motion)
+    found = dynamics.forces(three, *motion, on_invalid="nan")
+    assert np.flatnonzero(np.isnan(found[:, 0])).tolist() == [149_999]
+
+
+def _in_a_child(kernels, motion, queue):
+    queue.put(float(dynamics.forces(kernels, *motion).sum()))
+
+
+@pytest.mark.skipif(not hasattr(__import__("os"), "fork"), reason="processes are not forked here")
+@pytest.mark.filterwarnings("ignore:This process.*is multi-threaded:DeprecationWarning")
+def test_a_forked_process_has_threads_of_its_own():
+    states = random_states(p3dof.PAPER, 8, 400)
+    motion = [np.tile(row, (300, 1)) for row in (states.pose, states.velocity, states.acceleration)]
+    kernels = MachineKernels(p3dof.PAPER, threads=2)
+    expected = float(dynamics.forces(kernels, *motion).sum())
+    context = multiprocessing.get_context("fork")
+    queue = context.Queue()
+    child = context.Process(target=_in_a_child, args=(kernels, motion, queue), daemon=True)
+    child.start()
+    assert queue.get(timeout=30) == expected
+    child.join(30)
+    assert child.exitcode == 0
+
+
+def test_a_control_loop_has_its_buffers(level):
+    kernels = MachineKernels(p3dof.PAPER, level)
+    loop = kernels.bind_inverse_dynamics()
+    motion = p3dof.paper_motion(7)
+    for q, v, a in zip(motion.pose, motion.velocity, motion.acceleration, strict=True):
+        expected = virtual_power.forces(p3dof.PAPER, q, v, a, [0, 1, 2, 0, 3, 0])
+        loop.wrench[:] = 1, 2, 3
+        np.testing.assert_allclose(loop(np.array([q, v, a])), expected, rtol=1e-13)
+        loop.state[:] = q, v, a
+        assert loop.run() is True
+        np.testing.assert_allclose(loop.forces, expected, rtol=1e-13)
+    assert np.isnan(loop(np.array([[0.3, 0, 0], HOME, HOME]))).all()
+    assert loop.run() is False
+
+
+def test_one_sample_as_numbers(level):
+    function = MachineKernels(p3dof.PAPER, level).function("inverse_dynamics")
+    q, v, a = [0.1, 0.2, 0.3], [1.0, 2.0, 3.0], [4.0, 5.0, 6.0]
+    *forces, margin = function(*q, *v, *a)
+    np.testing.assert_allclose(forces, virtual_power.forces(p3dof.PAPER, q, v, a), rtol=1e-13)
+    assert margin > 0
+    *forces, margin = function(0.3, *[0] * 8)
+    assert np.isnan(forces).any()
+    assert not margin > 0
+
+
+def test_levels_and_threads_are_checked(monkeypatch):
+    assert levels()[0] == "numpy"
+    with pytest.raises(InputError, match=r"level: expected one of numpy.*, got 'fast'"):
+        MachineKernels(p3dof.PAPER, "fast")
+    for bad in (0, -1, 2.5, True, 10**6):
+        with pytest.raises(InputError, match="threads: expected a number from 1 to 1024"):
+            MachineKernels(p3dof.PAPER, threads=bad)
+    monkeypatch.setenv("P3DOF_LEVEL", "numpy")
+    monkeypatch.setenv("P3DOF_THREADS", "3")
+    kernels = MachineKernels(p3dof.PAPER)
+    assert (kernels.level, kernels.threads) == ("numpy", 3)
+    again = pickle.loads(pickle.dumps(kernels))  # noqa: S301 - our own
+    assert (again.level, again.threads) == ("numpy", 3)
+    monkeypatch.setenv("P3DOF_THREADS", "many")
+    with pytest.raises(InputError, match="threads: expected a number"):
+        MachineKernels(p3dof.PAPER)
+    monkeypatch.setenv("P3DOF_LEVEL", "slow")
+    with pytest.raises(InputError, match="level: expected one of"):
+        MachineKernels(p3dof.PAPER)
+
+
+def test_the_facade_offers_them():
+    robot = p3dof.load()
+    motion = p3dof.paper_motion(101)
+    reference = robot.inverse_dynamics(motion, "virtual-power", wrench=[0, 5, 0, 0, 1, 0])
+    found = robot.inverse_dynamics(motion, "compiled", wrench=[0, 5, 0, 0, 1, 0])
+    assert found.method == "compiled"
+    np.testing.assert_allclose(found.forces, reference.forces, rtol=0, atol=1e-12)
+    assert np.abs(found.power_residual).max() < 1e-11
+    q, v = motion.pose, motion.velocity
+    np.testing.assert_allclose(
+        robot.forward_dynamics(q, v, found.forces, "compiled", [0, 5, 0, 0, 1, 0]),
+        motion.acceleration, rtol=0, atol=1e-11,
+    )  # fmt: skip
+    np.testing.assert_allclose(robot.mass_matrix(q, method="compiled"), robot.mass_matrix(q), atol=1e-13)
+    np.testing.assert_allclose(robot.jacobian(q, method="compiled"), robot.jacobian(q), atol=1e-14)
+    np.testing.assert_allclose(robot.sliders(q), robot.inverse_kinematics(q).sliders, atol=1e-15)
+    by = robot.inverse_dynamics_derivatives(motion, wrench=[0, 5, 0, 0, 1, 0])
+    np.testing.assert_allclose(by.forces, found.forces, rtol=0, atol=1e-12)
+    J = robot.jacobian(q)
+    M = np.linalg.solve(np.swapaxes(J, -1, -2), robot.mass_matrix(q))
+    np.testing.assert_allclose(by.by_acceleration, M, rtol=0, atol=1e-11)
+    regressor = robot.force_regressor(q, v, motion.acceleration)
+    np.testing.assert_allclose(
+        regressor.base @ regressor.base_parameters, robot.forces(q, v, motion.acceleration, "compiled"),
+        rtol=0, atol=1e-11,
+    )  # fmt: skip
+    with pytest.raises(
+        InputError, match="method: expected one of 'virtual-power', 'compiled', got 'pinocchio'"
+    ):
+        robot.mass_matrix(q, method="pinocchio")
+    with pytest.raises(InputError, match="motion: expected a Motion, got list"):
+        robot.inverse_dynamics_derivatives([1, 2])
+
+
+@pytest.mark.parametrize("friction", [False, True])
+def test_a_run_in_time_is_the_same(friction):
+    machine = (
+        replace(p3dof.PAPER, friction=p3dof.Friction({"sliders": 20.0, "joints": 0.01}))
+        if friction
+        else p3dof.PAPER
+    )
+    robot = p3dof.load(machine)
+    forces = robot.forces(HOME, HOME, HOME, "compiled") * [0.9, 1, 1.1]
+    runs = [robot.simulate(0.2, controller=forces, method=m, rtol=1e-12, wrench=[0, 3, 1, 0, 0.2, 0])
+            for m in ("virtual-power", "compiled")]  # fmt: skip
+    np.testing.assert_allclose(runs[1].motion.pose, runs[0].motion.pose, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(runs[1].slider_velocities, runs[0].slider_velocities, rtol=0, atol=1e-10)
+    fallen = robot.simulate(5.0, method="compiled")
+    assert fallen.stop is not None
+    assert fallen.stop.kind == robot.simulate(5.0).stop.kind

@@ -1,0 +1,509 @@
+"""The compiled kernels: the same numbers as NumPy at every level, whatever the memory looks like."""
+
+from __future__ import annotations
+
+import array
+import ctypes
+import gc
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tracemalloc
+import weakref
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+from pathlib import Path
+
+import mpmath
+import numpy as np
+import pytest
+from machines import conditioning, random_machine, random_states
+
+import p3dof
+from p3dof import minimal
+from p3dof.kernels.formulas import all_kernels, is_symmetric, kernel
+from p3dof.reduced import model_of
+
+ROOT = Path(__file__).parents[1]
+COMPILER = (sysconfig.get_config_var("CC") or "cc").split()[0]
+CAN_BUILD = shutil.which(COMPILER) and Path(sysconfig.get_path("include"), "Python.h").exists()
+
+try:
+    from p3dof.kernels import _compiled
+except ImportError:
+    if CAN_BUILD and not os.environ.get("P3DOF_NO_EXTENSION"):
+        raise  # a compiler is there: the install should have built it
+    pytest.skip("the extension was not built", allow_module_level=True)
+
+GENERAL = random_machine(1)
+LENGTHS = (0, 1, 7, 8, 9, 79, 80, 81, 1000, 100_003)
+each_level = pytest.mark.parametrize("level", _compiled.levels)
+each_kernel = pytest.mark.parametrize("used", all_kernels(), ids=lambda used: used.name)
+
+
+def machine_for(used):
+    return p3dof.PAPER if used.name.endswith("_symmetric") else GENERAL
+
+
+def columns_for(used, count, seed=1):
+    """The inputs of a kernel at random states, by column, and the conditioning of these."""
+    machine = machine_for(used)
+    states = random_states(machine, seed, min(count, 1200))
+    rng = np.random.default_rng(seed)
+    q, v, a, w = states.pose, states.velocity, states.acceleration, states.wrench
+    rows = {
+        "y z theta": q,
+        "vy vz vtheta": v,
+        "ay az atheta": a,
+        "w_y w_z w_theta": w[:, minimal.WRENCH_ROWS],
+    }
+    rows["f_a f_b f_c"] = rng.normal(0, 100, q.shape)
+    named = {name: values[:, k] for names, values in rows.items() for k, name in enumerate(names.split())}
+    repeated = np.arange(count) % max(1, len(q))
+    condition = conditioning(machine.geometry, q)
+    return [named[name][repeated] for name in used.inputs], condition[repeated]
+
+
+def run(used, level, inputs, outputs=None):
+    """The outputs of a kernel, margin included, and what the call returned."""
+    if outputs is None:
+        outputs = [np.full(len(inputs[0]), np.nan) for _ in used.outputs]
+    call = _compiled.Call(used.name, level, used.of(model_of(machine_for(used))), inputs, outputs)
+    return outputs, call()
+
+
+def inverse(level, inputs, outputs):
+    """A call of the general inverse dynamics."""
+    used = kernel("inverse_dynamics")
+    return _compiled.Call(used.name, level, used.of(model_of(GENERAL)), inputs, outputs)
+
+
+@each_level
+@each_kernel
+def test_every_kernel_gives_what_its_formula_gives_on_arrays(used, level):
+    assert is_symmetric(model_of(p3dof.PAPER))
+    assert _compiled.kernels[used.name] == (len(used.constants), len(used.inputs), len(used.outputs))
+    inputs, condition = columns_for(used, 1003)
+    found, good = run(used, level, inputs)
+    expected = used.on_arrays(*used.of(model_of(machine_for(used))), *inputs)
+    assert good
+    for one, other in zip(found, expected, strict=True):
+        assert np.all(np.abs(one - other) <= 1e-14 * condition * np.abs(other).max())
+
+
+def laid_out(values, layout):
+    """The same numbers in other memory: a column for each of `values`."""
+    count, width = len(values[0]), len(values)
+    if layout == "apart":
+        return [column.copy() for column in values]
+    if layout == "backwards":
+        return [column[::-1].copy()[::-1] for column in values]
+    if layout == "every fifth, odd start":
+        memory = np.full((width, 5 * count + 3), np.nan)
+        columns = list(memory[:, 3::5])
+    elif layout == "rows of all":
+        columns = list(np.full((count, width), np.nan).T)
+    elif layout == "rows of three":
+        rows = [np.full((count, 3), np.nan) for _ in range(width)]
+        columns = [rows[k // 3][:, k % 3] for k in range(width)]
+    elif layout == "pairs in rows of three":
+        rows = [np.full((count, 3), np.nan) for _ in range(width)]
+        columns = [rows[k // 2][:, k % 2] for k in range(width)]
+    elif layout == "rows of three, backwards":
+        rows = [np.full((count, 3), np.nan)[::-1] for _ in range(width)]
+        columns = [rows[k // 3][:, k % 3] for k in range(width)]
+    elif layout == "mixed":
+        pair = np.full((count, 4), np.nan)
+        columns = [pair[:, k] if k in {1, 2} else np.full(count, np.nan) for k in range(width)]
+    for column, numbers in zip(columns, values, strict=True):
+        column[:] = numbers
+    return columns
+
+
+LAYOUTS = (
+    "apart",
+    "backwards",
+    "every fifth, odd start",
+    "rows of all",
+    "rows of three",
+    "pairs in rows of three",
+    "rows of three, backwards",
+    "mixed",
+)
+
+
+@each_level
+@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize("count", LENGTHS)
+def test_the_layout_of_the_memory_does_not_matter(level, layout, count):
+    for used in (kernel("inverse_dynamics"), kernel("inverse_dynamics_derivatives", symmetric=True)):
+        if count > 1000 and len(used.outputs) > 4:
+            continue
+        inputs, condition = columns_for(used, count)
+        expected, good = run(used, level, inputs)
+        empty = [np.full(count, np.nan) for _ in used.outputs]
+        found, also_good = run(used, level, laid_out(inputs, layout), laid_out(empty, layout))
+        assert good
+        assert also_good
+        for one, other in zip(found, expected, strict=True):
+            scale = 1e-14 * condition * np.abs(other).max(initial=0)
+            assert np.all(np.abs(one - other) <= scale)
+
+
+@each_level
+@pytest.mark.parametrize("count", LENGTHS)
+def test_an_input_of_stride_zero_is_one_number_for_all_samples(level, count):
+    used = kernel("inverse_dynamics_loaded", symmetric=True)
+    inputs, _ = columns_for(used, max(1, count))
+    for k in range(1, len(inputs), 2):
+        inputs[k] = np.broadcast_to(inputs[k][:1], len(inputs[0]))
+    inputs = [column[:count] for column in inputs]
+    found, _ = run(used, level, inputs)
+    expected, _ = run(used, level, [column.copy() for column in inputs])
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-13 * np.abs(other).max(initial=0))
+
+
+@each_level
+@pytest.mark.parametrize("layout", ["apart", "rows of three"])
+def test_a_part_writes_its_samples_and_no_others(level, layout):
+    inputs, _ = columns_for(kernel("inverse_dynamics"), 500)
+    whole, parts = ([np.full(500, np.nan) for _ in range(4)] for _ in range(2))
+    whole, parts = laid_out(whole, layout), laid_out(parts, layout)
+    inputs = laid_out(inputs, layout)
+    assert inverse(level, inputs, whole)()
+    call = inverse(level, inputs, parts)
+    assert (call.kernel, call.level, call.size) == ("inverse_dynamics", level, 500)
+    ends = [3, 3, 4, 11, 100, 355, 499]
+    for start, stop in pairwise(ends):
+        assert call(start, stop) is True
+    assert call(500, 500)
+    for one, other in zip(parts, whole, strict=True):
+        assert np.isnan(one[:3]).all()
+        assert np.isnan(one[499:]).all()
+        np.testing.assert_allclose(one[3:499], other[3:499], rtol=0, atol=1e-13 * np.abs(other).max())
+
+
+@each_level
+@pytest.mark.parametrize("layout", ["apart", "rows of three"])
+def test_threads_share_the_work(level, layout):
+    inputs, _ = columns_for(kernel("inverse_dynamics"), 100_003)
+    inputs = laid_out(inputs, layout)
+    whole, parts = (laid_out([np.full(100_003, np.nan)] * 4, layout) for _ in range(2))
+    assert inverse(level, inputs, whole)()
+    call = inverse(level, inputs, parts)
+    ends = np.linspace(0, 100_003, 24).astype(int)
+    with ThreadPoolExecutor(4) as pool:
+        assert all(list(pool.map(call, ends[:-1], ends[1:])))
+    for one, other in zip(parts, whole, strict=True):
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-13 * np.abs(other).max())
+
+
+@each_level
+@pytest.mark.parametrize("layout", ["apart", "rows of three"])
+@pytest.mark.parametrize("kept", [True, False])
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e6, 10.0])  # too many turns, out of reach
+def test_one_bad_sample_is_told_whoever_has_the_margin(level, layout, kept, bad):
+    inputs, _ = columns_for(kernel("inverse_dynamics"), 2500)
+    column = kernel("inverse_dynamics").inputs.index("y" if bad == 10.0 else "theta")
+    for index in (0, 79, 80, 1023, 1024, 1999, 2499):
+        changed = [values.copy() for values in inputs]
+        changed[column][index] = bad
+        outputs = [np.empty(2500) for _ in range(4)]
+        call = inverse(level, laid_out(changed, layout), [*outputs[:3], outputs[3] if kept else None])
+        assert call() is False
+        assert call(index, index + 1) is False
+        assert call(0, index)
+        assert call(index + 1, 2500)
+        assert not np.isfinite([column[index] for column in outputs[:3]]).all() or bad == 10.0
+        if kept:
+            assert np.flatnonzero(~(outputs[3] > 0)).tolist() == [index]
+
+
+INPUTS = kernel("inverse_dynamics").inputs
+
+
+def arrays(count=5):
+    return [np.full(count, 0.1) for _ in INPUTS], [np.empty(count) for _ in range(4)]
+
+
+def with_input(value):
+    inputs, outputs = arrays()
+    return ("inverse_dynamics", "baseline", NUMBERS, [*inputs[:3], value, *inputs[4:]], outputs)
+
+
+def with_output(value, index=2):
+    inputs, outputs = arrays()
+    outputs[index] = value
+    return ("inverse_dynamics", "baseline", NUMBERS, inputs, outputs)
+
+
+def with_first(kernel_name="inverse_dynamics", level="baseline", constants=None):
+    return (kernel_name, level, NUMBERS if constants is None else constants, *arrays())
+
+
+def read_only():
+    values = np.empty(5)
+    values.setflags(write=False)
+    return values
+
+
+def shared(shift):
+    """An output that lies in an input's memory, or among it."""
+    inputs, outputs = arrays()
+    memory = np.full((5, 4), 0.1)
+    inputs[2], outputs[1] = memory[:, 0], memory[:, shift]
+    return ("inverse_dynamics", "baseline", NUMBERS, inputs, outputs)
+
+
+NUMBERS = kernel("inverse_dynamics").of(model_of(GENERAL))
+MISALIGNED = np.frombuffer(bytearray(41), np.uint8)[1:].view(np.float64)
+REFUSED = {
+    "kernel": (with_first(kernel_name="statics"), ValueError, "no kernel 'statics'"),
+    "kernel's type": (with_first(kernel_name=3), TypeError, "must be str"),
+    "level": (with_first(level="sse9"), ValueError, "no level 'sse9'"),
+    "too few constants": (with_first(constants=NUMBERS[1:]), ValueError, f"{len(NUMBERS)} constants, not"),
+    "constants that are no buffer": (with_first(constants=list(NUMBERS)), TypeError, "constants.* not list"),
+    "a list": (with_input([0.1] * 5), TypeError, "input 3 must be a buffer of doubles, not list"),
+    "nothing": (with_input(None), TypeError, "input 3 must be a buffer of doubles, not NoneType"),
+    "floats": (with_input(np.ones(5, np.float32)), TypeError, r"input 3 must hold doubles .* 'f'"),
+    "integers": (with_input(np.ones(5, int)), TypeError, r"input 3 must hold doubles .* 'l'|'q'"),
+    "other bytes": (
+        with_input(np.ones(5, np.dtype(float).newbyteorder())),
+        TypeError,
+        "doubles",
+    ),
+    "bytes": (with_input(b"12345"), TypeError, "input 3 must hold doubles"),
+    "a table": (with_input(np.ones((5, 1))), ValueError, "input 3 must have one dimension, not 2"),
+    "too long": (with_input(np.ones(6)), ValueError, "input 3 has 6 samples, but input 0 has 5"),
+    "misaligned": (with_input(MISALIGNED), ValueError, "input 3 must be aligned"),
+    "too few inputs": (
+        ("inverse_dynamics", "baseline", NUMBERS, *[a[:3] for a in arrays()]),
+        ValueError,
+        "inputs, not 3",
+    ),
+    "inputs that are no sequence": (("inverse_dynamics", "baseline", NUMBERS, 3, []), TypeError, "iterable"),
+    "read-only output": (with_output(read_only()), ValueError, "output 2 must be writable"),
+    "an output too short": (with_output(np.empty(4)), ValueError, "output 2 has 4 samples"),
+    "an output of stride 0": (
+        with_output(np.lib.stride_tricks.as_strided(np.empty(1), (5,), (0,))),
+        ValueError,
+        "output 2 must have room",
+    ),
+    "no output but the margin": (with_output(None, 1), TypeError, "output 1 must be a buffer"),
+    "output in the input": (shared(0), ValueError, "output 1 shares memory with input 2"),
+}
+
+
+@pytest.mark.parametrize(("arguments", "error", "message"), REFUSED.values(), ids=REFUSED)
+def test_bad_input_is_refused_and_nothing_is_kept(arguments, error, message):
+    held = [item for argument in arguments[2:] if isinstance(argument, list) for item in argument]
+    before = list(map(sys.getrefcount, held))
+    for _ in range(20):
+        with pytest.raises(error, match=message):
+            _compiled.Call(*arguments)
+    gc.collect()
+    assert all(after < one + 10 for after, one in zip(map(sys.getrefcount, held), before, strict=True))
+
+
+def test_outputs_among_the_inputs_memory_are_fine_when_no_number_is_shared():
+    assert _compiled.Call(*shared(1))
+    memory = np.full((len(INPUTS) + 4, 5), 0.1)
+    for count in (0, 1, 5):
+        assert _compiled.Call(
+            "inverse_dynamics", "baseline", NUMBERS, list(memory[:-4, :count]), list(memory[-4:, :count])
+        )
+    same = memory[-1, :0]
+    assert _compiled.Call("inverse_dynamics", "baseline", NUMBERS, list(memory[:-4, :0]), [same] * 4)()
+
+
+@pytest.mark.parametrize("part", [(-1, 3), (3, 2), (0, 6), (6, 6), (0, 2**80)])
+def test_a_part_outside_the_samples_is_refused(part):
+    call = _compiled.Call(*with_first())
+    with pytest.raises(ValueError, match=r"part|fit"):
+        call(*part)
+
+
+@pytest.mark.parametrize("arguments", [(1,), (0, 1, 2), (0.0, 1.0), ("a", "b")])
+def test_a_call_takes_nothing_or_two_integers(arguments):
+    call = _compiled.Call(*with_first())
+    with pytest.raises(TypeError):
+        call(*arguments)
+    with pytest.raises(TypeError):
+        call(start=0, stop=1)
+
+
+def test_buffers_live_as_long_as_their_call():
+    inputs = [array.array("d", [0.1] * 4) for _ in INPUTS]
+    outputs = [array.array("d", [0.0] * 4) for _ in range(4)]
+    call = _compiled.Call("inverse_dynamics", "baseline", NUMBERS, inputs, outputs)
+    with pytest.raises(BufferError):
+        inputs[3].append(1.0)
+    with pytest.raises(BufferError):
+        outputs[0].pop()
+    call()
+    del call
+    inputs[3].append(1.0)
+    outputs[0].pop()
+
+    call = _compiled.Call(*with_first())  # nobody else holds these arrays
+    gc.collect()
+    call()
+
+
+class Holder(np.ndarray):
+    """An array that can hold on to the call that holds it."""
+
+
+def test_a_cycle_through_a_buffer_is_collected():
+    inputs, outputs = arrays()
+    inputs[0] = inputs[0].view(Holder)
+    inputs[0].call = _compiled.Call("inverse_dynamics", "baseline", NUMBERS, inputs, outputs)
+    gone = weakref.ref(inputs[0])
+    del inputs
+    gc.collect()
+    assert gone() is None
+
+
+def test_calls_keep_no_memory():
+    inputs, outputs = arrays(100)
+    call = inverse("baseline", inputs, outputs)
+    function = _compiled.Function("inverse_dynamics", "baseline", NUMBERS)
+    numbers = [0.1] * len(INPUTS)
+
+    def use(times):
+        for _ in range(times):
+            call()
+            call(3, 9)
+            function(*numbers)
+        for _ in range(times // 20):
+            inverse("baseline", inputs, outputs)()
+            _compiled.Function("inverse_dynamics", "baseline", NUMBERS)
+
+    use(1000)
+    tracemalloc.start()
+    try:
+        use(1000)
+        before = tracemalloc.get_traced_memory()[0]
+        use(100_000)
+        gc.collect()
+        assert tracemalloc.get_traced_memory()[0] - before < 5000
+    finally:
+        tracemalloc.stop()
+    assert sys.getrefcount(_compiled.Call) < 1000
+
+
+@each_level
+@each_kernel
+def test_a_function_of_numbers_is_a_call_of_one_sample(used, level):
+    function = _compiled.Function(used.name, level, used.of(model_of(machine_for(used))))
+    assert (function.kernel, function.level) == (used.name, level)
+    inputs, _ = columns_for(used, 4)
+    for sample in zip(*inputs, strict=True):
+        outputs, _ = run(used, level, [np.array([number]) for number in sample])
+        found = function(*sample)
+        assert all(type(number) is float for number in found)
+        assert found == tuple(float(output[0]) for output in outputs)
+
+
+def test_a_function_refuses_what_it_does_not_take():
+    function = _compiled.Function("kinematics", "baseline", np.ones(_compiled.kernels["kinematics"][0]))
+    for arguments in ((), (1.0, 2.0), (1.0,) * 4, (1.0, 2.0, "3"), (1.0, None, 3.0)):
+        with pytest.raises(TypeError):
+            function(*arguments)
+    with pytest.raises(TypeError):
+        function(1.0, 2.0, theta=3.0)
+    with pytest.raises(ValueError, match="no kernel"):
+        _compiled.Function("statics", "baseline", NUMBERS)
+    with pytest.raises(ValueError, match="constants"):
+        _compiled.Function("kinematics", "baseline", NUMBERS)
+
+
+def test_levels_and_kernels_cannot_be_changed():
+    assert _compiled.levels[0] == "baseline"
+    with pytest.raises(TypeError):
+        _compiled.kernels["kinematics"] = (0, 0, 0)
+    with pytest.raises(TypeError):
+        _compiled.Call.size = 3
+    with pytest.raises(AttributeError):
+        _compiled.Call(*with_first()).size = 3
+
+
+HARNESS = """
+#include <math.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+#define P3DOF_INLINE inline __attribute__((always_inline))
+#define P3DOF_TARGET {target}
+#define P3DOF_NAME(f) f##_here
+#include "vector_math.h"
+P3DOF_TARGET void sines(ptrdiff_t n, const double *restrict x, double *restrict s, double *restrict c)
+{{
+    _Pragma("omp simd")
+    for (ptrdiff_t i = 0; i < n; ++i)
+        sincos_here(x[i], &s[i], &c[i]);
+}}
+"""
+TARGETS = {
+    "baseline": "",
+    "avx2": '__attribute__((target("avx2,fma")))',
+    "avx512": '__attribute__((target("avx512f,avx512dq,avx512vl,avx2,fma")))',
+}
+
+
+@pytest.fixture(scope="module", params=_compiled.levels)
+def sines(request, tmp_path_factory):
+    """Sine and cosine as the kernels have them, on arrays."""
+    if not CAN_BUILD or os.name == "nt":
+        pytest.skip("no compiler")
+    folder = tmp_path_factory.mktemp("sines")
+    (folder / "sines.c").write_text(HARNESS.format(target=TARGETS[request.param]))
+    flags = ["-O3", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast", "-fopenmp-simd", "-w"]
+    source = ["-I", str(ROOT / "p3dof" / "kernels"), str(folder / "sines.c"), "-o", str(folder / "sines.so")]
+    subprocess.run([COMPILER, "-shared", "-fPIC", *flags, *source], check=True)
+    library = ctypes.CDLL(str(folder / "sines.so"))
+
+    def compute(x):
+        s, c = np.empty_like(x), np.empty_like(x)
+        pointers = [ctypes.c_void_p(values.ctypes.data) for values in (x, s, c)]
+        library.sines(ctypes.c_ssize_t(len(x)), *pointers)
+        return s, c
+
+    return compute
+
+
+def near_quarters(rng, count):
+    """Numbers at and around multiples of π/2, and of π/4 between them."""
+    quarters = rng.integers(-127_000, 127_001, count) * 0.5
+    x = quarters * (np.pi / 2) * (1 + rng.integers(-2, 3, count) * np.finfo(float).eps)
+    return x[np.abs(x) <= 1e5]
+
+
+def test_sine_and_cosine_are_right_to_the_last_bit_but_one(sines):
+    rng = np.random.default_rng(3)
+    x = np.concatenate([rng.uniform(-7, 7, 200_000), rng.uniform(-1e5, 1e5, 200_000)])
+    x = np.concatenate(
+        [x, near_quarters(rng, 200_000), [0.0, 1e5, -1e5, 5e-324, 1e-200, np.pi / 4, -np.pi / 4]]
+    )
+    s, c = sines(x)
+    exact = np.longdouble if np.finfo(np.longdouble).eps < 1e-18 else np.float64
+    assert np.abs(s - np.sin(x.astype(exact))).max() < 2e-16
+    assert np.abs(c - np.cos(x.astype(exact))).max() < 2e-16
+
+
+def test_sine_and_cosine_where_they_vanish(sines):
+    x = near_quarters(np.random.default_rng(4), 2000)
+    s, c = sines(x)
+    with mpmath.workdps(40):
+        for angle, sine, cosine in zip(x.tolist(), s.tolist(), c.tolist(), strict=True):
+            assert abs(mpmath.sin(angle) - sine) < 2e-16
+            assert abs(mpmath.cos(angle) - cosine) < 2e-16
+
+
+def test_sine_and_cosine_are_nan_for_what_they_do_not_take(sines):
+    s, c = sines(np.array([np.nan, np.inf, -np.inf, np.nextafter(1e5, 2e5), -1.1e5, 1e300, -1e9, 1e17, 1e22]))
+    assert np.isnan(s).all()
+    assert np.isnan(c).all()

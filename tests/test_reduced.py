@@ -1,0 +1,158 @@
+"""The reduced form: the full recursion with a third of the operations, from 21 numbers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from lagrange import LagrangeModel
+from machines import SEEDS, conditioning, derivative, random_machine, random_states
+
+import p3dof
+from p3dof import minimal, reduced, virtual_power
+from p3dof.kernels.formulas import MODEL, NAMES, all_kernels, is_symmetric, kernel
+from p3dof.kernels.regressor import BASE, INERTIAL, force_regressor, inertial_parameters
+from p3dof.parameters import Bodies, Body
+from p3dof.reduced import SYMMETRIC_ZEROS, State, model_of
+
+
+def formulas(machine, states):
+    """Forces, mass matrix and accelerations under these forces, by the plain formulas on arrays."""
+    q, v, a = states.pose, states.velocity, states.acceleration
+    model, state = model_of(machine), State(q[:, 0], q[:, 2], v[:, 0], v[:, 2], *a.T)
+    x = reduced.shape(model, state.y, state.theta, np)
+    wrench = tuple(states.wrench[:, row] for row in minimal.WRENCH_ROWS)
+    forces = reduced.actuator_forces(model, x, state, np, wrench)
+    M = reduced.mass_matrix(model, x, state.y, np)
+    M = np.stack([np.stack(np.broadcast_arrays(*row, state.y)[:3], axis=-1) for row in M], axis=-2)
+    acceleration = reduced.forward_dynamics(model, x, state, forces, np, wrench)
+    return np.stack(forces, axis=-1), M, np.stack(acceleration, axis=-1)
+
+
+@given(seed=SEEDS)
+@settings(max_examples=60, deadline=None)
+def test_it_is_the_recursion_and_lagrange_for_bodies_without_any_symmetry(seed):
+    machine = random_machine(seed)
+    states = random_states(machine, seed, 20)
+    forces, M, acceleration = formulas(machine, states)
+    motion = states.pose, states.velocity, states.acceleration
+    scale = 1e-12 * conditioning(machine.geometry, states.pose)[:, None] * np.abs(forces).max()
+    assert np.all(np.abs(forces - virtual_power.forces(machine, *motion, states.wrench)) < scale)
+    assert np.all(np.abs(forces - LagrangeModel(machine).forces(*motion, states.wrench)) < scale)
+    np.testing.assert_allclose(
+        M, minimal.mass_matrix(machine, states.pose), rtol=0, atol=1e-12 * np.abs(M).max()
+    )
+    size = np.abs(states.acceleration).max()
+    error = np.abs(acceleration - states.acceleration)
+    assert np.all(error < 1e-9 * np.maximum(1, np.linalg.cond(M))[:, None] * size)
+
+
+@pytest.mark.parametrize("machine", [p3dof.PAPER, p3dof.SOLIDS])
+def test_the_papers_machines_need_the_smaller_kernels_only(machine):
+    model = model_of(machine)
+    assert is_symmetric(model)
+    assert all(getattr(model.bodies, name) == 0 for name in SYMMETRIC_ZEROS)
+    assert not is_symmetric(model_of(replace(machine, gravity=[0.1, 0, -9.8])))
+    tilted = replace(machine.bodies, leg_b=Body(1.0, [0.2, 0, 0.01], np.eye(3) * 1e-2))
+    assert not is_symmetric(model_of(replace(machine, bodies=tilted)))
+
+
+def test_the_operations_are_as_few_as_the_readme_says():
+    counts = {k.name: sum(k.operations().values()) for k in all_kernels()}
+    assert counts["inverse_dynamics"] == 202
+    assert counts["inverse_dynamics_symmetric"] == 130
+    assert counts["forward_dynamics"] <= 1.3 * counts["inverse_dynamics"]
+    assert counts["forward_dynamics_symmetric"] <= 1.4 * counts["inverse_dynamics_symmetric"]
+    for name in ("inverse_dynamics", "inverse_dynamics_symmetric"):
+        found = kernel("inverse_dynamics", name.endswith("symmetric"))
+        assert found.operations()["div"] == 6
+        assert set(found.operations()) <= {"add", "sub", "mul", "div", "sqrt", "sin", "cos"}
+    assert len(counts) == 2 * len(NAMES) - 1
+
+
+@given(seed=SEEDS)
+@settings(max_examples=15, deadline=None)
+def test_its_numbers_are_the_base_parameters(seed):
+    """The forces are linear in them; they need all of them, and no more than the 100 of the bodies give."""
+    machine = random_machine(seed)
+    states = random_states(machine, seed, 300)
+    motion = states.pose, states.velocity, states.acceleration
+    forces = virtual_power.forces(machine, *motion)
+    found = force_regressor(machine, *motion)
+    phi = inertial_parameters(machine.bodies)
+    assert found.base.shape == (len(states.pose), 3, len(BASE) == 21 and 21)
+    assert found.inertial.shape == (len(states.pose), 3, len(INERTIAL))
+    bound = 1e-11 * np.abs(forces).max()
+    np.testing.assert_allclose(found.base @ found.base_parameters, forces, rtol=0, atol=bound)
+    np.testing.assert_allclose(found.inertial @ phi, forces, rtol=0, atol=bound)
+    np.testing.assert_allclose(
+        found.base_matrix @ phi,
+        found.base_parameters,
+        rtol=0,
+        atol=1e-13 * np.abs(found.base_matrix * phi).max(),
+    )
+    base = found.base.reshape(-1, len(BASE))
+    singular = np.linalg.svd(base / np.linalg.norm(base, axis=0), compute_uv=False)
+    assert singular[-1] > 1e-7 * singular[0]  # 21 are needed
+    assert np.linalg.matrix_rank(found.base_matrix) == len(BASE)  # and all can be had
+
+
+def test_the_regressor_of_the_recursion_has_the_same_rank():
+    """Columns of the recursion itself, one body's parameter at a time: their rank is 21, not more."""
+    machine = random_machine(11)
+    states = random_states(machine, 11, 120)
+    motion = states.pose, states.velocity, states.acceleration
+    rng, links = np.random.default_rng(0), p3dof.parameters.LINKS
+    base = {name: Body(1.0, rng.normal(0, 0.1, 3), np.diag([1.0, 1.1, 1.2])) for name in links}
+    reference = virtual_power.forces(replace(machine, bodies=Bodies(**base)), *motion).ravel()
+    columns = []
+    for name in links:
+        for _ in range(10):  # ten random changes span a body's ten parameters
+            other = Body(rng.uniform(0.5, 2), rng.normal(0, 0.1, 3), _inertia(rng))
+            changed = replace(machine, bodies=Bodies(**{**base, name: other}))
+            columns.append(virtual_power.forces(changed, *motion).ravel() - reference)
+    A = np.array(columns).T
+    singular = np.linalg.svd(A / np.linalg.norm(A, axis=0), compute_uv=False)
+    assert singular[20] > 1e-9 * singular[0]
+    assert singular[21] < 1e-12 * singular[0]
+
+
+@given(seed=SEEDS)
+@settings(max_examples=10, deadline=None)
+def test_derivatives_by_lengths_and_gravity(seed):
+    machine = random_machine(seed)
+    states = random_states(machine, seed, 10, drop=0.3, angle=0.3)
+    motion = states.pose, states.velocity, states.acceleration
+    found = force_regressor(machine, *motion)
+
+    def stretched(name):
+        def at(t):
+            geometry = replace(machine.geometry, **{name: getattr(machine.geometry, name) + t})
+            return virtual_power.forces(replace(machine, geometry=geometry), *motion)
+
+        return at
+
+    for index, name in enumerate("rRL"):
+        expected = derivative(stretched(name), 0.0, 1e-4 * machine.geometry.r)
+        np.testing.assert_allclose(
+            found.by_lengths[..., index], expected, rtol=0, atol=1e-6 * np.abs(expected).max()
+        )
+    for axis in range(3):
+        push = np.eye(3)[axis]
+        expected = virtual_power.forces(replace(machine, gravity=machine.gravity + push), *motion)
+        expected = expected - virtual_power.forces(machine, *motion)
+        bound = 1e-11 * np.abs(virtual_power.forces(machine, *motion)).max()
+        np.testing.assert_allclose(found.by_gravity[..., axis], expected, rtol=0, atol=bound)
+
+
+def test_model_numbers_are_in_the_order_of_their_names():
+    model = model_of(random_machine(5))
+    assert len(MODEL) == len(model.numbers) == 27
+    assert reduced.Model.of_numbers(model.numbers) == model
+
+
+def _inertia(rng):
+    points = rng.normal(0, 0.3, (6, 3))
+    return sum(point @ point * np.eye(3) - np.outer(point, point) for point in points)
