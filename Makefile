@@ -31,6 +31,7 @@ layers: $(DEV)
 
 generated: $(DEV)
 	$(BIN)/p3dof export --check
+	$(BIN)/p3dof codegen --kernels --check
 
 pytest: $(DEV)
 	$(BIN)/pytest -n auto
@@ -39,7 +40,7 @@ fuzz: $(DEV)
 	$(BIN)/pytest -m fuzz
 
 benchmark: $(DEV)
-	$(BIN)/python tests/benchmarks/inverse_dynamics.py
+	$(BIN)/python tests/benchmarks/kernels.py --out $(OUT)/benchmark
 	$(BIN)/python tests/benchmarks/simulation.py
 
 export: $(DEV)

@@ -7,6 +7,7 @@ input (one line on stderr).
 """
 
 from p3dof.cli import (  # noqa: F401 - they add their commands
+    codegen,
     compare,
     energy,
     export,

@@ -7,6 +7,9 @@ This layer knows no particular mechanism.
 """
 
 from p3dof.closed_loop.assembly import Assembly, State
+from p3dof.closed_loop.batch import BatchStates
+from p3dof.closed_loop.batch_dynamics import BatchInverseDynamics
+from p3dof.closed_loop.batch_targets import FrameTargets
 from p3dof.closed_loop.dynamics import ForwardDynamics, InverseDynamics
 from p3dof.closed_loop.model import ClosedLoopModel
 from p3dof.closed_loop.sidecar import Closure, Sidecar
@@ -14,10 +17,13 @@ from p3dof.closed_loop.targets import FrameTarget
 
 __all__ = [
     "Assembly",
+    "BatchInverseDynamics",
+    "BatchStates",
     "ClosedLoopModel",
     "Closure",
     "ForwardDynamics",
     "FrameTarget",
+    "FrameTargets",
     "InverseDynamics",
     "Sidecar",
     "State",

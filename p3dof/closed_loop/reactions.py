@@ -32,7 +32,8 @@ from p3dof.checks import FloatArray, frozen_array, shown
 from p3dof.closed_loop.closure_joints import ClosureJoint, joints_of
 from p3dof.closed_loop.closures import ClosurePoint, LoopKinematics, max_abs
 from p3dof.closed_loop.linear import Decomposition
-from p3dof.closed_loop.model import CLOSED, CONSISTENT, ClosedLoopModel, External
+from p3dof.closed_loop.loop_model import CLOSED, CONSISTENT, External
+from p3dof.closed_loop.model import ClosedLoopModel
 from p3dof.errors import DynamicsError, InputError, ModelError
 
 __all__ = ["BoolArray", "ClosureJoint", "JointReactions", "ReactionSolver", "loop_reactions"]

@@ -92,8 +92,8 @@ class Manipulator(DifferentialMachine):
         pose, velocity, acceleration : array-like, shape (..., 3)
             Of (y, z, θ) [m, m, rad] and per second, per second²; leading shapes broadcast.
         method : {"pinocchio", "virtual-power", "compiled"}
-            RNEA and loop closures in Pinocchio; the paper's virtual powers, vectorised; or the kernels, which
-            are the fastest by far.
+            RNEA and loop closures in Pinocchio, whose kinematics runs sample by sample; the paper's virtual
+            powers, vectorised; or the kernels, which are the fastest by far.
         wrench : array-like, shape (..., 6), optional
             External force and moment on the platform at P, in the fixed frame [N, N m].
         on_invalid : {"raise", "nan"}

@@ -12,9 +12,12 @@ import pinocchio as pin
 
 from p3dof.checks import FloatArray
 from p3dof.closed_loop import ClosedLoopModel
+from p3dof.closed_loop.batch_kinematics import Sweep
 from p3dof.parameters import Friction
 
-_X, _Y, _ = np.eye(3)
+_UNIVERSALS = ("universal_a", "universal_b")
+_UNIVERSAL = np.eye(3)[:2]
+"""In the closed mechanism a leg turns about x0 only, the platform about y0 only."""
 
 PLATFORM = "platform_center"
 """The frame at P."""
@@ -29,24 +32,24 @@ CUTS = {
 
 @dataclass(frozen=True, eq=False)
 class Resistance:
-    """What friction does at one state.
+    """What friction does at one state, or at N of them.
 
     Parameters
     ----------
-    joint_forces : (nv,) array
+    joint_forces : (nv,) or (N, nv) array
         Friction in the joints of the tree [N or N m].
-    external : dict of str to (6,) array
+    external : dict of str to (6,) or (N, 6) array
         Wrenches on the frames at the cuts, in world axes.
-    power : float
+    power : float or (N,) array
         Power that is lost [W].
     """
 
     joint_forces: FloatArray
     external: dict[str, FloatArray]
-    power: float
+    power: float | FloatArray
 
     def external_with(self, wrench: FloatArray | None) -> dict[str, FloatArray]:
-        """Return all wrenches on frames: these, and one on the platform at P (6,) if there is one."""
+        """Return all wrenches on frames: these, and one on the platform at P if there is one."""
         return self.external if wrench is None else {PLATFORM: wrench, **self.external}
 
 
@@ -62,7 +65,7 @@ class FrictionForces:
     """
 
     def __init__(self, loop: ClosedLoopModel, friction: Friction | None) -> None:
-        self._model, self._data = loop.model, loop.model.createData()
+        self._model = loop.model
         self._friction = friction or Friction()
         joints = self._friction.joints
         names = [str(name) for name in self._model.names]
@@ -74,10 +77,11 @@ class FrictionForces:
                 self._coulomb[index] = self._friction.coulomb.get(name, 0.0)
         self._cuts = [name for name in joints if name in CUTS]
         self._frames = {frame: self._model.getFrameId(frame) for name in self._cuts for frame in CUTS[name]}
+        self._data = self._model.createData() if self._cuts else None
         self._nothing = Resistance(np.zeros(self._model.nv), {}, 0.0)
 
     def at(self, q: FloatArray, v: FloatArray) -> Resistance:
-        """Return what friction does at a state.
+        """Return what friction does at one state.
 
         Parameters
         ----------
@@ -90,35 +94,57 @@ class FrictionForces:
         """
         if not self._friction:
             return self._nothing
-        forces = -self._viscous * v - self._coulomb * np.tanh(v / self._friction.smoothing)
-        power = -float(forces @ v)
-        external: dict[str, FloatArray] = {}
+        turning: dict[str, tuple[FloatArray, FloatArray]] = {}
         if self._cuts:
             pin.forwardKinematics(self._model, self._data, q, v)
         for name in self._cuts:
-            moment, lost = self._at_cut(name)
-            one, other = CUTS[name]
-            external[one] = np.concatenate([np.zeros(3), -moment])
-            external[other] = np.concatenate([np.zeros(3), moment])
-            power += lost
-        return Resistance(forces, external, power)
+            one, other = (self._frames[frame] for frame in CUTS[name])
+            axes = _UNIVERSAL
+            if name not in _UNIVERSALS:
+                axes = pin.updateFramePlacement(self._model, self._data, one).rotation[None, :, 1]
+            turning[name] = self._spin(other) - self._spin(one), axes
+        return self._resistance(v, turning)
 
-    def _at_cut(self, name: str) -> tuple[FloatArray, float]:
-        """Return the moment on the second frame of a cut [N m], and the power that is lost there [W]."""
-        one, other = (self._frames[frame] for frame in CUTS[name])
-        omega = self._spin(other) - self._spin(one)
-        if name.startswith("universal"):
-            axes = [_X, _Y]  # in the closed mechanism a leg turns about x0 only, the platform about y0 only
-        else:
-            axes = [pin.updateFramePlacement(self._model, self._data, one).rotation[:, 1]]
-        moment, power = np.zeros(3), 0.0
-        viscous, coulomb = self._friction.viscous.get(name, 0.0), self._friction.coulomb.get(name, 0.0)
-        for axis in axes:
-            rate = axis @ omega
-            resisting = viscous * rate + coulomb * np.tanh(rate / self._friction.smoothing)
-            moment = moment - resisting * axis
-            power += float(resisting * rate)
-        return moment, power
+    def over(self, q: FloatArray, v: FloatArray) -> Resistance:
+        """Return what friction does at N states.
+
+        Parameters
+        ----------
+        q, v : (N, nv) array
+            Configurations and velocities of the tree.
+
+        Returns
+        -------
+        Resistance
+        """
+        turning: dict[str, tuple[FloatArray, FloatArray]] = {}
+        if self._cuts:
+            sweep = Sweep(self._model)
+            samples = sweep.at(q)
+            spins = sweep.twists(samples.J, v)[..., 3:]
+        for name in self._cuts:
+            one, other = (self._model.frames[self._frames[frame]] for frame in CUTS[name])
+            axes = _UNIVERSAL
+            if name not in _UNIVERSALS:
+                axes = (samples.R[:, one.parentJoint] @ one.placement.rotation[:, 1])[:, None]
+            turning[name] = spins[:, other.parentJoint] - spins[:, one.parentJoint], axes
+        return self._resistance(v, turning)
+
+    def _resistance(self, v: FloatArray, turning: dict[str, tuple[FloatArray, FloatArray]]) -> Resistance:
+        """Return the resistance from v (..., nv), and the relative spin (..., 3) and axes of every cut."""
+        forces = -self._viscous * v - self._coulomb * np.tanh(v / self._friction.smoothing)
+        power = -(forces * v).sum(axis=-1)
+        external: dict[str, FloatArray] = {}
+        for name, (omega, axes) in turning.items():
+            viscous, coulomb = self._friction.viscous.get(name, 0.0), self._friction.coulomb.get(name, 0.0)
+            rates = (axes @ omega[..., None])[..., 0]
+            resisting = viscous * rates + coulomb * np.tanh(rates / self._friction.smoothing)
+            power = power + (resisting * rates).sum(axis=-1)
+            wrench = np.zeros((*omega.shape[:-1], 6))
+            wrench[..., 3:] = -(resisting[..., None, :] @ axes)[..., 0, :]
+            one, other = CUTS[name]
+            external[one], external[other] = -wrench, wrench
+        return Resistance(forces, external, power)
 
     def _spin(self, frame: int) -> FloatArray:
         found = pin.getFrameVelocity(self._model, self._data, frame, pin.LOCAL_WORLD_ALIGNED).angular

@@ -6,16 +6,14 @@ Timings are never a test: machines differ; compare the ratios of one run.
 
 from __future__ import annotations
 
-import platform
-import statistics
 import time
 from collections.abc import Callable, Mapping
 from importlib.util import find_spec
 
 import numpy as np
 import pinocchio as pin
-from rich.console import Console
 from rich.table import Table
+from rounds import Contender, described, measure, wide_console
 
 import p3dof
 from p3dof import engines
@@ -32,26 +30,32 @@ def main() -> None:
     """Measure and print."""
     robot = p3dof.load()
     forces = robot.forces(HOME, HOME, HOME) * [0.95, 1.0, 1.05]
-    contenders = ways(robot, forces)
-    found: dict[str, list[float]] = {name: [] for name in contenders}
     ends: dict[str, np.ndarray] = {}
-    for _ in range(ROUNDS):
-        for name, run in contenders.items():
-            ends[name], seconds = run()
-            found[name].append(seconds)
+    contenders = [contender(name, run, ends) for name, run in ways(robot, forces).items()]
+    found = measure(contenders, ROUNDS, share=np.inf)
     exact = robot.simulate(DURATION, controller=forces, samples=2, rtol=1e-12, atol=1e-14).sliders[-1]
     table = Table("simulation", "× real time", "µs per simulated ms", "error of the sliders at the end")
-    for name, values in found.items():
-        median = statistics.median(values)
+    for (_, name, _), timing in found.items():
         error = f"{np.abs(ends[name] - exact).max():.1e} m"
-        table.add_row(name, f"{DURATION / median:.3g}", f"{median / DURATION * 1e3:.3g}", error)
-    console = Console()
+        table.add_row(name, f"{DURATION / timing.median:.3g}", f"{timing.median / DURATION * 1e3:.3g}", error)
+    console = wide_console()
     console.print(table)
-    console.print(
-        f"median of {ROUNDS} interleaved rounds of {DURATION} s; {platform.machine()}, "
-        f"Python {platform.python_version()}, numpy {np.__version__}, pin {pin.__version__}",
-        soft_wrap=True,
-    )
+    console.print(f"median of {ROUNDS} interleaved rounds of {DURATION} s; {described()}", soft_wrap=True)
+
+
+def contender(
+    name: str, run: Callable[[], tuple[np.ndarray, float]], ends: dict[str, np.ndarray]
+) -> Contender:
+    """Return a way as a contender, which also tells where it ended."""
+
+    def runs(count: int) -> float:
+        total = 0.0
+        for _ in range(count):
+            ends[name], seconds = run()
+            total += seconds
+        return total
+
+    return Contender("simulation", name, "", runs)
 
 
 def ways(
@@ -77,6 +81,8 @@ def ways(
         return run
 
     found = {
+        "y, z, θ, compiled, adaptive": ours("compiled"),
+        "y, z, θ, compiled, forces held at 1 kHz": ours("compiled", 1000.0),
         "y, z, θ, adaptive": ours("virtual-power"),
         "y, z, θ, forces held at 1 kHz": ours("virtual-power", 1000.0),
         "all joints, adaptive": ours("pinocchio"),

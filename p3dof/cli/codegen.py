@@ -1,0 +1,100 @@
+"""`p3dof codegen`: C for a controller, and the package's own kernels."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+from rich.console import Console
+from rich.table import Table
+
+from p3dof.cli.app import app
+from p3dof.cli.export import CHECK, SHOWN
+from p3dof.cli.options import PARAMETERS, Payload, protect
+from p3dof.cli.output import print_plain
+from p3dof.codegen import files
+from p3dof.codegen.batch import DIRECTORY, batch_files
+from p3dof.codegen.controller import controller_files
+from p3dof.codegen.printing import operation_counts
+from p3dof.kernels.formulas import NAMES, kernel
+from p3dof.manipulator import load
+from p3dof.parameters import Body, Parameters
+
+TOLERANCE = 1e-9
+"""Relative difference of numbers that ``--check`` lets pass in the files of a controller: a change of the
+parameters that matters is more, other last bits on another processor are less."""
+
+
+@app.command()
+@PARAMETERS
+@click.option(
+    "--payload",
+    type=Payload(),
+    help="Point mass on the platform [kg], at P or at x,y,z in its frame [m].",
+)
+@click.option("--out", type=click.Path(path_type=Path), help="Folder of the C for a controller.")
+@click.option(
+    "--bake", is_flag=True, help="Put the machine's numbers into the code: smaller, not to be changed."
+)
+@click.option("--kernels", is_flag=True, help="The package's own kernels, where they are in the package.")
+@CHECK
+def codegen(
+    parameters: Path | None, payload: Body | None, out: Path | None, bake: bool, kernels: bool, check: bool
+) -> int:
+    """Write C99 for a controller: kinematics, dynamics and derivatives, with a program that tests it."""
+    if out is None and not kernels:
+        raise click.UsageError("expected --out (C for a controller), --kernels (the package's own) or both")
+    if out is None and (parameters is not None or payload is not None or bake):
+        raise click.UsageError("--parameters, --payload and --bake belong to --out")
+    jobs: list[tuple[dict[str, str], Path, float]] = []
+    tables = []
+    if out is not None:
+        robot = load(parameters)
+        machine = robot.parameters if payload is None else robot.parameters.carrying(payload)
+        jobs.append((controller_files(machine, bake), out, TOLERANCE))
+        tables.append(_function_table(machine))
+    if kernels:
+        jobs.append((batch_files(), DIRECTORY, 0.0))
+        tables.append(_kernel_table())
+    if check:
+        return _check(jobs)
+    protect((parameters,), [folder / name for texts, folder, _ in jobs for name in texts])
+    console = Console()
+    for texts, folder, _ in jobs:
+        for path in files.write(texts, folder):
+            print_plain(console, f"wrote {path}")
+    for table in tables:
+        console.print(table)
+    return 0
+
+
+def _check(jobs: list[tuple[dict[str, str], Path, float]]) -> int:
+    console, differences = Console(), []
+    for texts, folder, tolerance in jobs:
+        found = files.check(texts, folder, tolerance)
+        differences += found
+        if not found:
+            print_plain(console, f"{folder}: up to date")
+    for line in differences[:SHOWN]:
+        print_plain(console, line)
+    if len(differences) > SHOWN:
+        print_plain(console, f"... and {len(differences) - SHOWN} more differences")
+    return 1 if differences else 0
+
+
+def _function_table(machine: Parameters) -> Table:
+    table = Table("function", "general", "symmetric", "friction", "baked")
+    table.title = "operations of a call: any machine, a symmetric one, more for friction, this one baked"
+    for count in operation_counts(machine):
+        numbers = (count.general, count.symmetric, f"+{count.friction}", count.machine)
+        table.add_row(count.name, *(str(number) for number in numbers))
+    return table
+
+
+def _kernel_table() -> Table:
+    table = Table("kernel", "general", "symmetric")
+    table.title = "operations of a sample, beside the margin"
+    for name in NAMES:
+        counts = (sum(kernel(name, symmetric).operations().values()) for symmetric in (False, True))
+        table.add_row(name, *(str(count) for count in counts))
+    return table

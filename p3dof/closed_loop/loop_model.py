@@ -1,0 +1,452 @@
+"""`LoopModel`: a tree model, its loop closures and its actuators, one configuration at a time."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+from typing_extensions import Self
+
+from p3dof.checks import FloatArray, frozen_array, positive
+from p3dof.closed_loop.assembly import TOLERANCE, Assembler, Assembly, State
+from p3dof.closed_loop.closures import ClosurePoint, LoopKinematics, max_abs
+from p3dof.closed_loop.dynamics import Dynamics, ForwardDynamics, InverseDynamics
+from p3dof.closed_loop.energy import energy_rate
+from p3dof.closed_loop.sidecar import Sidecar, suggestion
+from p3dof.closed_loop.targets import BoundFrameTarget, FrameTarget, JointTarget, NoTarget, Target
+from p3dof.closed_loop.urdf import build_tree
+from p3dof.errors import InputError, ModelError
+
+CLOSED = 1e-5
+"""Largest gap at which inverse dynamics has a meaning [m or rad]."""
+NEARLY_CLOSED = 1e-3
+"""Largest gap at which forward dynamics has: an integrator's intermediate stages are a little open."""
+CONSISTENT = 1e-6
+"""Largest relative error of velocities and accelerations at the closures, for inverse dynamics."""
+NEARLY_CONSISTENT = 1e-2
+"""Largest relative error of velocities at the closures, for forward dynamics: likewise."""
+
+TargetLike = FrameTarget | ArrayLike | None
+"""A frame's placement, the values of the actuated joints, or nothing but closed loops."""
+External = Mapping[str, ArrayLike]
+"""Frame name → wrench (6,): force [N], moment [N m], in world axes at the frame's origin."""
+
+
+class LoopModel:
+    """Kinematics and dynamics of any robot with (or without) loop closures.
+
+    Parameters
+    ----------
+    model : pin.Model
+        A tree. Its frames and joints must stay as they are; masses and gravity may be changed.
+    sidecar : Sidecar
+        Loop closures and actuated joints.
+
+    Raises
+    ------
+    ModelError
+        If a frame or joint that the sidecar names does not exist, both frames of a closure are on the same
+        body, or an actuated joint has not exactly one degree of freedom.
+
+    Notes
+    -----
+    An instance owns workspaces that every method writes to: it is not thread-safe. Give each thread a `copy`.
+    Arrays in results are read-only copies.
+    """
+
+    def __init__(self, model: pin.Model, sidecar: Sidecar) -> None:
+        if not isinstance(model, pin.Model):
+            raise ModelError(f"model: expected a pinocchio.Model, got {type(model).__name__}")
+        if not isinstance(sidecar, Sidecar):
+            raise ModelError(f"sidecar: expected a Sidecar, got {type(sidecar).__name__}")
+        self.model = model
+        self.sidecar = sidecar
+        self._kinematics = LoopKinematics(model, sidecar)
+        self._joints = [self._actuated_joint(name) for name in sidecar.actuated]
+        self.actuated_v = np.array([model.idx_vs[j] for j in self._joints], dtype=int)
+        self.actuated_v.setflags(write=False)
+        self._assembler = Assembler(self._kinematics)
+        self._dynamics = Dynamics(self._kinematics, self.actuated_v)
+        self._data = model.createData()
+
+    @classmethod
+    def from_urdf(
+        cls,
+        path_or_xml: str | os.PathLike[str],
+        closures: Sidecar | Mapping[str, Any] | str | os.PathLike[str] | None = None,
+        root_joint: pin.JointModel | None = None,
+    ) -> Self:
+        """Build the model from a tree URDF and its sidecar.
+
+        As in Pinocchio's own reader, ``<mimic>`` joints are independent (the closures must tie them), and the
+        damping and friction of ``<dynamics>`` exert no force. At most 1000 links and 200 degrees of freedom
+        are read.
+
+        Parameters
+        ----------
+        path_or_xml : str or path-like
+            The path of a URDF, or its text.
+        closures : Sidecar, mapping, str or path-like, optional
+            The sidecar, a mapping with the keys of its file, or the path of the file or its text. Without one
+            the robot is an open tree and every joint with one degree of freedom is actuated.
+        root_joint : pin.JointModel, optional
+            The joint between the world and the root link; by default the root link is fixed.
+
+        Returns
+        -------
+        ClosedLoopModel
+
+        Raises
+        ------
+        ModelError
+            If a file is missing, malformed or too large, or names something that does not exist.
+        InputError
+            If `root_joint` is not a joint model.
+        """
+        sidecar: Sidecar | None
+        if isinstance(closures, str) and "\n" in closures:
+            sidecar = Sidecar.parse(closures)
+        elif isinstance(closures, str | os.PathLike):
+            sidecar = Sidecar.from_yaml(closures)
+        elif closures is None or isinstance(closures, Sidecar):
+            sidecar = closures
+        else:
+            sidecar = Sidecar.from_mapping(closures)
+        if root_joint is not None and not hasattr(root_joint, "nq"):
+            raise InputError(f"root_joint: expected a pinocchio joint model, got {type(root_joint).__name__}")
+        model = build_tree(path_or_xml, root_joint)
+        return cls(model, Sidecar.serial(model) if sidecar is None else sidecar)
+
+    def copy(self) -> Self:
+        """Return an independent copy, for another thread (processes: an instance can be pickled)."""
+        return type(self)(self.model.copy(), self.sidecar)
+
+    def __reduce__(self) -> tuple[type[Self], tuple[pin.Model, Sidecar]]:
+        return type(self), (self.model, self.sidecar)  # so that it can be sent to another process
+
+    def __repr__(self) -> str:
+        kind, loops, names = type(self).__name__, len(self.sidecar.closures), ", ".join(self.actuated)
+        return f"{kind}({self.model.name!r}, nv={self.model.nv}, closures={loops}, actuated=[{names}])"
+
+    @property
+    def actuated(self) -> tuple[str, ...]:
+        """Names of the actuated joints, in the order of `tau`."""
+        return self.sidecar.actuated
+
+    @property
+    def constraint_models(self) -> pin.StdVec_ConstraintModel:
+        """The closures as Pinocchio constraint models (point and frame anchors); a copy."""
+        return self._kinematics.constraint_models.copy()
+
+    @property
+    def constraint_rows(self) -> tuple[slice, ...]:
+        """Rows of each closure in `closure_error`, `closure_jacobian` and the multipliers."""
+        return tuple(self._kinematics.rows)
+
+    @property
+    def generic_rank(self) -> int | None:
+        """Rank of the closures around the neutral configuration; None if the loops do not close there."""
+        return self._assembler.generic_rank
+
+    def closure_error(self, q: ArrayLike) -> FloatArray:
+        """Return how far each closure is open.
+
+        Parameters
+        ----------
+        q : (nq,) array
+            Configuration.
+
+        Returns
+        -------
+        (rows,) array
+            ``3d``: R1ᵀ(p2 - p1) [m]; ``6d``: log6(M1⁻¹ M2) [m, rad].
+
+        Raises
+        ------
+        InputError
+            If `q` has the wrong shape, is not finite or not normalised.
+        """
+        return self._at(q).error.copy()
+
+    def closure_jacobian(self, q: ArrayLike) -> FloatArray:
+        """Return the closures' Jacobian J: J v is the velocity of frame 2 seen from frame 1, in its axes.
+
+        Parameters
+        ----------
+        q : (nq,) array
+            Configuration.
+
+        Returns
+        -------
+        (rows, nv) array
+
+        Raises
+        ------
+        InputError
+            If `q` has the wrong shape, is not finite or not normalised.
+        """
+        return self._at(q).J.copy()
+
+    def rank(self, q: ArrayLike) -> int:
+        """Return the rank of the closures' Jacobian at `q` (nq,), whose loops should be closed."""
+        return self._at(q).svd.rank
+
+    def mobility(self, q: ArrayLike) -> int:
+        """Return the number of free motions of the closed mechanism at `q` (nq,): nv - rank."""
+        return int(self.model.nv) - self.rank(q)
+
+    def assemble(
+        self, target: TargetLike = None, guess: ArrayLike | None = None, tolerance: float = TOLERANCE
+    ) -> Assembly:
+        """Find the configuration that closes the loops at a target, on the assembly of the guess.
+
+        Parameters
+        ----------
+        target : FrameTarget or (n_actuated,) array, optional
+            A frame's placement, or the values of the actuated joints [m or rad; an angle for a continuous
+            joint]; without one the loops are only closed, by the shortest way.
+        guess : (nq,) array, optional
+            Where to start; by default the neutral configuration. Others can fall into a wrong assembly, which
+            `same_assembly` of the result then tells.
+        tolerance : float
+            Largest closure and target error that counts as closed [m or rad]. The iteration goes on to
+            round-off whatever it is.
+
+        Returns
+        -------
+        Assembly
+
+        Raises
+        ------
+        AssemblyError
+            If the loops cannot be closed at the target; it carries the gap that is left.
+        InputError
+            If an argument has the wrong shape, is not finite, or names a frame that does not exist.
+        """
+        start = None if guess is None else self._configuration("guess", guess)
+        return self._assembler.assemble(
+            self._target(target), start, positive("tolerance", tolerance, InputError)
+        )
+
+    def complete(
+        self, target: TargetLike, velocity: ArrayLike, acceleration: ArrayLike, guess: ArrayLike | None = None
+    ) -> State:
+        """Find configuration, velocity and acceleration of the whole tree from the motion of a target.
+
+        Parameters
+        ----------
+        target : FrameTarget or (n_actuated,) array
+            As in `assemble`.
+        velocity, acceleration : (n,) array
+            Velocity and acceleration of the actuated joints, or the prescribed components, in the order of
+            the mask, of the frame's ``LOCAL_WORLD_ALIGNED`` velocity and classical acceleration.
+        guess : (nq,) array, optional
+            As in `assemble`.
+
+        Returns
+        -------
+        State
+
+        Raises
+        ------
+        AssemblyError
+            If the loops cannot be closed at the target, or the closed mechanism cannot move so.
+        InputError
+            If an argument has the wrong shape, is not finite, or names a frame that does not exist.
+        """
+        bound = self._target(target)
+        v = frozen_array("velocity", velocity, (bound.size,))
+        a = frozen_array("acceleration", acceleration, (bound.size,))
+        start = None if guess is None else self._configuration("guess", guess)
+        return self._assembler.complete(bound, self._assembler.assemble(bound, start, TOLERANCE), v, a)
+
+    def inverse_dynamics(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        a: ArrayLike,
+        external: External | None = None,
+        joint_forces: ArrayLike | None = None,
+    ) -> InverseDynamics:
+        """Return the actuator forces that produce a motion, with the forces in the closures.
+
+        Parameters
+        ----------
+        q : (nq,) array
+            Configuration, with closed loops.
+        v, a : (nv,) array
+            Velocity and acceleration, which keep the loops closed.
+        external : mapping of str to (6,) array, optional
+            Wrenches that act on frames: force [N], moment [N m], in world axes at the frame's origin.
+        joint_forces : (nv,) array, optional
+            What acts in the joints besides the actuators, such as friction and springs [N or N m].
+
+        Returns
+        -------
+        InverseDynamics
+
+        Raises
+        ------
+        SingularityError
+            If there are enough actuators but they cannot hold the mechanism at this configuration.
+        DynamicsError
+            If the motion needs a force that no actuator gives (fewer actuators than mobility).
+        InputError
+            If an argument has the wrong shape or is not finite, the loops are open by more than 1e-5, or the
+            motion would open them.
+        """
+        point = self._at(q, CLOSED)
+        v = frozen_array("v", v, (self.model.nv,))
+        a = frozen_array("a", a, (self.model.nv,))
+        self._check_motion(point, v, a)
+        return self._dynamics.inverse(point, v, a, self._external(external, joint_forces))
+
+    def forward_dynamics(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        tau: ArrayLike,
+        external: External | None = None,
+        joint_forces: ArrayLike | None = None,
+        stabilisation: float = 0.0,
+    ) -> ForwardDynamics:
+        """Return the acceleration that actuator forces produce; redundant closures do no harm.
+
+        With stabilisation, integrated loops do not drift open. Without, project configurations that have
+        drifted back with ``assemble(None, guess=q)``.
+
+        Parameters
+        ----------
+        q : (nq,) array
+            Configuration, with closed loops.
+        v : (nv,) array
+            Velocity.
+        tau : (n_actuated,) array
+            Forces of the actuated joints [N or N m].
+        external : mapping of str to (6,) array, optional
+            As in `inverse_dynamics`.
+        joint_forces : (nv,) array, optional
+            As in `inverse_dynamics`.
+        stabilisation : float
+            β of Baumgarte's stabilisation [1/s]: gaps e of the loops follow ë + 2β ė + β² e = 0.
+
+        Returns
+        -------
+        ForwardDynamics
+
+        Raises
+        ------
+        DynamicsError
+            If no acceleration satisfies closures and equation of motion to the accuracy of the method.
+        InputError
+            If an argument has the wrong shape or is not finite, the loops are open by more than 1e-3, or the
+            velocity opens them by more than 1e-2 of itself.
+        """
+        point = self._at(q, NEARLY_CLOSED)
+        v = frozen_array("v", v, (self.model.nv,))
+        if point.J.size:
+            self._check_opening("v", point.J @ v, NEARLY_CONSISTENT * max(1.0, max_abs(v)))
+        beta = float(frozen_array("stabilisation", stabilisation, ()))
+        if beta < 0:
+            raise InputError(f"stabilisation: expected zero or more, got {beta:g}")
+        force = self._external(external, joint_forces)
+        force[self.actuated_v] += frozen_array("tau", tau, (len(self.actuated),))
+        return self._dynamics.forward(point, v, force, beta)
+
+    def power(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> float:
+        """Return the rate of change of the mechanical energy, summed body by body.
+
+        It equals the power of actuators and external wrenches if the dynamics is right, and shares nothing
+        with it: every body contributes m vc·(ac - g) + ω·(I α + ω × I ω).
+
+        Parameters
+        ----------
+        q : (nq,) array
+            Configuration.
+        v, a : (nv,) array
+            Velocity and acceleration.
+
+        Returns
+        -------
+        float
+            [W]
+
+        Raises
+        ------
+        InputError
+            If an argument has the wrong shape or is not finite.
+        """
+        q = self._configuration("q", q)
+        v = frozen_array("v", v, (self.model.nv,))
+        a = frozen_array("a", a, (self.model.nv,))
+        return energy_rate(self.model, self._data, q, v, a)
+
+    def _actuated_joint(self, name: str) -> int:
+        joints = [str(joint) for joint in self.model.names[1:]]
+        if name not in joints:
+            raise ModelError(f"actuated: the joint {name!r} does not exist; {suggestion(name, joints)}")
+        index = joints.index(name) + 1
+        if self.model.nvs[index] != 1:
+            got = self.model.nvs[index]
+            raise ModelError(f"actuated: expected joints with one degree of freedom, {name!r} has {got}")
+        return index
+
+    def _configuration(self, name: str, q: ArrayLike) -> FloatArray:
+        array = frozen_array(name, q, (self.model.nq,))
+        if self.model.nq != self.model.nv and not pin.isNormalized(self.model, array, 1e-6):
+            raise InputError(
+                f"{name}: not normalised (unit quaternions and circles); see pinocchio.normalize"
+            )
+        return array
+
+    def _at(self, q: ArrayLike, largest_gap: float = np.inf) -> ClosurePoint:
+        point = self._kinematics.at(self._configuration("q", q))
+        if not point.gap <= largest_gap:
+            raise InputError(
+                f"q: the closure {self._kinematics.worst(point.error)} is open by {point.gap:.3g} m or rad, "
+                f"expected at most {largest_gap:g}; assemble(None, guess=q) closes it"
+            )
+        return point
+
+    def _target(self, target: TargetLike) -> Target:
+        if target is None:
+            return NoTarget(self.model.nv)
+        if isinstance(target, FrameTarget):
+            return BoundFrameTarget(self._kinematics, target)
+        return JointTarget(self._kinematics, self._joints, target)
+
+    def _check_motion(self, point: ClosurePoint, v: FloatArray, a: FloatArray) -> None:
+        if not point.J.size:
+            return
+        relative = CONSISTENT + 100.0 * point.gap
+        self._check_opening("v", point.J @ v, relative * max(1.0, max_abs(v)))
+        self._kinematics.move(point.q, v, a)
+        opening = self._kinematics.acceleration()
+        self._check_opening("a", opening, relative * max(1.0, max_abs(a), max_abs(v) ** 2))
+
+    def _check_opening(self, name: str, opening: FloatArray, allowed: float) -> None:
+        worst = max_abs(opening)
+        if worst > allowed:
+            raise InputError(
+                f"{name}: opens the closure {self._kinematics.worst(opening)} by {worst:.3g} (SI units), "
+                f"expected at most {allowed:.1g}; complete() finds motions that keep the loops closed"
+            )
+
+    def _external(self, external: External | None, joint_forces: ArrayLike | None) -> FloatArray:
+        """Return the generalised force (nv,) of everything that is not an actuator."""
+        if external is not None and not isinstance(external, Mapping):
+            raise InputError(
+                f"external: expected a mapping of frame names to wrenches, got {type(external).__name__}"
+            )
+        wrenches = []
+        for name, wrench in (external or {}).items():
+            frame = self._kinematics.frame(name, "external", InputError)
+            wrenches.append((frame, frozen_array(f"external {name}", wrench, (6,))))
+        force = self._dynamics.external(wrenches)
+        if joint_forces is not None:
+            force += frozen_array("joint_forces", joint_forces, (self.model.nv,))
+        return force

@@ -1,0 +1,135 @@
+"""The numbers of a machine as the functions in C take them, and how they follow from its parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cache
+
+from p3dof import reduced
+from p3dof.codegen.friction import JOINTS, TOGETHER, folded
+from p3dof.codegen.replay import replay
+from p3dof.errors import ParameterError
+from p3dof.inertials import Inertial
+from p3dof.kernels.formulas import MODEL
+from p3dof.kinematics.formulas import Lengths
+from p3dof.parameters import LINKS, Parameters
+from p3dof.tracing import Number, Symbol, Tape
+
+FRICTION = (
+    *(f"viscous_{i}" for i in range(len(TOGETHER))),
+    *(f"coulomb_{i}" for i in range(len(TOGETHER))),
+    "steepness",
+)
+"""Coefficients of the nine rates in `p3dof.codegen.friction`, and one over the rate that smooths."""
+
+MACHINE = (*MODEL, *FRICTION)
+"""The numbers of a machine."""
+
+NOT_NUMBERS = "the numbers of this machine are too large or too small for double precision"
+"""What is wrong with a machine whose numbers overflow."""
+
+INERTIA = ("xx", "xy", "xz", "yy", "yz", "zz")
+"""Order of the entries of an inertia in C."""
+
+
+def body_names(link: str) -> list[str]:
+    """Return the names of the ten numbers of a body."""
+    return [f"{link}.mass", *(f"{link}.com{i}" for i in range(3)), *(f"{link}.{name}" for name in INERTIA)]
+
+
+GIVEN = (
+    *("r", "R", "L", "gx", "gy", "gz"),
+    *(name for link in LINKS for name in body_names(link)),
+    *(f"{kind}.{joint}" for kind in ("viscous", "coulomb") for joint in JOINTS),
+    "smoothing",
+)
+"""The parameters of a machine in a row."""
+
+
+@cache
+def preparation() -> tuple[Tape, dict[str, Symbol], list[Number]]:
+    """Return how the numbers of a machine, `MACHINE`, follow from its parameters, `GIVEN`.
+
+    Returns
+    -------
+    tape : Tape
+    symbols : dict of str to Symbol
+        The parameters by name.
+    numbers : list of Symbol
+        In the order of `MACHINE`.
+    """
+    tape = Tape()
+    given = dict(zip(GIVEN, tape.symbols(GIVEN), strict=True))
+    r, R, L = given["r"], given["R"], given["L"]
+    h = tape.sqrt((L - (R - r)) * (L + (R - r)))
+    bodies = {link: _inertial([given[name] for name in body_names(link)]) for link in LINKS}
+    base = reduced.fold(Lengths(r, R, L, 0, h), bodies)
+    viscous, coulomb = (
+        folded({joint: given[f"{kind}.{joint}"] for joint in JOINTS}) for kind in ("viscous", "coulomb")
+    )
+    lengths_and_gravity = [given[name] for name in MODEL[:6]]
+    return tape, given, [*lengths_and_gravity, *base, *viscous, *coulomb, 1 / given["smoothing"]]
+
+
+def parameter_row(parameters: Parameters) -> list[float]:
+    """Return the parameters of a machine in the order of `GIVEN`.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine.
+
+    Returns
+    -------
+    list of float
+    """
+    geometry, friction = parameters.geometry, parameters.friction
+    row = [geometry.r, geometry.R, geometry.L, *parameters.gravity.tolist()]
+    for _, body in tuple(parameters.bodies.items()):
+        I = body.inertia  # noqa: E741 - the inertia
+        six = (I[0, 0], I[0, 1], I[0, 2], I[1, 1], I[1, 2], I[2, 2])
+        row += [body.mass, *body.com.tolist(), *(float(value) for value in six)]
+    row += [friction.viscous.get(joint, 0.0) for joint in JOINTS]
+    row += [friction.coulomb.get(joint, 0.0) for joint in JOINTS]
+    return [*row, friction.smoothing]
+
+
+def _inertial(row: list[Symbol]) -> Inertial:
+    m, cx, cy, cz, xx, xy, xz, yy, yz, zz = row
+    return Inertial(m, (cx, cy, cz), ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
+
+
+def machine_numbers(row: Sequence[float]) -> dict[str, float]:
+    """Return the numbers of a machine by name of `MACHINE` from its parameters in the order of `GIVEN`.
+
+    Parameters
+    ----------
+    row : sequence of float
+        From `parameter_row`.
+
+    Returns
+    -------
+    dict of str to float
+
+    Raises
+    ------
+    ParameterError
+        If they overflow.
+    """
+    tape, given, numbers = preparation()
+    known: dict[int, Number] = {
+        symbol.index: value for symbol, value in zip(given.values(), row, strict=True)
+    }
+    try:
+        found = replay(tape, numbers, known, Tape())
+    except (ArithmeticError, ValueError) as error:
+        raise ParameterError(NOT_NUMBERS) from error
+    return {name: finite_number(value) for name, value in zip(MACHINE, found, strict=True)}
+
+
+def finite_number(value: Number) -> float:
+    """Return a value that is known and finite, or raise ParameterError."""
+    if isinstance(value, Symbol) or not math.isfinite(value):
+        raise ParameterError(NOT_NUMBERS)
+    return float(value)

@@ -1,0 +1,310 @@
+"""States of motion with everything that the generated C computes there, by other ways than it does.
+
+Kinematics by `p3dof.kinematics`, forces by virtual powers, their derivatives by complex steps through that
+recursion, the rest by `p3dof.minimal`. Only the fold of the bodies, which says what the base inertial
+parameters are, is shared.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from p3dof import kinematics, minimal, virtual_power
+from p3dof.algebra import Vector, components
+from p3dof.checks import FloatArray
+from p3dof.errors import ParameterError
+from p3dof.inertials import Inertial, inertials
+from p3dof.kernels.formulas import MODEL
+from p3dof.kinematics.formulas import Lengths
+from p3dof.losses import NO_LOSSES, losses_of
+from p3dof.parameters import LINKS, Parameters
+from p3dof.reduced import fold
+from p3dof.virtual_power import Wrench
+
+_STEP = 1e-100
+"""Complex step: nothing is subtracted."""
+
+_CANDIDATES = 4000
+_ENTRIES = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+_REST: Vector = (0, 0, 0)
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """States and expected results.
+
+    Parameters
+    ----------
+    inputs : dict of str to ndarray, shape (N, 3) or (N, 6)
+        ``pose``, ``velocity``, ``acceleration``, ``wrench``, ``forces`` that act, ``sliders``.
+    outputs : dict of str to ndarray, shape (N, M)
+        By function, all its outputs in a row.
+    amplification : ndarray, shape (N,)
+        By how much rounding grows near singularities.
+    singular : ndarray, shape (3,)
+        A pose at which the actuators cannot hold the platform.
+    """
+
+    inputs: dict[str, FloatArray]
+    outputs: dict[str, FloatArray]
+    amplification: FloatArray
+    singular: FloatArray
+
+
+def reference(parameters: Parameters, count: int = 8, seed: int = 1) -> Reference:
+    """Return states of a machine and what is expected of them.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine.
+    count : int
+        How many states.
+    seed : int
+        Of the random numbers.
+
+    Returns
+    -------
+    Reference
+
+    Raises
+    ------
+    ParameterError
+        If the machine hardly reaches any pose.
+    """
+    rng = np.random.default_rng(seed)
+    pose, amplification = _poses(parameters, count, rng)
+    pose = _short(pose)
+    size = [parameters.geometry.L, parameters.geometry.L, 1]
+    velocity, acceleration = rng.normal(0, 1, (count, 3)) * size, rng.normal(0, 10, (count, 3)) * size
+    holding = virtual_power.forces(parameters, pose, np.zeros(3), np.zeros(3))
+    weight = float(np.abs(holding).max()) or 1.0
+    wrench = rng.normal(0, weight / 2, (count, 6)) * [1, 1, 1, *(3 * [parameters.geometry.r])]
+    acting = holding + rng.normal(0, weight / 2, (count, 3))
+    sliders = kinematics.inverse_kinematics(parameters.geometry, pose).sliders
+    inputs = {
+        "pose": pose,
+        "velocity": _short(velocity),
+        "acceleration": _short(acceleration),
+        "wrench": _short(wrench),
+        "forces": _short(acting),
+        "sliders": _short(sliders),
+    }
+    return Reference(inputs, outputs(parameters, inputs), amplification, _singular(parameters))
+
+
+def outputs(parameters: Parameters, inputs: dict[str, FloatArray]) -> dict[str, FloatArray]:
+    """Return the results of all functions at states.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine.
+    inputs : dict of str to ndarray
+        As in `Reference`; the poses in the working mode.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (N, M)
+    """
+    pose, velocity, acceleration, wrench, acting, sliders = inputs.values()
+    motion, count = (pose, velocity, acceleration), len(pose)
+    forces = virtual_power.forces(parameters, *motion, wrench)
+    by_motion = force_derivatives(parameters, *motion, wrench)
+    by_numbers = number_derivatives(parameters, *motion, wrench)
+    geometry = parameters.geometry
+    return {
+        "inverse_dynamics": forces,
+        "inverse_kinematics": kinematics.inverse_kinematics(geometry, pose).sliders,
+        "jacobian": kinematics.inverse_jacobian(geometry, pose).reshape(count, 9),
+        "mass_matrix": minimal.mass_matrix(parameters, pose).reshape(count, 9),
+        "bias": bias(parameters, pose, velocity),
+        "forward_dynamics": minimal.forward_dynamics(parameters, pose, velocity, acting, wrench),
+        "inverse_dynamics_derivatives": np.concatenate(
+            [forces, *(by_motion[..., i : i + 3].reshape(count, 9) for i in (0, 3, 6))], axis=-1
+        ),
+        "parameter_derivatives": np.concatenate([forces, by_numbers.reshape(count, -1)], axis=-1),
+        "forward_kinematics": kinematics.forward_kinematics(geometry, sliders),
+    }
+
+
+def bias(parameters: Parameters, pose: FloatArray, velocity: FloatArray) -> FloatArray:
+    """Return what motions without acceleration take in y, z, θ, (N, 3) [N, N, N m].
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine.
+    pose, velocity : ndarray, shape (N, 3)
+        States.
+
+    Returns
+    -------
+    ndarray, shape (N, 3)
+    """
+    found = virtual_power.generalized_forces(
+        Lengths.of(parameters.geometry),
+        inertials(parameters.bodies),
+        components(parameters.gravity),
+        components(pose),
+        components(velocity),
+        _REST,
+        np,
+        losses=losses_of(parameters.friction),
+    )
+    stacked: FloatArray = _stacked(found, len(pose))
+    return stacked
+
+
+def force_derivatives(
+    parameters: Parameters,
+    pose: FloatArray,
+    velocity: FloatArray,
+    acceleration: FloatArray,
+    wrench: FloatArray,
+) -> FloatArray:
+    """Return the derivatives of the forces by pose, velocity and acceleration.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine.
+    pose, velocity, acceleration : ndarray, shape (N, 3)
+        States.
+    wrench : ndarray, shape (N, 6)
+        On the platform.
+
+    Returns
+    -------
+    ndarray, shape (N, 3, 9)
+    """
+    lengths, bodies = Lengths.of(parameters.geometry), inertials(parameters.bodies)
+    gravity = components(parameters.gravity)
+    columns = []
+    for place in range(9):
+        rows: list[Any] = [*pose.T, *velocity.T, *acceleration.T]
+        rows[place] = rows[place] + 1j * _STEP
+        stepped = _forces(parameters, lengths, bodies, gravity, rows, wrench)
+        columns.append(np.imag(_stacked(stepped, len(pose))) / _STEP)
+    return np.stack(columns, axis=-1)
+
+
+def number_derivatives(
+    parameters: Parameters,
+    pose: FloatArray,
+    velocity: FloatArray,
+    acceleration: FloatArray,
+    wrench: FloatArray,
+) -> FloatArray:
+    """Return the derivatives of the forces by the numbers of the model.
+
+    The forces are linear in the inertial parameters of the bodies, 100 in all: their columns, by virtual
+    powers, are a fixed matrix times those wanted. Along a length with all bodies kept the forces also change
+    with the base parameters, which is taken off.
+
+    Parameters
+    ----------
+    parameters, pose, velocity, acceleration, wrench
+        As for `force_derivatives`.
+
+    Returns
+    -------
+    ndarray, shape (N, 3, 27)
+    """
+    lengths, count = Lengths.of(parameters.geometry), len(pose)
+    rows: list[Any] = [*pose.T, *velocity.T, *acceleration.T]
+    gravity = components(parameters.gravity)
+    probes = list(_probes(lengths))
+    by_probe = [_forces(None, lengths, bodies, gravity, rows) for bodies in probes]
+    folds = np.array([fold(lengths, bodies) for bodies in probes], dtype=float)  # (100, 21)
+    columns = np.stack([_stacked(f, count) for f in by_probe], axis=-1)  # (N, 3, 100)
+    base: FloatArray = columns @ np.linalg.pinv(folds).T
+    found = np.empty((count, 3, len(MODEL)))
+    found[..., 6:] = base
+    own, resting = inertials(parameters.bodies), [*pose.T, *([0.0 * pose[:, 0]] * 6)]
+    for axis, unit in enumerate(((1, 0, 0), (0, 1, 0), (0, 0, 1))):
+        found[..., 3 + axis] = _stacked(_forces(None, lengths, own, unit, resting), count)
+    for place in range(3):
+        stepped = _stepped(parameters, place)
+        total = _forces(parameters, stepped, own, gravity, rows, wrench)
+        moved = np.array([np.imag(value) / _STEP for value in fold(stepped, own)])
+        found[..., place] = np.imag(_stacked(total, count)) / _STEP - base @ moved
+    return found
+
+
+def _forces(
+    parameters: Parameters | None,
+    lengths: Lengths,
+    bodies: dict[str, Inertial],
+    gravity: Vector,
+    rows: list[Any],
+    wrench: FloatArray | None = None,
+) -> Vector:
+    """Return the forces at states given as nine columns, with the friction of a machine."""
+    losses = NO_LOSSES if parameters is None else losses_of(parameters.friction)
+    load = virtual_power.NO_WRENCH
+    if wrench is not None:
+        load = Wrench(components(wrench[:, :3]), components(wrench[:, 3:]))
+    pose, velocity, acceleration = (components(rows[i : i + 3]) for i in (0, 3, 6))
+    return virtual_power.actuator_forces(
+        lengths, bodies, gravity, pose, velocity, acceleration, np, load, losses
+    )
+
+
+def _probes(lengths: Lengths) -> list[dict[str, Inertial]]:
+    """Return ten sets of bodies for every link, of which it alone is not empty: they span all of its kind."""
+    zero = (_REST, _REST, _REST)
+    empty = {name: Inertial(0, _REST, zero) for name in LINKS}
+    found = []
+    for name in LINKS:
+        for axis in range(4):
+            com = [0.0, 0.0, 0.0, 0.0]
+            com[axis] = float(lengths.L)
+            found.append(empty | {name: Inertial(1.0, (com[0], com[1], com[2]), zero)})
+        for i, j in _ENTRIES:
+            inertia = np.zeros((3, 3))
+            inertia[i, j] = inertia[j, i] = float(lengths.L) ** 2
+            rows = tuple(components(row) for row in inertia)
+            found.append(empty | {name: Inertial(0, _REST, (rows[0], rows[1], rows[2]))})
+    return found
+
+
+def _stepped(parameters: Parameters, place: int) -> Lengths:
+    """Return the lengths with a complex step in r, R or L, and in h, which follows from them."""
+    given: list[Any] = [parameters.geometry.r, parameters.geometry.R, parameters.geometry.L]
+    given[place] += 1j * _STEP
+    r, R, L = given
+    return Lengths(r, R, L, parameters.geometry.b, np.sqrt((L - (R - r)) * (L + (R - r))))
+
+
+def _poses(parameters: Parameters, count: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+    """Return poses of the working mode that keep away from singularities, as far as this machine can."""
+    geometry = parameters.geometry
+    reach = geometry.L - (geometry.R - geometry.r)
+    pose = rng.uniform(-1, 1, (_CANDIDATES, 3)) * [reach, geometry.L, 1.5]
+    pose[: len(pose) // 2] *= [0.2, 1, 0.2]  # many near home, which every machine reaches
+    margins = kinematics.singularity(geometry, pose)
+    drops = np.sqrt(np.maximum(margins.serial, 0) / geometry.L).min(axis=-1)
+    quality = np.minimum(drops, np.sin(np.maximum(np.nan_to_num(margins.actuation), 0)))
+    good = np.flatnonzero(quality > 0.5 * quality.max())[:count]
+    if quality.max() < 1e-3 or len(good) < count:
+        raise ParameterError("this machine hardly reaches any pose: no states to test generated code with")
+    return pose[good], 1 / quality[good] ** 2
+
+
+def _short(array: FloatArray) -> FloatArray:
+    """Return numbers with six digits, which are easier to read."""
+    return np.array([float(f"{value:.6g}") for value in array.flat]).reshape(array.shape)
+
+
+def _singular(parameters: Parameters) -> FloatArray:
+    """Return the pose on the middle plane where the platform's arm points along the rods of leg C."""
+    geometry = parameters.geometry
+    return np.array([0.0, 0.0, np.arccos(geometry.R / (geometry.L + geometry.r))])
+
+
+def _stacked(v: Vector, count: int) -> Any:
+    return np.stack([np.broadcast_to(entry, (count,)) for entry in v], axis=-1)

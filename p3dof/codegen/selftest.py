@@ -1,0 +1,133 @@
+"""The program that tests generated C where it is compiled: its tables of states and its calls."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from p3dof.checks import FloatArray
+from p3dof.codegen.reference import reference
+from p3dof.codegen.routines import Argument, routines
+from p3dof.parameters import Parameters
+
+TOLERANCE = 1e-12
+"""Relative error that rounding may make far from singularities."""
+
+_INDENT = " " * 4
+_FIELDS = {"pose": 3, "velocity": 3, "acceleration": 3, "wrench": 6, "forces": 3, "sliders": 3}
+
+Prototype = tuple[str, tuple[Argument, ...], tuple[Argument, ...]]
+
+
+def selftest(parameters: Parameters, prototypes: Sequence[Prototype], baked: bool) -> dict[str, str]:
+    """Return what the template of the self-test is filled with.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine.
+    prototypes : sequence of tuple
+        Name, inputs and outputs of every function.
+    baked : bool
+        The functions take no model.
+
+    Returns
+    -------
+    dict of str to str
+        Text by placeholder.
+    """
+    expected = reference(parameters)
+    count = len(expected.amplification)
+    rows = []
+    for i in range(count):
+        entries = [_braced(expected.inputs[name][i]) for name in _FIELDS]
+        rows.append(f"{_INDENT}{{" + f",\n{_INDENT} ".join(entries) + "}")
+    held = {routine.name for routine in routines().all if routine.held}
+    tables, table = [], []
+    for name, inputs, outputs in prototypes:
+        sizes = [math.prod(argument.shape) for argument in outputs]
+        tables.append(
+            _numbers(f"expected_{name}[{count}][{sum(sizes)}]", _settled(expected.outputs[name], sizes))
+        )
+        groups = ", ".join(str(size) for size in (*sizes, *[0] * (4 - len(sizes))))
+        where = 2 if name == "forward_kinematics" else int(name in held)
+        table.append(
+            f'{_INDENT}{{"{name}", run_{name}, nulls_{name}, expected_{name}[0], {sum(sizes)}, {{{groups}}}, '
+            f"{where}, {int(any(argument.name == 'wrench' for argument in inputs))}}},"
+        )
+    model = "" if baked else "const p3dof_model *model, "
+    return {
+        "model": model,
+        "pass_model": "" if baked else "model, ",
+        "baked": str(int(baked)),
+        "fields": "\n".join(f"{_INDENT}double {name}[{size}];" for name, size in _FIELDS.items()),
+        "count": str(count),
+        "states": ",\n".join(rows),
+        "tolerances": ", ".join(f"{TOLERANCE * value:.3g}" for value in expected.amplification),
+        "singular": _braced(expected.singular),
+        "far": repr(4 * parameters.geometry.L),
+        "expected": "\n".join(tables),
+        "calls": "\n".join(_call(*prototype, baked) for prototype in prototypes),
+        "table": "\n".join(table),
+        "functions": str(len(prototypes)),
+        "largest": str(max(sum(math.prod(a.shape) for a in outputs) for _, _, outputs in prototypes)),
+    }
+
+
+def _call(name: str, inputs: tuple[Argument, ...], outputs: tuple[Argument, ...], baked: bool) -> str:
+    """Return the functions that call one from a state into a row, and with NULL for each argument."""
+    model = "" if baked else "const p3dof_model *model, "
+    given = [] if baked else ["model"]
+    given += ["(has_wrench ? in->wrench : NULL)" if a.name == "wrench" else f"in->{a.name}" for a in inputs]
+    taken, place = [], 0
+    for argument in outputs:
+        start = f"&out[{place}]" if place else "out"
+        shape = argument.shape
+        taken.append(start if len(shape) == 1 else f"(double (*)[{shape[1]}])({start})")
+        place += math.prod(shape)
+    optional = [argument.name == "wrench" for argument in inputs]
+    call = f"p3dof_{name}({', '.join([*given, *taken])})"
+    uses = any(optional)
+    lines = [f"static p3dof_status run_{name}({model}const inputs *in, int has_wrench, double *out)", "{"]
+    lines += [] if uses else [f"{_INDENT}(void)has_wrench;"]
+    lines += [f"{_INDENT}return {call};", "}", ""]
+    plain = [text.replace("(has_wrench ? in->wrench : NULL)", "in->wrench") for text in given] + taken
+    needed = [i for i, text in enumerate(plain) if text != "in->wrench"]
+    lines += [f"static int nulls_{name}({model}const inputs *in, double *out)", "{", f"{_INDENT}int bad = 0;"]
+    for i in needed:
+        arguments = ", ".join("NULL" if j == i else text for j, text in enumerate(plain))
+        lines.append(f"{_INDENT}bad += p3dof_{name}({arguments}) != P3DOF_NULL_POINTER;")
+    return "\n".join([*lines, f"{_INDENT}return bad;", "}", ""])
+
+
+def _numbers(declaration: str, rows: FloatArray) -> str:
+    body = ",\n".join(_wrapped(row) for row in rows)
+    return f"static const double {declaration} = {{\n{body}}};"
+
+
+def _wrapped(row: FloatArray) -> str:
+    """Return a row in braces, on as many lines as it takes."""
+    lines, line = [], f"{_INDENT}{{"
+    for i, value in enumerate(row):
+        number = repr(float(value)) + ("" if i == len(row) - 1 else ", ")
+        if len(line) + len(number) > 118:
+            lines.append(line.rstrip())
+            line = f"{_INDENT} "
+        line += number
+    return "\n".join([*lines, line + "}"])
+
+
+def _braced(row: FloatArray) -> str:
+    return "{" + ", ".join(repr(float(value)) for value in row) + "}"
+
+
+def _settled(rows: FloatArray, sizes: Sequence[int]) -> FloatArray:
+    """Return results with what is only rounding set to zero: it differs between processors."""
+    found, place = rows.copy(), 0
+    for size in sizes:
+        block = found[:, place : place + size]
+        block[np.abs(block) < 1e-15 * np.abs(block).max(axis=1, keepdims=True)] = 0
+        place += size
+    return found

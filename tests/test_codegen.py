@@ -1,0 +1,705 @@
+"""Generated C against virtual powers: compiled, called, measured by sanitizers, fed with nonsense."""
+
+from __future__ import annotations
+
+import ctypes
+import re
+import shutil
+import subprocess
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from machines import SEEDS, conditioning, random_machine, random_states
+from test_friction import random_friction
+
+import p3dof.cli.codegen  # the command
+from p3dof import kinematics, minimal, virtual_power
+from p3dof.cli import main
+from p3dof.codegen import batch, files, reference
+from p3dof.codegen.controller import controller_files, prototypes
+from p3dof.codegen.friction import JOINTS
+from p3dof.codegen.machine import machine_numbers, parameter_row
+from p3dof.codegen.printing import Printer, operation_counts
+from p3dof.codegen.routines import routines
+from p3dof.errors import FileError, P3dofError, ParameterError, ReachError, SingularityError
+from p3dof.kernels.formulas import MODEL, kernel
+from p3dof.parameters import LINKS, PAPER, SOLIDS, Body, Parameters, write_parameters
+from p3dof.reduced import Reduced, model_of
+
+CC, CXX = shutil.which("gcc"), shutil.which("g++")
+COMPILED = pytest.mark.skipif(CC is None, reason="no C compiler here")
+WARNINGS = ("-Wall", "-Wextra", "-Werror", "-pedantic", "-Wconversion", "-Wshadow", "-Wdouble-promotion")
+STRICT = ("-Wstrict-prototypes", "-Wmissing-prototypes", "-Wcast-qual", "-Wundef", "-Wfloat-equal")
+OK, NOT_FINITE, OUT_OF_REACH, SINGULAR, BAD_PARAMETERS, NULL_POINTER = range(6)
+GROUPS = {name: [a.shape for a in outputs] for name, _, outputs in prototypes()}
+
+
+def general(seed):
+    """A machine without any symmetry and with friction."""
+    return replace(random_machine(seed), friction=random_friction(np.random.default_rng(seed)))
+
+
+MACHINES = {"paper": PAPER, "solids": SOLIDS, "general": general(4)}
+
+
+def write(folder, machine, bake):
+    files.write(controller_files(machine, bake), folder)
+    return folder
+
+
+def build(folder, *flags, compiler=CC, sources=("p3dof.c", "p3dof_selftest.c"), output="selftest"):
+    command = [compiler, *flags, *sources, "-o", output, "-lm"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return folder / output
+
+
+def run(program, *arguments):
+    return subprocess.run([program, *arguments], capture_output=True, text=True, check=False)
+
+
+class CBody(ctypes.Structure):
+    _fields_ = (("mass", ctypes.c_double), ("com", ctypes.c_double * 3), ("inertia", ctypes.c_double * 6))
+
+    @classmethod
+    def of(cls, body):
+        I = body.inertia  # noqa: E741 - the inertia
+        six = (I[0, 0], I[0, 1], I[0, 2], I[1, 1], I[1, 2], I[2, 2])
+        return cls(body.mass, tuple(body.com), six)
+
+
+class CParameters(ctypes.Structure):
+    _fields_ = (
+        ("r", ctypes.c_double),
+        ("R", ctypes.c_double),
+        ("L", ctypes.c_double),
+        ("b", ctypes.c_double),
+        ("gravity", ctypes.c_double * 3),
+        ("bodies", CBody * len(LINKS)),
+        ("viscous", ctypes.c_double * len(JOINTS)),
+        ("coulomb", ctypes.c_double * len(JOINTS)),
+        ("smoothing", ctypes.c_double),
+    )
+
+    @classmethod
+    def of(cls, machine):
+        g, friction = machine.geometry, machine.friction
+        bodies = (CBody * len(LINKS))(*(CBody.of(body) for _, body in machine.bodies.items()))
+        viscous, coulomb = (
+            (ctypes.c_double * len(JOINTS))(*(given.get(name, 0.0) for name in JOINTS))
+            for given in (friction.viscous, friction.coulomb)
+        )
+        gravity = (ctypes.c_double * 3)(*machine.gravity)
+        return cls(g.r, g.R, g.L, g.b, gravity, bodies, viscous, coulomb, friction.smoothing)
+
+
+class CModel(ctypes.Structure):
+    _fields_ = (
+        ("numbers", ctypes.c_double * len(MODEL)),
+        ("constants", ctypes.c_double * len(routines().constants())),
+        ("friction", ctypes.c_uint),
+    )
+
+
+@dataclass
+class Library:
+    """A compiled library; `call` takes the model of a machine, or None where it is baked in."""
+
+    c: ctypes.CDLL
+
+    def prepare(self, machine):
+        model = CModel()
+        assert self.c.p3dof_prepare(ctypes.byref(CParameters.of(machine)), ctypes.byref(model)) == OK
+        return model
+
+    def status(self, name, model, *inputs):
+        outputs = [np.full(shape, 77.0) for shape in GROUPS[name]]
+        arrays = [None if x is None else np.ascontiguousarray(x, dtype=float) for x in inputs]
+        first = [] if model is None else [ctypes.byref(model)]
+        places = [None if x is None else x.ctypes.data_as(ctypes.c_void_p) for x in (*arrays, *outputs)]
+        status = getattr(self.c, f"p3dof_{name}")(*first, *places)
+        if status != OK:
+            assert all((output == 77).all() for output in outputs)
+        return status, outputs
+
+    def call(self, name, model, *inputs):
+        status, outputs = self.status(name, model, *inputs)
+        assert status == OK
+        return outputs if len(outputs) > 1 else outputs[0]
+
+    def rows(self, name, model, *columns):
+        """Call for every row; return all outputs of a sample in a row."""
+        count = len(columns[0])
+        rows = [self.call(name, model, *(c if c is None else c[i] for c in columns)) for i in range(count)]
+        return np.array(
+            [np.concatenate([np.ravel(x) for x in (r if isinstance(r, list) else [r])]) for r in rows]
+        )
+
+
+def load_library(folder):
+    flags = ("-std=c99", "-O2", "-fPIC", "-shared")
+    return Library(ctypes.CDLL(str(build(folder, *flags, sources=("p3dof.c",), output="libp3dof.so"))))
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory):
+    """The library that takes any machine at run time."""
+    if CC is None:
+        pytest.skip("no C compiler here")
+    return load_library(write(tmp_path_factory.mktemp("library"), PAPER, bake=False))
+
+
+# Compiling, and the self-test that comes with the code.
+
+
+@COMPILED
+@pytest.mark.parametrize("bake", [False, True], ids=["run-time", "baked"])
+@pytest.mark.parametrize("machine", MACHINES.values(), ids=MACHINES)
+def test_it_compiles_without_warnings_and_passes_its_selftest(tmp_path, machine, bake):
+    write(tmp_path, machine, bake)
+    done = run(build(tmp_path, "-std=c99", "-O1", *WARNINGS, *STRICT))
+    assert done.returncode == 0, done.stdout
+    assert len(re.findall(r"(?:0.0e\+00|e-1\d)$", done.stdout, re.M)) == len(prototypes())
+    assert "all is well" in done.stdout
+
+
+@COMPILED
+@pytest.mark.skipif(CXX is None, reason="no C++ compiler here")
+@pytest.mark.parametrize("standard", ["c++11", "c++20"])
+@pytest.mark.parametrize("bake", [False, True], ids=["run-time", "baked"])
+def test_it_is_cpp_too(tmp_path, standard, bake):
+    write(tmp_path, MACHINES["general"], bake)
+    program = build(tmp_path, f"-std={standard}", "-xc++", *WARNINGS, compiler=CXX)
+    assert run(program).returncode == 0
+
+
+@COMPILED
+@pytest.mark.skipif(shutil.which("make") is None, reason="no make here")
+def test_its_makefile_builds_and_checks(tmp_path):
+    write(tmp_path, PAPER, bake=True)
+    done = run("make", "-C", str(tmp_path), f"CC={CC}", "CFLAGS=-O0", "check")
+    assert done.returncode == 0, done.stderr
+    assert "all is well" in done.stdout
+
+
+@COMPILED
+@pytest.mark.skipif(shutil.which("cmake") is None, reason="no CMake here")
+def test_its_cmake_project_builds_and_checks(tmp_path):
+    write(tmp_path, PAPER, bake=True)
+    for command in (
+        ("cmake", "-S", tmp_path, "-B", tmp_path / "build", f"-DCMAKE_C_COMPILER={CC}"),
+        ("cmake", "--build", tmp_path / "build"),
+        ("cmake", "--build", tmp_path / "build", "--target", "test"),
+    ):
+        done = run(*command)
+        assert done.returncode == 0, done.stdout + done.stderr
+    assert "100% tests passed" in done.stdout
+
+
+@COMPILED
+def test_the_selftest_finds_what_is_wrong(tmp_path):
+    write(tmp_path, PAPER, bake=True)
+    source = (tmp_path / "p3dof.c").read_text()
+    statements = re.findall(r"    const double t\d+ = .* \+ .*;", source)
+    for i, statement in enumerate(statements[:: len(statements) // 5]):
+        (tmp_path / "p3dof.c").write_text(source.replace(statement, statement.replace(" + ", " + 1e-3 + ")))
+        done = run(build(tmp_path, "-std=c99", "-O0", output=f"wrong{i}"))
+        assert done.returncode == 1
+        assert "FAILED" in done.stdout
+
+
+@COMPILED
+@pytest.mark.parametrize("bake", [False, True], ids=["run-time", "baked"])
+def test_a_million_calls_with_nonsense(tmp_path, bake):
+    write(tmp_path, MACHINES["general"], bake)
+    sanitizers = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    done = run(build(tmp_path, "-std=c99", "-O2", *sanitizers), "--fuzz", "1000000")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert not done.stderr
+    counts = [int(n) for n in re.findall(r"(\d+) (?:calls|good|not finite|out of reach)", done.stdout)]
+    assert counts[0] == 1_000_000
+    assert min(counts[1:]) > 50_000  # it does not stop at the first check
+
+
+@COMPILED
+def test_it_is_timed(tmp_path):
+    write(tmp_path, PAPER, bake=False)
+    done = run(build(tmp_path, "-std=c99", "-O1"), "--time", "1000")
+    assert done.returncode == 0
+    for name, _, _ in prototypes():
+        assert re.search(rf"^{name} +[\d.]+ +\d+ +\d+$", done.stdout, re.M), done.stdout
+    assert run(tmp_path / "selftest", "--fast").returncode == 2
+
+
+@COMPILED
+@pytest.mark.parametrize("bake", [False, True], ids=["run-time", "baked"])
+def test_it_has_no_state_and_calls_mathematics_only(tmp_path, bake):
+    write(tmp_path, MACHINES["general"], bake)
+    build(tmp_path, "-std=c99", "-O2", "-fno-builtin", "-c", sources=("p3dof.c",), output="p3dof.o")
+    symbols = run("nm", str(tmp_path / "p3dof.o")).stdout.splitlines()
+    kinds = {line.split()[-2] for line in symbols}
+    assert kinds <= {"T", "t", "R", "r", "U"}
+    called = {line.split()[-1] for line in symbols if line.split()[-2] == "U"}
+    # A compiler may copy structures by memcpy and clear them by memset: no header declares those.
+    assert called - {"memcpy", "memset"} <= {"sqrt", "sin", "cos", "tanh", "fabs", "hypot", "atan2"}
+    source = (tmp_path / "p3dof.c").read_text()
+    assert set(re.findall(r"#include (.*)", source)) == {'"p3dof.h"', "<float.h>", "<math.h>", "<stddef.h>"}
+    assert not re.search(r"\bstatic (?!int|void|p3dof_status)", source)
+
+
+# The functions against the other methods.
+
+
+def close(found, expected, allowed, groups=None):
+    """Compare rows, each group of entries relative to its largest."""
+    place = 0
+    for shape in groups or [expected.shape[1:]]:
+        block = slice(place, place + int(np.prod(shape)))
+        scale = np.abs(expected[:, block]).max(axis=1, keepdims=True)
+        assert (np.abs(found[:, block] - expected[:, block]) <= allowed[:, None] * scale).all()
+        place = block.stop
+
+
+def hold_against_python(library, model, machine, states, tolerance=1e-12):
+    allowed = tolerance * conditioning(machine.geometry, states.pose)
+    acting = states.wrench[:, :3] * 20
+    inputs = {
+        "pose": states.pose,
+        "velocity": states.velocity,
+        "acceleration": states.acceleration,
+        "wrench": states.wrench,
+        "forces": acting,
+    }
+    sliders = kinematics.inverse_kinematics(machine.geometry, states.pose).sliders
+    for name, expected in reference.outputs(machine, inputs | {"sliders": sliders}).items():
+        if name == "forward_kinematics":  # has its own test: these poses are of both modes
+            continue
+        arguments = next(given for known, given, _ in prototypes() if known == name)
+        found = library.rows(name, model, *(inputs[argument.name] for argument in arguments))
+        twice = 10 if "derivatives" in name else 1
+        close(found, expected, twice * allowed, GROUPS[name])
+
+
+@given(seed=SEEDS, friction=st.booleans())
+@settings(max_examples=15, deadline=None)
+def test_any_machine_at_run_time(library, seed, friction):
+    machine = general(seed) if friction else random_machine(seed)
+    model = library.prepare(machine)
+    assert bool(model.friction) == friction
+    expected = [float(number) for number in model_of(machine).numbers]
+    np.testing.assert_allclose(model.numbers, expected, rtol=1e-13, atol=1e-15 * np.abs(expected).max())
+    hold_against_python(library, model, machine, random_states(machine, seed, 3, drop=0.2, angle=0.05))
+
+
+@pytest.mark.parametrize("name", ["paper", "solids"])
+def test_the_symmetric_machines_at_run_time(library, name):
+    machine = MACHINES[name]
+    hold_against_python(library, library.prepare(machine), machine, random_states(machine, 5, 30))
+
+
+@COMPILED
+@pytest.mark.parametrize("machine", MACHINES.values(), ids=MACHINES)
+def test_baked_machines(tmp_path, machine):
+    library = load_library(write(tmp_path, machine, bake=True))
+    hold_against_python(library, None, machine, random_states(machine, 6, 20))
+
+
+def test_near_singularities(library):
+    machine = general(8)
+    near = {"drop": 0.05, "angle": 0.005}
+    states = random_states(machine, 8, 40, drop=0.01, angle=1e-4, near=near)
+    assert len(states.pose) > 20
+    model = library.prepare(machine)
+    expected = virtual_power.forces(machine, states.pose, states.velocity, states.acceleration, states.wrench)
+    found = library.rows(
+        "inverse_dynamics", model, states.pose, states.velocity, states.acceleration, states.wrench
+    )
+    close(found, expected, 1e-12 * conditioning(machine.geometry, states.pose))
+
+
+@given(seed=SEEDS)
+@settings(max_examples=30, deadline=None)
+def test_forward_kinematics(library, seed):
+    machine = random_machine(seed)
+    model, rng, L = library.prepare(machine), np.random.default_rng(seed), machine.geometry.L
+    for sliders in rng.uniform(-L, L, (20, 3)):
+        expected = kinematics.forward_kinematics(machine.geometry, sliders, on_invalid="nan")
+        status, (pose,) = library.status("forward_kinematics", model, sliders)
+        assert status == (OK if np.isfinite(expected).all() else OUT_OF_REACH)
+        if status == OK:
+            np.testing.assert_allclose(pose, expected, rtol=0, atol=1e-12 * max(L, 1))
+
+
+def test_the_equations_of_motion_balance(library):
+    """M a + h = Jᵀ f + Eᵀ w, and forward dynamics gives back what inverse dynamics was asked for."""
+    machine = general(9)
+    model, states = library.prepare(machine), random_states(machine, 9, 20, drop=0.3, angle=0.2)
+    for q, v, a, w in zip(states.pose, states.velocity, states.acceleration, states.wrench, strict=True):
+        f = library.call("inverse_dynamics", model, q, v, a, w)
+        M, J = library.call("mass_matrix", model, q), library.call("jacobian", model, q)
+        left, right = M @ a + library.call("bias", model, q, v), J.T @ f + w[[1, 2, 4]]
+        np.testing.assert_allclose(left, right, rtol=0, atol=1e-12 * np.abs(left).max())
+        back = library.call("forward_dynamics", model, q, v, f, w)
+        np.testing.assert_allclose(back, a, rtol=0, atol=1e-11 * np.abs(a).max())
+
+
+def test_base_parameters_are_all_that_matters(library):
+    """The forces are the derivatives by the base parameters times these, without friction and wrench."""
+    machine = random_machine(10)
+    model, states = library.prepare(machine), random_states(machine, 10, 20, drop=0.3, angle=0.2)
+    for motion in zip(states.pose, states.velocity, states.acceleration, strict=True):
+        forces, by = library.call("parameter_derivatives", model, *motion, None)
+        found = by[:, 6:] @ np.array(model.numbers)[6:]
+        np.testing.assert_allclose(found, forces, rtol=0, atol=1e-12 * np.abs(by[:, 6:]).max())
+    assert len(Reduced._fields) == by.shape[1] - 6
+
+
+def test_derivatives_by_finite_differences(library):
+    """By lengths with friction too: the model's numbers are changed one by one in its parameters."""
+    machine = general(11)
+    states = random_states(machine, 11, 3, drop=0.4, angle=0.4)
+    model = library.prepare(machine)
+    for q, v, a, w in zip(states.pose, states.velocity, states.acceleration, states.wrench, strict=True):
+        forces, *by = library.call("inverse_dynamics_derivatives", model, q, v, a, w)
+        np.testing.assert_array_equal(forces, library.call("inverse_dynamics", model, q, v, a, w))
+        for k, axis in np.ndindex(3, 3):
+            motion = [q, v, a]
+
+            def at(step, k=k, axis=axis, motion=motion, w=w):
+                moved = [x.copy() for x in motion]
+                moved[k][axis] += step
+                return library.call("inverse_dynamics", model, *moved, w)
+
+            step = 1e-4 * (machine.friction.smoothing if k == 1 else 1) * machine.geometry.L
+            slope = (8 * (at(step) - at(-step)) - (at(2 * step) - at(-2 * step))) / (12 * step)
+            np.testing.assert_allclose(slope, by[k][:, axis], rtol=0, atol=1e-6 * np.abs(by[k]).max())
+
+
+# What is refused.
+
+
+EXPECTED = {ReachError: OUT_OF_REACH, SingularityError: SINGULAR}
+
+
+def python_status(function, *arguments):
+    try:
+        function(*arguments)
+    except tuple(EXPECTED) as error:
+        return EXPECTED[type(error)]
+    except P3dofError:
+        return NOT_FINITE
+    return OK
+
+
+@given(seed=SEEDS)
+@settings(max_examples=20, deadline=None)
+def test_the_limits_are_those_of_python(library, seed):
+    machine, rng = random_machine(seed), np.random.default_rng(seed)
+    model, g = library.prepare(machine), machine.geometry
+    width, rest = g.R - g.r, np.zeros(3)
+    theta = np.arccos(g.R / (g.L + g.r))  # there the arm points along the rods, at y = 0
+    poses = [[0, 0, theta + s * d] for s in (-1, 1) for d in (0, 5e-7, 2e-6)]
+    poses += [[s * (g.L - width - d * g.L), 0, 0] for s in (-1, 1) for d in (0, 3e-15, 3e-14, -1e-9, 1e-3)]
+    poses += list(rng.uniform(-1.5, 1.5, (20, 3)) * [g.L, g.L, np.pi])
+    poses += [[1e200, 0, 0], [-1e308, 0, 1], [0, 1e308, 0], [0, 0, 1e15], [np.nan, 0, 0], [0, np.inf, 0]]
+    for pose in poses:
+        expected = python_status(virtual_power.forces, machine, pose, rest, rest)
+        assert library.status("inverse_dynamics", model, pose, rest, rest, None)[0] == expected, pose
+        expected = python_status(minimal.mass_matrix, machine, pose)
+        assert library.status("mass_matrix", model, pose)[0] == expected, pose
+
+
+def test_what_overflows_is_told(library):
+    model = library.prepare(PAPER)
+    q, fast = np.zeros(3), np.full(3, 1e200)
+    assert library.status("inverse_dynamics", model, q, fast, q, None)[0] == NOT_FINITE
+    assert library.status("bias", model, q, fast)[0] == NOT_FINITE
+    assert library.status("inverse_dynamics", model, q, q, q, [0, 0, 0, np.nan, 0, 0])[0] == NOT_FINITE
+
+
+def spoilt():
+    """Parameters that are not those of a machine, each by what is wrong."""
+    good = CParameters.of(general(4))
+    for name, value in (("r", good.R), ("r", 0), ("L", good.R - good.r), ("b", 0), ("smoothing", 0)):
+        yield name, value
+    for name in ("r", "R", "L", "b", "smoothing"):
+        yield from ((name, np.nan), (name, np.inf), (name, -1.0))
+    yield "smoothing", 1e-320  # one over it overflows
+
+
+@pytest.mark.parametrize(("name", "value"), list(spoilt()))
+def test_bad_parameters_are_refused(library, name, value):
+    parameters, model = CParameters.of(general(4)), CModel()
+    setattr(parameters, name, value)
+    assert library.c.p3dof_prepare(ctypes.byref(parameters), ctypes.byref(model)) == BAD_PARAMETERS
+    assert not any(model.constants)
+
+
+def test_bad_bodies_friction_and_gravity_are_refused(library):
+    changes = [lambda p: p.gravity.__setitem__(1, np.nan)]
+    changes += [lambda p: p.viscous.__setitem__(2, -1), lambda p: p.coulomb.__setitem__(12, np.inf)]
+    changes += [lambda p: setattr(p.bodies[8], "mass", 0), lambda p: setattr(p.bodies[1], "mass", -1)]
+    changes += [lambda p: setattr(p.bodies[5], "mass", 0)]  # with an inertia
+    changes += [
+        lambda p: p.bodies[0].com.__setitem__(0, np.nan),
+        lambda p: p.bodies[0].inertia.__setitem__(0, -1),
+    ]
+    changes += [lambda p: setattr(p.bodies[8], "mass", 1e308)]
+    for change in changes:
+        parameters, model = CParameters.of(general(4)), CModel()
+        change(parameters)
+        assert library.c.p3dof_prepare(ctypes.byref(parameters), ctypes.byref(model)) == BAD_PARAMETERS
+
+
+def test_null_is_told(library):
+    model, parameters = library.prepare(PAPER), CParameters.of(PAPER)
+    assert library.c.p3dof_prepare(None, ctypes.byref(model)) == NULL_POINTER
+    assert library.c.p3dof_prepare(ctypes.byref(parameters), None) == NULL_POINTER
+    assert library.c.p3dof_carry(ctypes.byref(parameters), None, ctypes.byref(parameters)) == NULL_POINTER
+    for name, inputs, outputs in prototypes():
+        place = [True, *(a.name != "wrench" for a in inputs), *(True for _ in outputs)]
+        row = np.zeros((3, 128))
+        for i in np.flatnonzero(place):
+            arguments = [ctypes.byref(model), *[row.ctypes.data_as(ctypes.c_void_p)] * (len(place) - 1)]
+            arguments[i] = None
+            assert getattr(library.c, f"p3dof_{name}")(*arguments) == NULL_POINTER
+
+
+# Payloads, and several machines at once.
+
+
+@given(seed=SEEDS)
+@settings(max_examples=30, deadline=None)
+def test_a_payload_at_run_time(library, seed):
+    machine, payload = general(seed), random_machine(seed + 1).bodies.platform
+    parameters = CParameters.of(machine)
+    given_ = ctypes.byref(parameters)
+    assert library.c.p3dof_carry(given_, ctypes.byref(CBody.of(payload)), given_) == OK
+    expected = CBody.of(machine.carrying(payload).bodies.platform)
+    for name in ("com", "inertia"):
+        found, wanted = (np.array(getattr(body, name)) for body in (parameters.bodies[8], expected))
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-14 * np.abs(wanted).max())
+    assert parameters.bodies[8].mass == expected.mass
+
+
+@given(seed=SEEDS)
+@settings(max_examples=200, deadline=None)
+def test_inertias_that_no_body_has_are_refused(library, seed):
+    rng = np.random.default_rng(seed)
+    moments, turned = rng.uniform(-0.1, 1, 3), np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    inertia = turned @ np.diag(moments) @ turned.T * 10 ** rng.uniform(-3, 3)
+    body = CBody.of(replace(PAPER.bodies.platform))
+    I = inertia  # noqa: E741 - the inertia
+    body.inertia = (ctypes.c_double * 6)(I[0, 0], I[0, 1], I[0, 2], I[1, 1], I[1, 2], I[2, 2])
+    try:
+        Body(body.mass, np.zeros(3), (inertia + inertia.T) / 2)
+        expected = OK
+    except ParameterError:
+        expected = BAD_PARAMETERS
+    parameters = CParameters.of(PAPER)
+    given_ = ctypes.byref(parameters)
+    assert library.c.p3dof_carry(given_, ctypes.byref(body), given_) == expected
+
+
+def test_two_models_in_several_threads(library):
+    machines = [general(4), general(5)]
+    models = [library.prepare(machine) for machine in machines]
+    states = [random_states(machine, 1, 200) for machine in machines]
+
+    def forces(i):
+        return library.rows(
+            "inverse_dynamics", models[i], states[i].pose, states[i].velocity, states[i].acceleration, None
+        )
+
+    alone = [forces(0), forces(1)]
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(forces, [0, 1] * 4))
+    for i, found in enumerate(together):
+        np.testing.assert_array_equal(found, alone[i % 2])
+
+
+def test_outputs_may_be_inputs(library):
+    model, states = library.prepare(PAPER), random_states(PAPER, 2, 1)
+    q, v, a = states.pose[0], states.velocity[0], states.acceleration[0]
+    expected = library.call("inverse_dynamics", model, q, v, a, None)
+    at = [np.ascontiguousarray(x).ctypes.data_as(ctypes.c_void_p) for x in (q, v, a)]
+    assert library.c.p3dof_inverse_dynamics(ctypes.byref(model), *at, None, at[2]) == OK
+    np.testing.assert_array_equal(a, expected)
+
+
+# The generator.
+
+
+def test_the_reference_is_a_matter_of_the_other_methods():
+    """They balance: base parameters times their columns are the forces, Jᵀ times the forces is the bias."""
+    machine = general(12)
+    found = reference.reference(machine)
+    q, v, a, w = (found.inputs[name] for name in ("pose", "velocity", "acceleration", "wrench"))
+    by = reference.number_derivatives(machine, q, v, a, w)
+    without = replace(machine, friction=p3dof.parameters.Friction())
+    base = np.array([float(x) for x in model_of(machine).bodies])
+    forces = virtual_power.forces(without, q, v, a)
+    np.testing.assert_allclose(by[..., 6:] @ base, forces, rtol=0, atol=1e-12 * np.abs(forces).max())
+    bias = reference.bias(machine, q, v)
+    at_rest = minimal.gravity_forces(machine, q)
+    np.testing.assert_allclose(
+        reference.bias(machine, q, 0 * v), at_rest, rtol=0, atol=1e-13 * np.abs(at_rest).max()
+    )
+    J = kinematics.inverse_jacobian(machine.geometry, q)
+    held = virtual_power.forces(machine, q, v, 0 * a)
+    np.testing.assert_allclose(
+        np.einsum("nij,ni->nj", J, held), bias, rtol=0, atol=1e-11 * np.abs(bias).max()
+    )
+
+
+def test_generated_kernels_are_up_to_date():
+    assert files.check(batch.batch_files(), batch.DIRECTORY) == []
+
+
+def test_the_counts_are_those_of_the_code():
+    machine = general(4)
+    numbers = machine_numbers(parameter_row(machine))
+    counts = {count.name: count for count in operation_counts(machine)}
+    for routine in routines().all:
+        for given_, with_friction in ((numbers, False), (None, True)):
+            code = Printer(routine, given_).code()
+            done = [
+                line
+                for line in code
+                if re.search(r" = .*( [-+*/] |(?<!e)-\w|\w\()", line) and "found[" not in line
+            ]
+            added = [line for line in code if re.search(r"-= |\] = .* \+ added", line)]
+            count = counts[routine.name]
+            expected = count.general + count.friction if with_friction else count.machine
+            assert len(done) + len(added) == expected, routine.name
+        assert count.symmetric < count.general or routine.name in {"inverse_kinematics", "jacobian"}
+    own = sum(kernel("inverse_dynamics_loaded").operations(margin=True).values())
+    assert counts["inverse_dynamics"].general <= own  # without the least of several, and the test for NaN
+
+
+def test_zeros_vanish_from_baked_code():
+    size = {name: len(controller_files(MACHINES[name], bake=True)["p3dof.c"]) for name in MACHINES}
+    assert size["paper"] < 0.6 * size["general"]
+    assert "tanh" not in controller_files(PAPER, bake=True)["p3dof.c"]
+
+
+def test_generated_twice_is_the_same():
+    assert controller_files(SOLIDS) == controller_files(SOLIDS)
+    for text in controller_files(SOLIDS).values():
+        assert text.startswith(("/* " + files.MARK, "# " + files.MARK))
+        assert "@{" not in text
+        assert not re.search(r"\b(inf|nan)\b", text.replace('" (not finite)"', ""))
+
+
+def test_machines_that_cannot_be_written():
+    heavy = {name: Body(1e200, body.com, 1e200 * body.inertia) for name, body in SOLIDS.bodies.items()}
+    huge = replace(
+        SOLIDS, bodies=replace(SOLIDS.bodies, **{name: heavy[name] for name in ("leg_a", "platform")})
+    )
+    controller_files(huge, bake=True)  # large, but not too large
+    tiny = p3dof.parameters.Friction({"joints": 1.0}, {}, 1e-320)
+    with pytest.raises(ParameterError, match="double precision"):
+        controller_files(replace(SOLIDS, friction=tiny), bake=True)
+    short = replace(SOLIDS.geometry, L=0.15 * (1 + 1e-9))
+    with pytest.raises(ParameterError, match="hardly reaches"):
+        controller_files(Parameters(short, SOLIDS.bodies))
+
+
+# The command.
+
+
+def command(capsys, *arguments):
+    code = main(["codegen", *(str(argument) for argument in arguments)])
+    captured = capsys.readouterr()
+    return code, captured.out, captured.err
+
+
+def one_line(code, err):
+    assert code == 2
+    assert err.startswith("p3dof: error: ")
+    assert len(err.splitlines()) == 1
+    assert "Traceback" not in err
+
+
+def test_the_command_writes_and_checks(tmp_path, capsys):
+    out = tmp_path / "ö x"
+    code, text, err = command(capsys, "--out", out)
+    assert code == 0, err
+    assert {path.name for path in out.iterdir()} == set(controller_files(PAPER))
+    for name, body in controller_files(PAPER).items():
+        assert (out / name).read_text() == body
+        assert f"wrote {out / name}" in text
+    for count in operation_counts(PAPER):
+        numbers = (str(count.general), str(count.symmetric), f"\\+{count.friction}", str(count.machine))
+        assert re.search(rf"{count.name} .*{' .*'.join(numbers)} ", text)
+    code, text, _ = command(capsys, "--out", out, "--check")
+    assert (code, text.strip()) == (0, f"{out}: up to date")
+    assert command(capsys, "--out", out, "--check", "--bake")[0] == 1
+    assert command(capsys, "--out", out, "--bake")[0] == 0  # over its own files
+    assert command(capsys, "--out", out, "--check", "--bake")[0] == 0
+    file = out / "p3dof.c"
+    changed = file.read_text().replace("0.4", "0.4000001", 1)
+    file.write_text(changed)
+    code, text, _ = command(capsys, "--out", out, "--check", "--bake")
+    assert code == 1
+    assert str(file) in text
+    assert file.read_text() == changed
+    file.unlink()
+    code, text, _ = command(capsys, "--out", out, "--check", "--bake")
+    assert (code, text.strip()) == (1, f"{file}: missing")
+
+
+def test_the_command_takes_a_machine_and_a_payload(tmp_path, capsys):
+    machine = general(4)
+    write_parameters(machine, tmp_path / "machine.yaml")
+    options = ("--parameters", tmp_path / "machine.yaml", "--payload", "2.5,0.1,0,-0.05")
+    assert command(capsys, *options, "--out", tmp_path / "c")[0] == 0
+    carried = machine.carrying(Body(2.5, np.array([0.1, 0, -0.05]), np.zeros((3, 3))))
+    assert files.check(controller_files(carried), tmp_path / "c", 1e-9) == []
+    assert files.check(controller_files(machine), tmp_path / "c", 1e-9)
+
+
+def test_the_command_checks_the_kernels(tmp_path, capsys, monkeypatch):
+    code, text, err = command(capsys, "--kernels", "--check")
+    assert (code, text.strip()) == (0, f"{batch.DIRECTORY}: up to date"), err
+    monkeypatch.setattr(p3dof.cli.codegen, "DIRECTORY", tmp_path)
+    code, text, _ = command(capsys, "--kernels")
+    assert code == 0
+    for name in ("batch_kernels.h", "kernel_table.h"):
+        assert (tmp_path / name).read_bytes() == (batch.DIRECTORY / name).read_bytes()
+    numbers = [sum(kernel("inverse_dynamics", s).operations().values()) for s in (False, True)]
+    assert re.search(rf"inverse_dynamics .*{numbers[0]} .*{numbers[1]} ", text)
+    file = tmp_path / "kernel_table.h"
+    file.write_text(file.read_text() + "\n#define MORE\n")
+    code, text, _ = command(capsys, "--kernels", "--check")
+    assert code == 1
+    assert "kernel_table.h" in text
+
+
+def test_bad_requests_are_one_line(tmp_path, capsys):
+    foreign = tmp_path / "foreign"
+    foreign.mkdir()
+    (foreign / "p3dof.h").write_text("/* mine */\n")
+    (tmp_path / "file").write_text("")
+    for arguments in (
+        (),
+        ("--check",),
+        ("--kernels", "--bake"),
+        ("--kernels", "--payload", "1"),
+        ("--out", tmp_path / "file"),
+        ("--out", tmp_path / "file" / "below"),
+        ("--out", foreign),
+        ("--out", tmp_path / "x", "--parameters", tmp_path / "missing.yaml"),
+        ("--out", tmp_path / "x", "--payload", "-1"),
+    ):
+        code, _, err = command(capsys, *arguments)
+        one_line(code, err)
+    assert [path.name for path in foreign.iterdir()] == ["p3dof.h"]
+    assert (foreign / "p3dof.h").read_text() == "/* mine */\n"
+    assert not (tmp_path / "x").exists()
+    with pytest.raises(FileError, match="not generated"):
+        files.write(controller_files(PAPER), foreign)
