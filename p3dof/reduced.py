@@ -438,9 +438,9 @@ def solve_transposed(x: Shape, Q: Vector) -> Vector:
     -------
     tuple
     """
-    f_c = Q[2] / x.arm
+    f_c = Q[2] * (1 / x.arm)  # reciprocals can be had before the motion is: shorter chains
     rest = Q[1] - f_c
-    f_b = (Q[0] + x.ty * f_c + x.ta * rest) / (x.ta + x.tb)
+    f_b = (Q[0] + x.ty * f_c + x.ta * rest) * (1 / (x.ta + x.tb))
     return rest - f_b, f_b, f_c
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from timeit import Timer
 
 import numpy as np
@@ -35,6 +36,8 @@ BESIDE = {
     "mass_matrix": "mass matrix",
     "kinematics": "sliders and Jacobian",
 }
+SIDE_BY_SIDE = f"columns, {BEST}, threads side by side: {{}}"
+SHARED, TURNS = 4096, 500
 VIRTUAL_POWER = "virtual power, NumPy"
 RUN, FUNCTION, FACADE = (
     "from Python: bound buffers, run()",
@@ -73,6 +76,18 @@ def shared_call(parameters: Parameters, name: str, count: int, threads: int) -> 
     return lambda: kernels.run(name, inputs, outputs)
 
 
+def side_by_side(parameters: Parameters, threads: int) -> Callable[[], object]:
+    """Return a function that runs the kernel `TURNS` times on each thread, in a cache of its own."""
+    pool = ThreadPoolExecutor(threads)
+    calls = [kernel_call(MachineKernels(parameters, BEST, 1), FORCES, SHARED) for _ in range(threads)]
+
+    def turns(call: Callable[[], object]) -> None:
+        for _ in range(TURNS):
+            call()
+
+    return lambda: list(pool.map(turns, calls))
+
+
 def facade_call(robot: p3dof.Manipulator, count: int, method: Method = "compiled") -> Callable[[], object]:
     """Return a function that asks a manipulator for the forces of many samples (count, 3)."""
     return lambda: robot.forces(*rows(count), method=method)
@@ -84,6 +99,10 @@ def in_cache() -> Iterator[Contender]:
         for level in levels():
             run = kernel_call(MachineKernels(parameters, level, 1), FORCES, CACHED)
             yield calling(IN_CACHE, f"columns, {level}", machine, run, CACHED)
+        for threads in {1, all_threads()}:
+            run = side_by_side(parameters, threads)
+            name = SIDE_BY_SIDE.format(threads)
+            yield calling(IN_CACHE, name, machine, run, SHARED * TURNS * threads, threads)
         run = facade_call(robot_on(parameters, 1), CACHED)
         yield calling(IN_CACHE, f"robot.forces, (N, 3), {BEST}", machine, run, CACHED)
         run = facade_call(robot_on(parameters, 1), CACHED, "virtual-power")

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from batch import BEST, CURVE, FACADE, FORCES, FUNCTION, IN_CACHE, MORE, ONE, RUN, STREAMED
+from batch import BEST, CURVE, FACADE, FORCES, FUNCTION, IN_CACHE, MORE, ONE, RUN, SIDE_BY_SIDE, STREAMED
 from native import DEPENDENT, INDEPENDENT, NATIVE
 from others import BARE, BATCH_POSE, BATCH_QVA, OTHERS, SAMPLE_POSE
 from ports import TOGETHER, Loop, bounds
@@ -135,6 +135,9 @@ def _formulas(
     name = "robot.forces of a million / kernel of a million"
     yield Target(name, 3), BOTH, over(STREAMED, FACADE_BATCH, streamed)
     yield Target("robot.forces of a million / forces", None), BOTH, over(STREAMED, FACADE_BATCH)
+    one, many = SIDE_BY_SIDE.format(1), SIDE_BY_SIDE.format(threads)
+    wanted = Target(f"{threads} threads / 1, speed of the kernel, in the cache", 1.7, at_least=True)
+    yield wanted, BOTH, lambda p, m: p(IN_CACHE, one, m) / p(IN_CACHE, many, m)
     for name, text in ((COLUMNS, "kernel"), (FACADE_BATCH, "robot.forces")):
         both = f"{name}, {threads} threads"
         wanted = Target(f"{threads} threads / 1, speed of the {text}, of a million", 1.7, at_least=True)
