@@ -120,9 +120,9 @@ def _header(baked: bool) -> str:
         constants=str(len(routines().constants())),
     )
     machine = (
-        "The machine is in the code."
+        "The numbers of the machine are in the code."
         if baked
-        else "A\n * machine is described by p3dof_parameters and made ready by p3dof_prepare."
+        else "A machine is described by p3dof_parameters and made ready by p3dof_prepare."
     )
     return _fill(
         "header.in",
