@@ -108,7 +108,7 @@ def test_limits_are_told(tmp_path, capsys):
     assert "limit exceeded: force of slider A: 118.498 N at t = 1 s, limit 100 N" in " ".join(out.split())
 
 
-@pytest.mark.parametrize("method", ["pinocchio", "virtual-power"])
+@pytest.mark.parametrize("method", ["pinocchio", "virtual-power", "compiled"])
 def test_forces(tmp_path, capsys, method):
     code, out, _ = run(
         capsys, "forces", "--method", method, "--samples", 51,
