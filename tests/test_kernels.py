@@ -250,19 +250,44 @@ def test_a_forked_process_has_threads_of_its_own():
     assert child.exitcode == 0
 
 
-def test_a_control_loop_has_its_buffers(level):
-    kernels = MachineKernels(p3dof.PAPER, level)
+@pytest.mark.parametrize("friction", [False, True])
+def test_a_control_loop_has_its_buffers(level, friction):
+    machine = p3dof.PAPER
+    if friction:
+        machine = replace(machine, friction=p3dof.Friction({"sliders": 20.0}, {"hinge_c": 0.1}))
+    kernels = MachineKernels(machine, level)
     loop = kernels.bind_inverse_dynamics()
     motion = p3dof.paper_motion(7)
+    wrench = [5.0, 1, 2, 6, 3, 7]
     for q, v, a in zip(motion.pose, motion.velocity, motion.acceleration, strict=True):
-        expected = virtual_power.forces(p3dof.PAPER, q, v, a, [0, 1, 2, 0, 3, 0])
-        loop.wrench[:] = 1, 2, 3
-        np.testing.assert_allclose(loop(np.array([q, v, a])), expected, rtol=1e-13)
+        expected = virtual_power.forces(machine, q, v, a, wrench)
+        loop.wrench[:] = wrench
+        np.testing.assert_allclose(loop([q, v, a]), expected, rtol=1e-13)
         loop.state[:] = q, v, a
         assert loop.run() is True
         np.testing.assert_allclose(loop.forces, expected, rtol=1e-13)
-    assert np.isnan(loop(np.array([[0.3, 0, 0], HOME, HOME]))).all()
-    assert loop.run() is False
+        np.testing.assert_array_equal(loop.wrench, wrench)
+        assert loop.call() is True
+    for bad in ([0.3, 0, 0], [0.25, 0, 0], [0, 0, TURN], [0, 0, TURN + 1e-8], [np.nan, 0, 0], [0, np.inf, 0]):
+        assert np.isnan(loop([bad, HOME, HOME])).all()
+        assert loop.run() is False
+        assert np.isnan(loop.forces).all()
+    assert np.isfinite(loop([HOME, HOME, HOME])).all()
+    with pytest.raises(AttributeError):
+        loop.state = np.zeros((3, 3))
+    for shape in ((3,), (9,), (3, 4)):
+        with pytest.raises(InputError, match=r"state: expected shape \(3, 3\), got"):
+            loop(np.zeros(shape))
+
+
+def test_a_single_sample_at_the_very_border(level):
+    kernels = MachineKernels(p3dof.PAPER, level)
+    edge = p3dof.PAPER.geometry.L - 0.15
+    for pose in ([edge, 0, 0], [-edge, 0, 0], [0.0, 0, 2.5], [1e300, 0, 0]):
+        reference = virtual_power.forces(p3dof.PAPER, pose, HOME, HOME, on_invalid="nan")
+        found = dynamics.forces(kernels, pose, HOME, HOME, on_invalid="nan")
+        np.testing.assert_array_equal(np.isnan(found), np.isnan(reference))
+        np.testing.assert_allclose(found, reference, rtol=1e-12)
 
 
 def test_one_sample_as_numbers(level):
@@ -289,12 +314,22 @@ def test_levels_and_threads_are_checked(monkeypatch):
     assert (kernels.level, kernels.threads) == ("numpy", 3)
     again = pickle.loads(pickle.dumps(kernels))  # noqa: S301 - our own
     assert (again.level, again.threads) == ("numpy", 3)
-    monkeypatch.setenv("P3DOF_THREADS", "many")
-    with pytest.raises(InputError, match="threads: expected a number"):
+    assert repr(again) == "MachineKernels(level='numpy', threads=3)"
+    for bad in ("many", "-1", "1.5", "0", "9" * 30):
+        monkeypatch.setenv("P3DOF_THREADS", bad)
+        with pytest.raises(InputError, match=f"P3DOF_THREADS: expected a number from 1 to 1024, got '?{bad}"):
+            MachineKernels(p3dof.PAPER)
+    monkeypatch.setenv("P3DOF_THREADS", "")
+    monkeypatch.setenv("P3DOF_LEVEL", "AVX2")
+    with pytest.raises(InputError, match=r"P3DOF_LEVEL: expected one of numpy.*, got 'AVX2'"):
         MachineKernels(p3dof.PAPER)
-    monkeypatch.setenv("P3DOF_LEVEL", "slow")
-    with pytest.raises(InputError, match="level: expected one of"):
-        MachineKernels(p3dof.PAPER)
+    monkeypatch.setenv("P3DOF_LEVEL", "")
+    kernels = MachineKernels(p3dof.PAPER)
+    assert kernels.level == levels()[-1]
+    with pytest.raises(InputError, match=r"kernel: expected one of inverse_dynamics, .* got 'magic'"):
+        kernels.function("magic")
+    with pytest.raises(InputError, match="parameters: expected Parameters, got Manipulator"):
+        MachineKernels(p3dof.load())
 
 
 def test_the_facade_offers_them():

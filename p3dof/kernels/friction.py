@@ -10,12 +10,13 @@ import numpy as np
 
 from p3dof.algebra import components
 from p3dof.checks import FloatArray
-from p3dof.kernels.machine import BLOCK
 from p3dof.kinematics.formulas import Lengths
 from p3dof.losses import generalized_losses, losses_of
 from p3dof.parameters import Parameters
 from p3dof.reduced import model_of, shape, solve_transposed
 from p3dof.tracing import Number, Symbol, Tape, derivatives, straight_line
+from p3dof.tracing.python import or_nan
+from p3dof.virtual_power import BLOCK
 
 _Function = Callable[..., tuple[Any, ...]]
 
@@ -56,14 +57,34 @@ def loss_derivatives(parameters: Parameters, pose: FloatArray, velocity: FloatAr
     return np.ascontiguousarray(found.reshape(6, 3, -1).transpose(2, 1, 0))
 
 
+def losses_of_state(parameters: Parameters) -> Callable[..., tuple[float, ...]]:
+    """Return what friction takes of one state as a function of numbers.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine.
+
+    Returns
+    -------
+    callable
+        (pose 3, velocity 3) → forces of y, z, θ 3 [N, N, N m]; NaN out of reach.
+    """
+    return or_nan(straight_line(_formula(parameters), 6), 3)
+
+
 @lru_cache(maxsize=64)
 def _losses(parameters: Parameters) -> _Function:
+    return straight_line(_formula(parameters), 6, np)
+
+
+def _formula(parameters: Parameters) -> Callable[..., Sequence[Number]]:
     lengths, friction = Lengths.of(parameters.geometry), losses_of(parameters.friction)
 
     def formula(tape: Tape, *x: Symbol) -> Sequence[Number]:
         return generalized_losses(lengths, components(x[:3]), components(x[3:]), friction, tape)
 
-    return straight_line(formula, 6, np)
+    return formula
 
 
 @lru_cache(maxsize=64)

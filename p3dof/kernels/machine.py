@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -10,19 +9,20 @@ from functools import cache, partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from p3dof.checks import FloatArray, shown
+from p3dof.checks import FloatArray, as_floats, shown
 from p3dof.errors import InputError
-from p3dof.kernels.formulas import Kernel, is_symmetric, kernel
+from p3dof.kernels.formulas import NAMES, Kernel, is_symmetric, kernel
+from p3dof.kernels.friction import losses_of_state
+from p3dof.minimal import WRENCH_ROWS
 from p3dof.parameters import Parameters
 from p3dof.reduced import model_of
-from p3dof.tracing.python import function_of
+from p3dof.tracing.python import function_of, or_nan
+from p3dof.virtual_power import BLOCK
 
 NUMPY = "numpy"
 """The level without the extension: blocks of arrays."""
-
-BLOCK = 4096
-"""Samples that NumPy computes at once: their intermediate arrays stay in the processor's cache."""
 
 SHARE = 32_768
 """Samples that are worth a thread of their own."""
@@ -61,6 +61,8 @@ class MachineKernels:
     """
 
     def __init__(self, parameters: Parameters, level: str | None = None, threads: int | None = None) -> None:
+        if not isinstance(parameters, Parameters):
+            raise InputError(f"parameters: expected Parameters, got {type(parameters).__name__}")
         self.parameters = parameters
         self.level = _level(level)
         self.threads = _threads(threads)
@@ -68,6 +70,9 @@ class MachineKernels:
         self.symmetric = is_symmetric(self.model)
         self._prepared: dict[str, tuple[Kernel, FloatArray]] = {}
         self._functions: dict[str, Callable[..., tuple[float, ...]]] = {}
+
+    def __repr__(self) -> str:
+        return f"MachineKernels(level={self.level!r}, threads={self.threads})"
 
     def __reduce__(self) -> tuple[type[MachineKernels], tuple[Parameters, str, int]]:
         return MachineKernels, (self.parameters, self.level, self.threads)
@@ -84,8 +89,15 @@ class MachineKernels:
         -------
         kernel : Kernel
         constants : ndarray, shape (C,)
+
+        Raises
+        ------
+        InputError
+            If there is no such kernel.
         """
         if name not in self._prepared:
+            if name not in NAMES:
+                raise InputError(f"kernel: expected one of {', '.join(NAMES)}, got {shown(name)}")
             found = kernel(name, self.symmetric)
             self._prepared[name] = found, found.of(self.model)
         return self._prepared[name]
@@ -137,8 +149,8 @@ class MachineKernels:
             used, constants = self.prepared(name)
             compiled = _extension()
             if self.level == NUMPY or compiled is None:
-                plain = function_of(used.tape, (*used.constants, *used.symbols), used.results, _Plain)
-                self._functions[name] = partial(plain, *constants.tolist())
+                plain = function_of(used.tape, (*used.constants, *used.symbols), used.results)
+                self._functions[name] = or_nan(partial(plain, *constants.tolist()), len(used.results))
             else:
                 self._functions[name] = compiled.Function(used.name, self.level, constants)
         return self._functions[name]
@@ -154,9 +166,10 @@ class MachineKernels:
 
 
 class BoundInverseDynamics:
-    """Inverse dynamics of one sample in buffers of its own: write the state, call, read the forces.
+    """Inverse dynamics of one sample in buffers of its own: write the state, run, read the forces.
 
-    Friction is not in it. Not for several threads at once.
+    The buffers stay the same arrays for good; write into them with ``loop.state[:] = ...``. Not for several
+    threads at once.
 
     Parameters
     ----------
@@ -165,63 +178,80 @@ class BoundInverseDynamics:
 
     Attributes
     ----------
-    state : ndarray, shape (3, 3)
-        Pose, velocity and acceleration of (y, z, θ), row by row.
-    wrench : ndarray, shape (3,)
-        F_y, F_z, M_y of the external wrench on the platform at P [N, N, N m].
-    forces : ndarray, shape (3,)
-        Of the actuators A, B, C [N].
-    run : callable
-        Computes the forces; returns True if the state is reachable, not singular and finite.
+    call : callable
+        What `run` calls where the machine has no friction: without its protection, and half as long. It
+        returns False for a bad state and leaves whatever came out in `forces`.
     """
 
     def __init__(self, kernels: MachineKernels) -> None:
-        self.state, self.wrench, self.forces = np.zeros((3, 3)), np.zeros(3), np.zeros(3)
-        name = "inverse_dynamics_loaded"
-        used, constants = kernels.prepared(name)
-        columns = [*self.state.reshape(9, 1), *self.wrench.reshape(3, 1)]
-        results = [*self.forces.reshape(3, 1), None]
+        self._state, self._wrench, self._forces = np.zeros((3, 3)), np.zeros(6), np.zeros(3)
+        self._losses = losses_of_state(kernels.parameters) if kernels.parameters.friction else None
+        self._load = np.zeros(6) if self._losses else self._wrench  # what the kernel reads
+        columns = [*self._state.reshape(9, 1), *(self._load[row : row + 1] for row in WRENCH_ROWS)]
+        results = [*self._forces.reshape(3, 1), None]
+        used, constants = kernels.prepared("inverse_dynamics_loaded")
         compiled = _extension()
-        self.run: Callable[[], bool]
+        self.call: Callable[[], bool]
         if kernels.level == NUMPY or compiled is None:
-            self.run = lambda: on_arrays(used, constants, columns, results)
+            self.call = partial(on_arrays, used, constants, columns, results)
         else:
-            self.run = compiled.Call(used.name, kernels.level, constants, columns, results)
+            self.call = compiled.Call(used.name, kernels.level, constants, columns, results)
 
-    def __call__(self, state: FloatArray) -> FloatArray:
+    @property
+    def state(self) -> FloatArray:
+        """Pose, velocity and acceleration of (y, z, θ), row by row, (3, 3)."""
+        return self._state
+
+    @property
+    def wrench(self) -> FloatArray:
+        """External force and moment on the platform at P, in the fixed frame, (6,) [N, N m]; first zero."""
+        return self._wrench
+
+    @property
+    def forces(self) -> FloatArray:
+        """Forces of the actuators A, B, C, (3,) [N]; NaN after a bad state."""
+        return self._forces
+
+    def run(self) -> bool:
+        """Compute the forces, friction included.
+
+        Returns
+        -------
+        bool
+            Whether the state is reachable, not singular and finite.
+        """
+        if self._losses is not None:
+            lost = self._losses(*self._state[0].tolist(), *self._state[1].tolist())
+            self._load[:] = self._wrench
+            self._load[list(WRENCH_ROWS)] -= lost
+        if self.call():
+            return True
+        self._forces.fill(np.nan)
+        return False
+
+    def __call__(self, state: ArrayLike) -> FloatArray:
         """Return the forces of a state, (3,): a view that the next call overwrites; NaN if it is not good.
 
         Parameters
         ----------
-        state : ndarray, shape (3, 3)
+        state : array-like, shape (3, 3)
             Pose, velocity and acceleration.
 
         Returns
         -------
         ndarray, shape (3,)
+
+        Raises
+        ------
+        InputError
+            If the shape does not fit.
         """
-        self.state[:] = state
-        if not self.run():
-            self.forces[:] = np.nan
-        return self.forces
-
-
-class _Plain:
-    """`math` with a minimum; NaN outside its domain, as the compiled kernels have it."""
-
-    minimum = staticmethod(min)
-
-    @staticmethod
-    def sqrt(x: float) -> float:
-        return math.sqrt(x) if x >= 0 else math.nan
-
-    @staticmethod
-    def sin(x: float) -> float:
-        return math.sin(x) if math.isfinite(x) else math.nan
-
-    @staticmethod
-    def cos(x: float) -> float:
-        return math.cos(x) if math.isfinite(x) else math.nan
+        given = as_floats("state", state)
+        if given.shape != (3, 3):
+            raise InputError(f"state: expected shape (3, 3), got {given.shape}")
+        self._state[:] = given
+        self.run()
+        return self._forces
 
 
 def on_arrays(
@@ -273,21 +303,23 @@ def _pool(threads: int) -> ThreadPoolExecutor:
 
 
 def _level(level: str | None) -> str:
-    wanted = level or os.environ.get("P3DOF_LEVEL") or levels()[-1]
+    asked = os.environ.get("P3DOF_LEVEL")
+    name, wanted = ("level", level) if level is not None else ("P3DOF_LEVEL", asked or levels()[-1])
     if wanted not in levels():
-        raise InputError(f"level: expected one of {', '.join(levels())}, got {shown(wanted)}")
-    return wanted
+        raise InputError(f"{name}: expected one of {', '.join(levels())}, got {shown(wanted)}")
+    return str(wanted)
 
 
 def _threads(threads: int | None) -> int:
-    if threads is None:
-        asked = os.environ.get("P3DOF_THREADS")
-        if asked is None:
-            return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-        threads = int(asked) if asked.isdecimal() else 0
-    if isinstance(threads, bool) or not isinstance(threads, int) or not 1 <= threads <= 1024:
-        raise InputError(f"threads: expected a number from 1 to 1024, got {shown(threads)}")
-    return threads
+    asked = os.environ.get("P3DOF_THREADS")
+    name, wanted = "threads", threads
+    if threads is None and asked:
+        name, wanted = "P3DOF_THREADS", int(asked) if asked.isdecimal() and len(asked) < 10 else asked  # type: ignore[assignment]  # refused below
+    if wanted is None:
+        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if isinstance(wanted, bool) or not isinstance(wanted, int) or not 1 <= wanted <= 1024:
+        raise InputError(f"{name}: expected a number from 1 to 1024, got {shown(wanted)}")
+    return wanted
 
 
 if hasattr(os, "register_at_fork"):

@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray
 from p3dof.kernels.formulas import MODEL
-from p3dof.kernels.machine import BLOCK
 from p3dof.kinematics.formulas import Lengths
 from p3dof.kinematics.states import holdable_states
 from p3dof.kinematics.validity import OnInvalid
@@ -24,6 +23,7 @@ from p3dof.parameters import LINKS, Bodies, Parameters
 from p3dof.reduced import Model, Moments, Reduced, State, actuator_forces, fold_moments, model_of, shape
 from p3dof.tracing import Number, Symbol, Tape, derivatives, straight_line
 from p3dof.tracing.python import function_of
+from p3dof.virtual_power import BLOCK
 
 MOMENTS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 """Inertial parameters of a body, about the origin of its axes, in the order of Pinocchio's."""

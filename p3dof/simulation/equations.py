@@ -9,8 +9,9 @@ from typing import TypeAlias
 from p3dof.algebra import Scalar, Vector, apply_transposed, dot
 from p3dof.inertials import inertials, numbers
 from p3dof.kernels import MachineKernels
+from p3dof.kernels.friction import losses_of_state
 from p3dof.kinematics.formulas import Lengths, configuration, jacobian
-from p3dof.losses import generalized_losses, losses_of
+from p3dof.losses import losses_of
 from p3dof.parameters import Parameters
 from p3dof.tracing import Tape, straight_line
 from p3dof.virtual_power import actuator_forces, generalized_forces
@@ -110,14 +111,7 @@ class CompiledEquations:
         self._kinematics = kernels.function("kinematics")
         self._acceleration = kernels.function("forward_dynamics_loaded")
         parameters = kernels.parameters
-        self._losses: Compiled | None = None
-        if parameters.friction:
-            lengths, friction = Lengths.of(parameters.geometry), losses_of(parameters.friction)
-
-            def formula(tape: Tape, *x: Scalar) -> Vector:
-                return generalized_losses(lengths, x[:3], x[3:], friction, tape)
-
-            self._losses = straight_line(formula, 6)
+        self._losses = losses_of_state(parameters) if parameters.friction else None
 
     def sliders(self, *state: float) -> tuple[float, ...]:
         """(pose 3, velocity 3) → slider positions 3 [m] and velocities 3 [m/s]; NaN out of reach."""

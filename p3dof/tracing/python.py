@@ -28,8 +28,8 @@ def straight_line(
     count : int
         How many symbols.
     namespace : module
-        Where the compiled function takes sqrt, sin, cos, tanh and minimum from: `math` for numbers (which
-        has no minimum), `numpy` for arrays.
+        Where the compiled function takes sqrt, sin, cos, tanh and minimum from: `math` for numbers,
+        `numpy` for arrays.
 
     Returns
     -------
@@ -70,12 +70,36 @@ def function_of(
     arguments = ", ".join(f"x{i}" for i in range(len(inputs)))
     values = ", ".join(_text(value, names) for value in results)
     source = "\n    ".join([f"def compiled({arguments}):", *lines, f"return ({values},)"])
-    scope: dict[str, Any] = {
-        name: getattr(namespace, name) for name in (*FUNCTIONS, "minimum") if hasattr(namespace, name)
-    }
+    scope: dict[str, Any] = {name: getattr(namespace, name) for name in FUNCTIONS}
+    scope["minimum"] = getattr(namespace, "minimum", min)  # `math` has none
     exec(compile(source, "<straight line>", "exec"), scope)  # noqa: S102 - the text is made of our own names
     function: Callable[..., tuple[float, ...]] = scope["compiled"]
     return function
+
+
+def or_nan(function: Callable[..., tuple[float, ...]], count: int) -> Callable[..., tuple[float, ...]]:
+    """Return a function that returns NaN where another raises, being outside its domain.
+
+    Parameters
+    ----------
+    function : callable
+        From `straight_line`, on numbers.
+    count : int
+        How many numbers it returns.
+
+    Returns
+    -------
+    callable
+    """
+    nowhere = (math.nan,) * count
+
+    def guarded(*values: float) -> tuple[float, ...]:
+        try:
+            return function(*values)
+        except (ValueError, ZeroDivisionError):
+            return nowhere
+
+    return guarded
 
 
 def _expression(operation: Operation, names: dict[int, str]) -> str:

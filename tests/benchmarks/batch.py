@@ -40,7 +40,7 @@ SIDE_BY_SIDE = f"columns, {BEST}, threads side by side: {{}}"
 SHARED, TURNS = 4096, 500
 VIRTUAL_POWER = "virtual power, NumPy"
 RUN, FUNCTION, FACADE = (
-    "from Python: bound buffers, run()",
+    "from Python: bound buffers, bare call()",
     "from Python: Function(numbers)",
     "from Python: robot.forces, compiled",
 )
@@ -144,7 +144,8 @@ def one_sample() -> Iterator[Contender]:
         kernels = MachineKernels(parameters, BEST, 1)
         bound = kernels.bind_inverse_dynamics()
         bound.state[:] = pose, velocity, acceleration
-        yield calling(ONE, RUN, machine, bound.run)
+        yield calling(ONE, RUN, machine, bound.call)
+        yield calling(ONE, "from Python: bound buffers, protected run()", machine, bound.run)
         yield calling(ONE, "from Python: bound buffers, new state", machine, _with(bound, bound.state.copy()))
         numbers = [*pose.tolist(), *velocity.tolist(), *acceleration.tolist()]
         names = {f"x{i}": value for i, value in enumerate(numbers)} | {"f": kernels.function(FORCES)}
