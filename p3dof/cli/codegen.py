@@ -32,16 +32,28 @@ parameters that matters is more, other last bits on another processor are less."
     type=Payload(),
     help="Point mass on the platform [kg], at P or at x,y,z in its frame [m].",
 )
-@click.option("--out", type=click.Path(path_type=Path), help="Folder of the C for a controller.")
+@click.option("--out", "out_text", type=click.Path(), help="Folder of the C for a controller.")
 @click.option(
     "--bake", is_flag=True, help="Put the machine's numbers into the code: smaller, not to be changed."
 )
 @click.option("--kernels", is_flag=True, help="The package's own kernels, where they are in the package.")
 @CHECK
 def codegen(
-    parameters: Path | None, payload: Body | None, out: Path | None, bake: bool, kernels: bool, check: bool
+    parameters: Path | None,
+    payload: Body | None,
+    out_text: str | None,
+    bake: bool,
+    kernels: bool,
+    check: bool,
 ) -> int:
     """Write C99 for a controller: kinematics, dynamics and derivatives, with a program that tests it."""
+    if out_text == "":
+        raise click.UsageError("--out: expected a folder, got an empty name")
+    out = None if out_text is None else Path(out_text)
+    if kernels and not DIRECTORY.is_dir():
+        raise click.UsageError(
+            "--kernels: the C of the kernels is in the source tree, not where it is installed"
+        )
     if out is None and not kernels:
         raise click.UsageError("expected --out (C for a controller), --kernels (the package's own) or both")
     if out is None and (parameters is not None or payload is not None or bake):

@@ -64,6 +64,11 @@ class ForceRegressor:
     by_lengths: FloatArray
     by_gravity: FloatArray
 
+    base_names = BASE
+    """Names of the 21 base inertial parameters."""
+    inertial_names = INERTIAL
+    """Names of the 100 inertial parameters of the bodies."""
+
     @property
     def inertial(self) -> FloatArray:
         """∂f/∂φ by the 100 inertial parameters of the bodies, (..., 3, 100)."""
