@@ -163,6 +163,51 @@ def test_samples_near_the_borders_are_decided_as_numpy_decides(level):
     assert np.all(np.abs(found[good] - reference[good]) < 1e-13 * close * turned * np.maximum(size, 100))
 
 
+def test_few_bad_samples_are_looked_at_alone(level, monkeypatch):
+    asked = []
+    real = dynamics.holdable_states
+    monkeypatch.setattr(
+        dynamics, "holdable_states", lambda p, q, *rest: (asked.append(len(q)), real(p, q, *rest))[1]
+    )
+    states = random_states(p3dof.PAPER, 4, 400)
+    q = states.pose.copy()
+    q[[7, 300]] = [0.3, 0, 0]
+    dynamics.forces(
+        MachineKernels(p3dof.PAPER, level), q, states.velocity, states.acceleration, on_invalid="nan"
+    )
+    assert asked == [2]
+
+
+def test_what_overflows_is_told_by_name_and_place(level):
+    kernels = MachineKernels(p3dof.PAPER, level)
+    v = np.zeros((2, 2, 3))
+    v[1, 1] = 1e200
+    with pytest.raises(InputError, match=r"forces: expected finite numbers.*sample \(1, 1\), the first of 1"):
+        dynamics.forces(kernels, HOME, v, HOME)
+    with pytest.raises(InputError, match=r"forces: expected finite numbers, got \[[^(]*$"):
+        dynamics.forces(kernels, HOME, v[1, 1], HOME)
+    with pytest.raises(InputError, match="forces and derivatives: expected finite numbers"):
+        dynamics.inverse_dynamics_derivatives(kernels, HOME, v, HOME)
+    with pytest.raises(InputError, match="acceleration: expected finite numbers"):
+        dynamics.forward_dynamics(kernels, HOME, v, HOME)
+    with pytest.raises(InputError, match="regressor: expected finite numbers"):
+        p3dof.load().force_regressor(HOME, v, HOME)
+    found = dynamics.forces(kernels, HOME, HOME, [[0, 0, 1e308], [0, 0, 0]], on_invalid="nan")
+    assert np.isnan(found[0]).all() or np.isfinite(found[0]).all()
+    assert np.isfinite(found[1]).all()
+
+
+def test_packed_records_are_served(level):
+    kernels = MachineKernels(p3dof.PAPER, level)
+    records = np.zeros(10, [("mark", "u1"), ("pose", "<f8", (3,)), ("rate", "<f8", (3,))])
+    records["pose"] = np.linspace(-0.1, 0.1, 30).reshape(10, 3)
+    expected = virtual_power.forces(p3dof.PAPER, records["pose"], records["rate"], HOME)
+    found = dynamics.forces(kernels, records["pose"], records["rate"], HOME)
+    np.testing.assert_allclose(found, expected, rtol=1e-13)
+    assert dynamics.sliders(kernels, records["pose"]).shape == (10, 3)
+    assert dynamics.forces(kernels, records["pose"][3], HOME, HOME).shape == (3,)
+
+
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [

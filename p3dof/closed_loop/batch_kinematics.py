@@ -66,7 +66,8 @@ class Sweep:
         self._data = model.createData()
         self._J, self._J_dot = self._data.J.T, self._data.dJ.T
         self._placements = _shared(self._data)
-        self._room = [np.empty((0, 0))] * 3
+        shapes = (model.nv, 6), (model.nv, 6), (model.njoints * _LAYOUT,)
+        self._room = [np.empty((0, *shape)) for shape in shapes]
         self.behind = np.zeros((model.njoints, model.nv))
         """Entry (i, k): 1 if freedom k moves body i, else 0."""
         for i in range(model.njoints):

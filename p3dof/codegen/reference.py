@@ -221,7 +221,8 @@ def number_derivatives(
     by_probe = [_forces(None, lengths, bodies, gravity, rows) for bodies in probes]
     folds = np.array([fold(lengths, bodies) for bodies in probes], dtype=float)  # (100, 21)
     columns = np.stack([_stacked(f, count) for f in by_probe], axis=-1)  # (N, 3, 100)
-    base: FloatArray = columns @ np.linalg.pinv(folds).T
+    size = np.abs(folds).max(axis=0)  # kg, kg m and kg m² side by side
+    base: FloatArray = columns @ (np.linalg.pinv(folds / size) / size[:, None]).T
     found = np.empty((count, 3, len(MODEL)))
     found[..., 6:] = base
     own, resting = inertials(parameters.bodies), [*pose.T, *([0.0 * pose[:, 0]] * 6)]

@@ -26,7 +26,18 @@ from p3dof.reduced import State
 _BY_STATE = tuple((*POSE, *VELOCITY, *ACCELERATION).index(name) for name in State._fields)
 """Columns of pose, velocity and acceleration in a row that the forces change with."""
 
-_Check: TypeAlias = Callable[[OnInvalid], Sequence[FloatArray]]
+_RESULT = {
+    "inverse_dynamics": "forces",
+    "inverse_dynamics_loaded": "forces",
+    "inverse_dynamics_derivatives": "forces and derivatives",
+    "forward_dynamics": "acceleration",
+    "forward_dynamics_loaded": "acceleration",
+    "mass_matrix": "mass matrix",
+    "kinematics": "sliders",
+}
+"""What to call the first three outputs of a kernel."""
+
+_Check: TypeAlias = Callable[[Sequence[FloatArray], OnInvalid], Sequence[FloatArray]]
 """Raises for the states that are refused, or returns them with their rows NaN."""
 
 
@@ -77,11 +88,11 @@ def forces(
     name = "inverse_dynamics" if loads is None else "inverse_dynamics_loaded"
     found = np.empty((len(states[0]), 3))
 
-    def check(policy: OnInvalid) -> Sequence[FloatArray]:
-        poses, speeds, rates = _in_shape(states, leading)
+    def check(rows: Sequence[FloatArray], policy: OnInvalid) -> Sequence[FloatArray]:
+        poses, speeds, rates = rows
         return holdable_states(kernels.parameters, poses, speeds, rates, policy)
 
-    _solve(kernels, name, states if loads is None else [*states, loads], found, check, on_invalid)
+    _solve(kernels, name, states if loads is None else [*states, loads], found, check, on_invalid, leading)
     return found.reshape(*leading, 3)
 
 
@@ -113,12 +124,12 @@ def inverse_dynamics_derivatives(
     count = len(states[0])
     found = np.empty((count, 24))
 
-    def check(policy: OnInvalid) -> Sequence[FloatArray]:
-        poses, speeds, rates = _in_shape(states, leading)
+    def check(rows: Sequence[FloatArray], policy: OnInvalid) -> Sequence[FloatArray]:
+        poses, speeds, rates = rows
         return holdable_states(kernels.parameters, poses, speeds, rates, policy)
 
     given = [*states, np.broadcast_to(np.zeros(3), (count, 3)) if loads is None else loads]
-    _solve(kernels, "inverse_dynamics_derivatives", given, found, check, on_invalid)
+    _solve(kernels, "inverse_dynamics_derivatives", given, found, check, on_invalid, leading)
     by = np.zeros((count, 3, 9))  # z and ż change no force, but through friction
     by[:, :, _BY_STATE] = found[:, 3:].reshape(count, 3, 7)
     by[np.isnan(found[:, 0])] = np.nan
@@ -157,11 +168,11 @@ def forward_dynamics(
     name = "forward_dynamics" if loads is None else "forward_dynamics_loaded"
     found = np.empty((len(states[0]), 3))
 
-    def check(policy: OnInvalid) -> Sequence[FloatArray]:
-        poses, speeds, given = _in_shape(states, leading)
+    def check(rows: Sequence[FloatArray], policy: OnInvalid) -> Sequence[FloatArray]:
+        poses, speeds, given = rows
         return forced_states(kernels.parameters, poses, speeds, given, policy)
 
-    _solve(kernels, name, states if loads is None else [*states, loads], found, check, on_invalid)
+    _solve(kernels, name, states if loads is None else [*states, loads], found, check, on_invalid, leading)
     return found.reshape(*leading, 3)
 
 
@@ -235,10 +246,10 @@ def _of_pose(
     (poses,), leading = _states(("pose",), (pose,), on_invalid)
     found = np.empty((len(poses), width))
 
-    def check(policy: OnInvalid) -> Sequence[FloatArray]:
-        return (reachable_poses(kernels.parameters.geometry, poses.reshape(*leading, 3), policy),)
+    def check(rows: Sequence[FloatArray], policy: OnInvalid) -> Sequence[FloatArray]:
+        return (reachable_poses(kernels.parameters.geometry, rows[0], policy),)
 
-    _solve(kernels, name, [poses], found, check, on_invalid)
+    _solve(kernels, name, [poses], found, check, on_invalid, leading)
     return found, leading
 
 
@@ -249,6 +260,7 @@ def _solve(
     found: FloatArray,
     check: _Check,
     on_invalid: OnInvalid,
+    leading: tuple[int, ...],
 ) -> None:
     """Run a kernel from rows (N, 3) into rows; refused samples raise, or their rows become NaN."""
     if len(found) == 1:  # one sample is quicker as plain numbers
@@ -259,18 +271,19 @@ def _solve(
     columns, outputs = [column for rows in given for column in rows.T], list(found.T)
     if kernels.run(name, columns, [*outputs, None]):
         return
-    refused = np.zeros(len(found), dtype=bool)
-    for array in check(on_invalid):
-        refused |= ~np.isfinite(array).all(axis=-1).reshape(-1)
+    states = given[: 1 if len(given) == 1 else 3]
+    if on_invalid == "raise":
+        check(_in_shape(states, leading), "raise")
     margins = np.empty(len(found))
     kernels.run(name, columns, [*outputs, margins])
     doubtful = np.flatnonzero(~(margins > 0))
     again = np.empty((found.shape[1], len(doubtful)))
     on_arrays(*kernels.prepared(name), [column[doubtful] for column in columns], [*again, None])
-    found[doubtful] = again.T
-    found[refused] = np.nan
+    checked = check([rows[doubtful] for rows in states], "nan")
+    good = np.all([np.isfinite(rows).all(axis=-1) for rows in (*checked, again.T)], axis=0)
+    found[doubtful] = np.where(good[:, None], again.T, np.nan)
     if on_invalid == "raise":
-        raise_not_finite("forces" if name.startswith("inverse") else "result", found)
+        raise_not_finite(_RESULT[name], found[:, :3].reshape(*leading, 3))
 
 
 def _states(
@@ -289,7 +302,8 @@ def _states(
                 f"{', '.join(names)}: expected shapes that fit each other, got {shapes}"
             ) from error
         leading = arrays[0].shape[:-1]
-    return [array.reshape(-1, 3) for array in arrays], leading
+    rows = [array.reshape(-1, 3) for array in arrays]
+    return [array if array.flags.aligned else array.copy() for array in rows], leading
 
 
 def _in_shape(states: Sequence[FloatArray], leading: tuple[int, ...]) -> list[FloatArray]:

@@ -18,7 +18,7 @@ from p3dof.checks import FloatArray
 from p3dof.kernels.formulas import MODEL
 from p3dof.kinematics.formulas import Lengths
 from p3dof.kinematics.states import holdable_states
-from p3dof.kinematics.validity import OnInvalid
+from p3dof.kinematics.validity import OnInvalid, raise_not_finite
 from p3dof.parameters import LINKS, Bodies, Parameters
 from p3dof.reduced import Model, Moments, Reduced, State, actuator_forces, fold_moments, model_of, shape
 from p3dof.tracing import Number, Symbol, Tape, derivatives, straight_line
@@ -124,12 +124,15 @@ def force_regressor(
     function = _by_model()
     for start in range(0, len(q), BLOCK):
         block = slice(start, start + BLOCK)
-        values = function(*(float(x) for x in model.numbers), *(column[block] for column in columns))
+        with np.errstate(all="ignore"):  # what overflows is told below
+            values = function(*(float(x) for x in model.numbers), *(column[block] for column in columns))
         for row, value in zip(found, values, strict=True):
             row[block] = value
     by: FloatArray = found.reshape(3, len(MODEL), -1).transpose(2, 0, 1)  # (N, 3, 27)
     by[~np.isfinite(q).all(axis=1)] = np.nan
     by = by.reshape(*leading, 3, len(MODEL))
+    if on_invalid == "raise":
+        raise_not_finite("regressor", by.reshape(*leading, -1))
     base = np.ascontiguousarray(by[..., 6:])
     matrix, by_length = _fold_derivatives(parameters)
     return ForceRegressor(
