@@ -82,7 +82,8 @@ def test_its_numbers_are_the_base_parameters(seed):
     forces = virtual_power.forces(machine, *motion)
     found = force_regressor(machine, *motion)
     phi = inertial_parameters(machine.bodies)
-    assert found.base.shape == (len(states.pose), 3, len(BASE) == 21 and 21)
+    assert len(BASE) == 21
+    assert found.base.shape == (len(states.pose), 3, 21)
     assert found.inertial.shape == (len(states.pose), 3, len(INERTIAL))
     bound = 1e-11 * np.abs(forces).max()
     np.testing.assert_allclose(found.base @ found.base_parameters, forces, rtol=0, atol=bound)

@@ -15,13 +15,12 @@ from p3dof import reduced
 from p3dof.algebra import Matrix, Vector
 from p3dof.codegen.friction import TOGETHER, generalized_friction
 from p3dof.codegen.machine import FRICTION, MACHINE
-from p3dof.kernels.formulas import MODEL
+from p3dof.kernels.formulas import ACCELERATION, FORCES, MODEL, POSE, VELOCITY
 from p3dof.kinematics.validity import ACTUATION_TOLERANCE, REACH_TOLERANCE
 from p3dof.reduced import Model, Shape, State
 from p3dof.tracing import Number, Symbol, Tape, derivatives
 
-POSE, VELOCITY, ACCELERATION = ("y", "z", "theta"), ("vy", "vz", "vtheta"), ("ay", "az", "atheta")
-FORCES, LOAD = ("f_a", "f_b", "f_c"), ("load_y", "load_z", "load_theta")
+LOAD = ("load_y", "load_z", "load_theta")
 WRENCH = ("", "w_y", "w_z", "", "w_theta", "")
 
 _TEXTS = {

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, MutableMapping, Sequence
 
-from p3dof.tracing.tape import Number, Symbol, Tape
+from p3dof.tracing.tape import SIGNS, Number, Symbol, Tape
 
-_SIGNS = {"add": "{} + {}", "sub": "{} - {}", "mul": "{} * {}", "div": "{} / {}", "neg": "-{}"}
 _MINIMUM = "({0} < {1}) ? {0} : {1}"
 
 
@@ -45,8 +44,8 @@ def statements(
             lines += _sincos(tape, index, names, sincos)
             continue
         operands = [text(operand, names) for operand in operation.operands]
-        if operation.name in _SIGNS:
-            expression = _SIGNS[operation.name].format(*operands)
+        if operation.name in SIGNS:
+            expression = SIGNS[operation.name].format(*operands)
         elif operation.name == "min":
             expression = _MINIMUM.format(*operands)
         else:

@@ -10,9 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from p3dof.tracing.tape import FUNCTIONS, Number, Operation, Symbol, Tape
-
-_SIGNS = {"add": "{} + {}", "sub": "{} - {}", "mul": "{} * {}", "div": "{} / {}", "neg": "-{}"}
+from p3dof.tracing.tape import FUNCTIONS, SIGNS, Number, Operation, Symbol, Tape
 
 
 def straight_line(
@@ -104,8 +102,8 @@ def or_nan(function: Callable[..., tuple[float, ...]], count: int) -> Callable[.
 
 def _expression(operation: Operation, names: dict[int, str]) -> str:
     operands = [_text(operand, names) for operand in operation.operands]
-    if operation.name in _SIGNS:
-        return _SIGNS[operation.name].format(*operands)
+    if operation.name in SIGNS:
+        return SIGNS[operation.name].format(*operands)
     return f"{'minimum' if operation.name == 'min' else operation.name}({', '.join(operands)})"
 
 

@@ -10,6 +10,8 @@ Number: TypeAlias = "float | Symbol"
 
 COMMUTATIVE = ("add", "mul")
 FUNCTIONS = ("sqrt", "sin", "cos", "tanh")
+SIGNS = {"add": "{} + {}", "sub": "{} - {}", "mul": "{} * {}", "div": "{} / {}", "neg": "-{}"}
+"""How Python and C write the arithmetic."""
 
 
 class Operation(NamedTuple):
