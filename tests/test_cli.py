@@ -390,10 +390,26 @@ def test_the_exact_variant(tmp_path, capsys):
     assert run(capsys, "urdf", "--out", tmp_path, "--check")[0] == 1
 
 
-def test_start_up_loads_nothing_that_is_not_used():
-    code = "import sys, p3dof; print([m for m in ('scipy', 'matplotlib', 'pxr', 'rich') if m in sys.modules])"
+@pytest.mark.parametrize(
+    ("work", "loaded"),
+    [
+        ("pass", []),
+        # Names are imported when they are first used: touch them all, and compute.
+        ("[getattr(p3dof, name) for name in p3dof.__all__ if name[0].isupper()]", ["numpy", "pinocchio"]),
+        (
+            "[p3dof.load().forces([0] * 3, [0] * 3, [0] * 3, m) for m in p3dof.manipulator.METHODS]",
+            ["numpy", "pinocchio"],
+        ),
+    ],
+)
+def test_start_up_loads_nothing_that_is_not_used(work, loaded):
+    libraries = (
+        "numpy", "pinocchio", "scipy", "matplotlib", "pxr", "rich", "click", "meshcat", "tornado", "jinja2",
+        "casadi", "mujoco", "exudyn", "pydrake",
+    )  # fmt: skip
+    code = f"import sys, p3dof; {work}; print([m for m in {libraries} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
+    assert done.stdout.strip() == str(loaded)
 
 
 def test_interrupt_is_one_line(monkeypatch, capsys):
