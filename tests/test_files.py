@@ -1,14 +1,20 @@
 """Files are read within bounds, and written whole or not at all."""
 
 import contextlib
+import io
 import os
+import re
+import signal
 import stat
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
-from p3dof.errors import FileError, ParameterError
-from p3dof.files import parse_yaml, read_text, write_atomic
+from p3dof.errors import FileError, InputError, ParameterError
+from p3dof.files import SUFFIXES, check_writable, parse_yaml, read_text, suffix_of, together, write_atomic
+from p3dof.files.temporary import sweep
 
 NAMES = [
     "plain.txt",
@@ -67,9 +73,15 @@ def test_a_new_file_follows_the_umask(tmp_path):
     assert stat.S_IMODE(path.stat().st_mode) == 0o640
 
 
-@pytest.mark.parametrize(
-    "target", ["os.fsync", "pathlib.Path.replace", "pathlib.Path.chmod", "tempfile.mkstemp"]
-)
+def test_the_umask_of_the_process_is_left_alone(tmp_path, monkeypatch):
+    def refuse(_mask):
+        raise AssertionError("another thread would have made its files for everybody meanwhile")
+
+    monkeypatch.setattr("os.umask", refuse)
+    write_atomic(tmp_path / "f.txt", "new")
+
+
+@pytest.mark.parametrize("target", ["os.fsync", "pathlib.Path.replace", "os.fdopen", "os.open"])
 @pytest.mark.parametrize("existing", [True, False])
 def test_a_failed_write_leaves_everything_as_it_was(tmp_path, monkeypatch, target, existing):
     path = tmp_path / "f.txt"
@@ -179,7 +191,178 @@ def test_a_file_error_is_an_os_error(tmp_path):
         read_text(tmp_path / "none")
 
 
+# ---------------------------------------------------------------- several files, and what others left
+
+
+def contents(folder):
+    return {path.name: path.read_text() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_files_written_together_are_replaced_at_the_end(tmp_path):
+    (tmp_path / "a").write_text("old")
+    with together():
+        write_atomic(tmp_path / "a", "new")
+        write_atomic(tmp_path / "deep" / "b", "new")
+        assert (tmp_path / "a").read_text() == "old"
+        assert not (tmp_path / "deep" / "b").exists()
+        write_atomic(tmp_path / "a", "newer")  # the last one counts
+    assert contents(tmp_path) == {"a": "newer", "b": "new"}
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_an_error_between_two_files_leaves_everything_as_it_was(tmp_path, error):
+    (tmp_path / "a").write_text("old")
+
+    def write():
+        with together():
+            write_atomic(tmp_path / "a", "new")
+            write_atomic(tmp_path / "deep" / "er" / "b", "new")
+            raise error
+
+    with pytest.raises(error):
+        write()
+    assert contents(tmp_path) == {"a": "old"}
+    assert list(tmp_path.iterdir()) == [tmp_path / "a"]  # nor are folders left
+
+
+@pytest.mark.parametrize("links", [True, False])
+@pytest.mark.parametrize("fails_at", ["a", "b", "c", "d"])
+def test_a_file_that_cannot_be_replaced_brings_the_others_back(tmp_path, monkeypatch, fails_at, links):
+    before = {"a": "old a", "c": "old c", "d": "old d"}
+    for name, text in before.items():
+        (tmp_path / name).write_text(text)
+    replace = Path.replace
+
+    def sometimes(path, target):
+        if Path(target).name == fails_at and path.read_text() == "new":
+            raise OSError(16, "Device or resource busy")
+        return replace(path, target)
+
+    def no_link(*_):
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(Path, "replace", sometimes)
+    if not links:
+        monkeypatch.setattr("os.link", no_link)
+
+    def write():
+        with together():
+            for name in "abcd":
+                write_atomic(tmp_path / name, "new")
+
+    with pytest.raises(FileError, match=f"{fails_at}: cannot be written .Device or resource busy"):
+        write()
+    assert contents(tmp_path) == before
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from p3dof.files import scratch_folder, together, write_atomic
+folder = Path(sys.argv[1])
+with scratch_folder() as scratch, together():
+    (scratch / "page.html").write_text("unfinished")
+    write_atomic(folder / "a", "new")
+    write_atomic(folder / "b", "new")
+    print(scratch, flush=True)
+    if sys.argv[2] == "now":
+        os.kill(os.getpid(), signal.SIGKILL)
+    sys.stdin.read()
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_what_a_killed_run_left_is_removed_by_the_next_one_and_nothing_else(tmp_path):
+    out, scratch = tmp_path / "out", tmp_path / "scratch"
+    out.mkdir()
+    scratch.mkdir()
+    (out / "a").write_text("old")
+    foreign = [out / ".p3dof-mine.tmp", out / ".p3dof-0123456789abcdef.tmp.txt", out / "x.tmp"]
+    for path in foreign:
+        path.write_text("somebody's")
+    (out / ".p3dof-0123456789abcdef.tmp").symlink_to(out / "a")
+    kept = set(out.iterdir())
+    options = {"env": os.environ | {"TMPDIR": str(scratch)}, "text": True, "stdout": subprocess.PIPE}
+
+    def start(when):
+        command = [sys.executable, "-c", KILLED, str(out), when]
+        return subprocess.Popen(command, stdin=subprocess.PIPE, **options)
+
+    killed = start("now")
+    killed.communicate()
+    assert killed.returncode == -signal.SIGKILL
+    left = set(out.iterdir()) - kept
+    assert len(left) == 2
+    assert len(list(scratch.iterdir())) == 1
+    alive = start("later")
+    in_use = Path(alive.stdout.readline().strip())
+    working = set(out.iterdir()) - kept
+    assert len(working) == 2
+    assert not working & left  # the living one has swept already
+    assert list(scratch.iterdir()) == [in_use]
+    another = start("now")  # and spares what the living one works on
+    another.communicate()
+    sweep(out)
+    assert set(out.iterdir()) == kept | working
+    alive.communicate("")
+    assert alive.returncode == 0
+    assert set(out.iterdir()) == kept | {out / "b"}
+    assert {path.read_text() for path in foreign} == {"somebody's"}
+    assert contents(out)["a"] == "new"
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("folder", "it is a folder"),
+        ("file/below.csv", "Not a directory"),
+        ("file/deep/below.csv", "Not a directory"),
+        ("/dev/full", "not a regular file"),
+        ("/dev/full/below.csv", "Not a directory"),
+        ("/proc/nothing.csv", ""),
+        ("a" * 300, "too long"),
+        ("new/" + "a" * 300, "too long"),
+        ("loop/x", ""),
+        ("nul\0", ""),
+    ],
+)
+def test_what_cannot_be_written_is_known_before_the_work(tmp_path, name, message):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "file").write_text("old")
+    (tmp_path / "loop").symlink_to("loop")
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(FileError, match=f"cannot be written .*{message}"):
+        check_writable(tmp_path / name)
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_what_can_be_written_is_not_touched_by_the_question(tmp_path):
+    (tmp_path / "file").write_text("old")
+    check_writable(tmp_path / "file")
+    check_writable(tmp_path / "new" / "deep" / "file")
+    assert list(tmp_path.iterdir()) == [tmp_path / "file"]
+
+
+@pytest.mark.parametrize(("kind", "suffixes"), SUFFIXES.items())
+def test_the_ending_decides_or_is_refused(kind, suffixes):
+    for suffix in suffixes:
+        assert suffix_of(f"a/b.x{suffix.upper()}", kind) == suffix
+    for name in ("a.xlsx", "a", suffixes[0], f"a{suffixes[0]}.gz", "a."):
+        with pytest.raises(InputError, match=re.escape(suffixes[-1])) as caught:
+            suffix_of(name, kind)
+        assert str(caught.value).startswith(f"{name}: expected a file name that ends in {suffixes[0]}")
+
+
 # ---------------------------------------------------------------- reading
+
+
+def test_streams_are_read_within_the_same_bounds():
+    assert read_text(io.StringIO("θ\r\n")) == "θ\n"
+    assert read_text(io.BytesIO("\ufeffθ".encode())) == "θ"
+    with pytest.raises(FileError, match="expected at most 3 bytes"):
+        read_text(io.BytesIO(b"0123"), limit=3)
+    with pytest.raises(FileError, match="expected UTF-8 text"):
+        read_text(io.BytesIO(b"\xff"))
 
 
 def test_a_missing_file(tmp_path):

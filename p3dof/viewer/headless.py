@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import os
 import shutil
-import tempfile
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -13,6 +12,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from p3dof.errors import InputError, MissingExtraError
+from p3dof.files import scratch_folder
 
 NAMES = (
     "chromium",
@@ -83,8 +83,8 @@ def opened(html: str, size: tuple[int, int]) -> Iterator[Shooter]:
         If the size does not fit.
     """
     width, height = checked_size(size)
-    with browser_of_system() as browser, tempfile.TemporaryDirectory(prefix="p3dof-") as folder:
-        file = Path(folder) / "page.html"
+    with browser_of_system() as browser, scratch_folder() as folder:
+        file = folder / "page.html"
         file.write_text(html, encoding="utf-8")
         context = browser.new_context(viewport={"width": width, "height": height}, offline=True)
         page = context.new_page()

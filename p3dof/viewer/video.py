@@ -6,7 +6,6 @@ import io
 import os
 import shutil
 import subprocess
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, frozen_array, positive
 from p3dof.errors import FileError, InputError, MissingExtraError
-from p3dof.files import write_atomic
+from p3dof.files import scratch_folder, write_atomic
 from p3dof.manipulator import InverseDynamics, Manipulator
 from p3dof.viewer.animation import TITLE, animation_html, frames_of
 from p3dof.viewer.headless import as_image, aside, checked_size, opened, picture_of
@@ -189,8 +188,8 @@ def _mp4(ffmpeg: str) -> Callable[[list[bytes], float], bytes]:
     """Return what makes an MP4 that every browser plays: H.264, even sizes, four colour samples a dozen."""
 
     def encode(pictures: list[bytes], rate: float) -> bytes:
-        with tempfile.TemporaryDirectory(prefix="p3dof-") as folder:
-            file = Path(folder) / "film.mp4"
+        with scratch_folder() as folder:
+            file = folder / "film.mp4"
             run = subprocess.run(  # noqa: S603 - a fixed command
                 [
                     *(ffmpeg, "-loglevel", "error", "-y"),

@@ -1,106 +1,16 @@
-"""Reading and writing files so that nothing is lost: whole or not at all, bounded, with one clear error."""
+"""YAML text to plain data: nothing but data, bounded, with one clear error."""
 
 from __future__ import annotations
 
-import os
-import tempfile
-from pathlib import Path
 from typing import Any, NoReturn
 
 import yaml
 
 from p3dof.checks import one_line, shown
-from p3dof.errors import FileError, P3dofError
+from p3dof.errors import P3dofError
 
-MAX_BYTES = 20_000_000
-"""Largest text file that is read without another limit [bytes]."""
 MAX_YAML = 1_000_000
 """Longest YAML text that is read [characters]: parameters and sidecars take thousands."""
-
-
-def read_text(path: str | os.PathLike[str], limit: int = MAX_BYTES) -> str:
-    """Return the text of a UTF-8 file.
-
-    Parameters
-    ----------
-    path : path-like
-        The file.
-    limit : int
-        Largest size [bytes]; no more than that is ever loaded.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    FileError
-        If `path` is no path, or the file is missing, unreadable, larger than `limit` or not UTF-8 text.
-    """
-    name = _called(path)
-    try:
-        with Path(path).open("rb") as stream:
-            data = stream.read(limit + 1)
-        if len(data) > limit:
-            raise FileError(f"{name}: expected at most {limit} bytes")
-        return data.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
-    except UnicodeDecodeError as error:
-        raise FileError(f"{name}: expected UTF-8 text, got {error.reason} at byte {error.start}") from error
-    except FileError:
-        raise
-    except (OSError, ValueError) as error:
-        raise FileError(f"{name}: cannot be read ({_reason(error)})") from error
-
-
-def write_atomic(path: str | os.PathLike[str], content: str | bytes) -> Path:
-    """Write a file whole or not at all: an existing file is replaced only when the new one is complete.
-
-    Parameters
-    ----------
-    path : path-like
-        The file; missing parent folders are made. An existing file keeps its permissions; of a symbolic link
-        the file that it points to is replaced.
-    content : str or bytes
-        Text is encoded as UTF-8 with Unix line ends.
-
-    Returns
-    -------
-    Path
-        The path written, as it was given.
-
-    Raises
-    ------
-    FileError
-        If `path` is no path, or the folder or the file cannot be written; what was there before is left as it
-        was.
-    """
-    name = _called(path)
-    temporary: Path | None = None
-    try:
-        data = content.encode("utf-8") if isinstance(content, str) else content
-        target = Path(path).resolve()
-        if target.exists() and not target.is_file():
-            what = "a folder" if target.is_dir() else "not a regular file"
-            raise FileError(f"{name}: cannot be written (it is {what})")
-        target.parent.mkdir(parents=True, exist_ok=True)
-        mode = target.stat().st_mode & 0o777 if target.exists() else 0o666 & ~_umask()
-        descriptor, unfinished = tempfile.mkstemp(prefix=".p3dof-", dir=target.parent)
-        temporary = Path(unfinished)
-        with os.fdopen(descriptor, "wb") as stream:
-            stream.write(data)
-            stream.flush()
-            os.fsync(stream.fileno())
-        temporary.chmod(mode)
-        temporary.replace(target)
-        temporary = None
-    except FileError:
-        raise
-    except (OSError, ValueError, RuntimeError) as error:
-        raise FileError(f"{name}: cannot be written ({_reason(error)})") from error
-    finally:
-        if temporary is not None:
-            temporary.unlink(missing_ok=True)
-    return Path(path)
 
 
 def parse_yaml(text: str, source: str, error: type[P3dofError]) -> Any:
@@ -202,22 +112,3 @@ class _StrictLoader(yaml.SafeLoader):
     @staticmethod
     def _refuse(problem: str, place: Any) -> NoReturn:
         raise yaml.constructor.ConstructorError(None, None, problem, place.start_mark)
-
-
-def _called(path: Any) -> str:
-    """Return what to call a path in an error; raise FileError if it is none."""
-    try:
-        name = str(Path(path))
-    except TypeError as error:
-        raise FileError(f"expected the path of a file, got {shown(path)}") from error
-    return str(path) if len(name) <= 4096 and "\n" not in name else shown(name)
-
-
-def _reason(error: Exception) -> str:
-    return (error.strerror if isinstance(error, OSError) else None) or str(error)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

@@ -1,0 +1,23 @@
+"""Reading and writing files so that nothing is lost: whole or not at all, bounded, with one clear error."""
+
+from p3dof.files.kinds import SUFFIXES, suffix_of
+from p3dof.files.reading import MAX_BYTES, Source, called, read_bytes, read_text
+from p3dof.files.temporary import scratch_folder
+from p3dof.files.writing import check_writable, together, write_atomic
+from p3dof.files.yaml_text import MAX_YAML, parse_yaml
+
+__all__ = [
+    "MAX_BYTES",
+    "MAX_YAML",
+    "SUFFIXES",
+    "Source",
+    "called",
+    "check_writable",
+    "parse_yaml",
+    "read_bytes",
+    "read_text",
+    "scratch_folder",
+    "suffix_of",
+    "together",
+    "write_atomic",
+]
