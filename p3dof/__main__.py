@@ -1,8 +1,49 @@
-"""``python -m p3dof`` is the command ``p3dof``."""
+"""The program ``p3dof``, also as ``python -m p3dof``.
 
+Hardly anything is imported before Ctrl-C is looked after: the commands take half a second to load.
+"""
+
+import os
+import signal
 import sys
+from contextlib import suppress
+from types import FrameType
+from typing import NoReturn
 
-from p3dof.cli import main
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, as of a shell: 128 and the number of the signal."""
+
+
+def main() -> int:
+    """Load the commands, and run the one that was asked for; Ctrl-C is one line at any time.
+
+    Returns
+    -------
+    int
+        The exit code.
+    """
+    watched = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # else somebody else's, or nohup
+    try:
+        if watched:
+            signal.signal(signal.SIGINT, _leave)  # an exception may be lost in the import of a C extension
+        from p3dof.cli import main as run
+
+        if watched:
+            signal.signal(signal.SIGINT, signal.default_int_handler)  # commands tidy up before they end
+        code = run()
+        if watched:
+            signal.signal(signal.SIGINT, _leave)  # nothing is left to tidy up
+    except KeyboardInterrupt:
+        _leave()
+    return code
+
+
+def _leave(_number: int = signal.SIGINT, _frame: FrameType | None = None) -> NoReturn:
+    """Say that the program was interrupted, and end it at once."""
+    with suppress(OSError):  # nobody may listen
+        os.write(2, b"p3dof: error: interrupted\n")
+    os._exit(INTERRUPTED)
+
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -184,7 +184,7 @@ def test_bad_motion_files(tmp_path, capsys, text, words):
         ("R: 0.25", "R: 0.05", "geometry: r, R"),
         ("R: 0.25, ", "", "'R' is missing"),
         ("geometry:", "geometri:", "'geometri'"),
-        ("- [0.0269, 0.0, 0.0]", "- [9.0, 0.0, 0.0]", "bodies.platform: inertia"),
+        ("- [0.0269, ", "- [9.0, ", "bodies.platform: inertia"),
         ("gravity: [", "gravity: [[", "line"),
     ],
 )
@@ -281,7 +281,7 @@ def test_as_a_process_with_a_closed_pipe(tmp_path):
         error = process.stderr.read()
         process.wait(60)
     assert error == ""
-    assert process.returncode == 1
+    assert process.returncode == 141  # as the shell has it for SIGPIPE; 1 would be a failed check
     assert (tmp_path / "forces.csv").read_text().count("\n") == 22  # files come before the tables
 
 
@@ -421,7 +421,7 @@ def test_interrupt_is_one_line(monkeypatch, capsys):
     monkeypatch.setattr(options, "load", interrupted)
     code, _, err = run(capsys, "compare")
     assert code == 130
-    assert err.strip().splitlines()[-1] == "p3dof: error: interrupted"
+    assert err == "p3dof: error: interrupted\n"
 
 
 def test_output_does_not_depend_on_the_folder_it_runs_in(tmp_path, capsys, monkeypatch):

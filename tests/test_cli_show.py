@@ -145,7 +145,7 @@ def test_options_reach_the_page():
         (["--port", 70000], "70000 is not in the range 0<=x<=65535"),
         (["--speed", 9], "9.0 is not in the range 0.1<=x<=4.0"),
         (["--fps", 0], "is not in the range"),
-        (["--at", 3], "at: expected a number from 0 to 1, got 3.0"),
+        (["--at", 3], "--at: expected a time of the motion, from 0 to 1 s, got 3"),
         (["--at", "nan"], "got nan"),
         (["--motion", "missing.csv"], "missing.csv"),
         (["--parameters", "missing.yaml"], "missing.yaml"),

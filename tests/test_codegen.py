@@ -232,6 +232,7 @@ def test_it_is_timed(tmp_path):
     assert done.returncode == 0
     for name, _, _ in prototypes():
         assert re.search(rf"^{name} +[\d.]+ +\d+ +\d+$", done.stdout, re.M), done.stdout
+    assert re.search(r"^1000 calls each +mean +99\.99 % +worst ns$", done.stdout, re.M), done.stdout
     assert run(tmp_path / "selftest", "--fast").returncode == 2
 
 

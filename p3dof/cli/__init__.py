@@ -2,8 +2,9 @@
 
 Each command calls the package and prints.
 
-Exit codes: 0 done, 1 a check failed (methods disagree, files differ, a run ended early), 2 bad
-input (one line on stderr).
+Exit codes: 0 done; 1 a check failed (methods disagree, files differ, a run ended early); 2 bad input (one
+line on stderr); 130 interrupted by Ctrl-C (likewise); 141 the reader of a pipe left before the end (nothing
+is said), as for any program in a shell.
 """
 
 from p3dof.cli import (  # noqa: F401 - they add their commands

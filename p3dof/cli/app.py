@@ -3,13 +3,64 @@
 from __future__ import annotations
 
 import io
+import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
 
 import click
 
 from p3dof import __version__
+from p3dof.cli.terminal import spelled, write_what_is_there
 from p3dof.errors import P3dofError
+
+BAD_INPUT, INTERRUPTED, READER_LEFT = 2, 130, 141
+"""Exit codes: the last two as a shell has them for a program that SIGINT or SIGPIPE ended."""
+
+
+class _Interrupted(Exception):  # noqa: N818 - never seen outside
+    """Ctrl-C, hidden from Click, which would print an empty line."""
+
+
+class _ReaderLeft(Exception):  # noqa: N818 - never seen outside
+    """A closed pipe, hidden from Click, whose exit code for it is that of a failed check."""
+
+
+@contextmanager
+def _hidden_from_click() -> Iterator[None]:
+    try:
+        yield
+    except KeyboardInterrupt as problem:
+        raise _Interrupted from problem
+    except BrokenPipeError as problem:
+        raise _ReaderLeft from problem
+    except SystemExit as problem:  # what Rich makes of a closed pipe
+        if isinstance(problem.__context__, BrokenPipeError):
+            raise _ReaderLeft from problem
+        raise
+
+
+class _Command(click.Command):
+    """A command whose help any terminal can show: Click would write UTF-8 to one that knows ASCII only."""
+
+    def get_help(self, ctx: click.Context) -> str:
+        return spelled(super().get_help(ctx), getattr(sys.stdout, "encoding", None) or "utf-8")
+
+
+class _Program(click.Group):
+    """A group whose interruptions are the program's."""
+
+    command_class = _Command
+
+    def make_context(self, *arguments: Any, **others: Any) -> click.Context:
+        with _hidden_from_click():
+            return super().make_context(*arguments, **others)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        with _hidden_from_click():
+            return super().invoke(ctx)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -25,9 +76,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     int
         The exit code.
     """
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")  # a terminal without Greek letters still gets its tables
+    _prepare_streams()
+    try:
+        code = _run(arguments)
+        with _hidden_from_click():
+            sys.stdout.flush()
+    except _Interrupted:
+        return _fail("interrupted", INTERRUPTED)
+    except _ReaderLeft:
+        _drop_what_is_left(sys.stdout)
+        return READER_LEFT
+    except OSError as error:  # such as a full disk behind the standard output
+        _drop_what_is_left(sys.stdout)
+        return _fail(f"cannot write the output ({error.strerror or error})")
+    return code
+
+
+def _run(arguments: Sequence[str] | None) -> int:
     try:
         code = app(
             args=None if arguments is None else list(arguments), standalone_mode=False, prog_name="p3dof"
@@ -36,23 +101,47 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(str(error))
     except click.exceptions.NoArgsIsHelpError as error:
         sys.stderr.write(f"{error.format_message()}\n")
-        return 2
+        return BAD_INPUT
     except click.exceptions.Abort:
-        return _fail("interrupted", 130)
+        return _fail("interrupted", INTERRUPTED)
     except click.ClickException as error:
         return _fail(error.format_message())
-    except OSError as error:  # such as a full disk behind the standard output
-        return _fail(f"cannot write the output ({error.strerror or error})")
+    except MemoryError:
+        return _fail("there is not enough memory for this; fewer samples need less")
     return int(code or 0)
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=_Program, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, message="p3dof %(version)s")
 def app() -> None:
     """Inverse dynamics of a 3-DOF spatial parallel manipulator, by Pinocchio and by virtual powers."""
 
 
-def _fail(message: str, code: int = 2) -> int:
+def _prepare_streams() -> None:
+    """Let every character through, and let there be streams where the caller closed them."""
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 - for good
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors=write_what_is_there)
+
+
+def _drop_what_is_left(stream: Any) -> None:
+    """Lead a stream that nobody reads into nothing: Python would try to write the rest when it ends."""
+    with suppress(OSError, ValueError):  # it may have no descriptor, as under a test
+        nothing = os.open(os.devnull, os.O_WRONLY)
+        try:
+            os.dup2(nothing, stream.fileno())
+        finally:
+            os.close(nothing)
+
+
+def _fail(message: str, code: int = BAD_INPUT) -> int:
     line = " ".join(message.split())
-    sys.stderr.write(f"p3dof: error: {line}\n")
+    try:
+        sys.stderr.write(f"p3dof: error: {line}\n")
+        sys.stderr.flush()
+    except OSError:
+        _drop_what_is_left(sys.stderr)
     return code

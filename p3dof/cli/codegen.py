@@ -12,6 +12,7 @@ from p3dof.cli.app import app
 from p3dof.cli.export import CHECK, SHOWN
 from p3dof.cli.options import PARAMETERS, Payload, protect
 from p3dof.cli.output import print_plain
+from p3dof.cli.terminal import print_table
 from p3dof.codegen import files
 from p3dof.codegen.batch import DIRECTORY, batch_files
 from p3dof.codegen.controller import controller_files
@@ -76,7 +77,7 @@ def codegen(
         for path in files.write(texts, folder):
             print_plain(console, f"wrote {path}")
     for table in tables:
-        console.print(table)
+        print_table(console, table)
     return 0
 
 

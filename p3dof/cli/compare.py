@@ -17,7 +17,15 @@ from p3dof import engines
 from p3dof.checks import FloatArray
 from p3dof.cli.app import app
 from p3dof.cli.options import Case, with_case
-from p3dof.cli.output import agreement_table, evidence_table, print_plain, print_warnings, progress_bar
+from p3dof.cli.output import (
+    agreement_table,
+    evidence_table,
+    print_plain,
+    print_warnings,
+    progress_bar,
+    time_text,
+)
+from p3dof.cli.terminal import print_table
 from p3dof.errors import MissingExtraError
 from p3dof.manipulator import InverseDynamics
 from p3dof.motion import Motion
@@ -102,8 +110,8 @@ def compare(
     if plot:
         written += _draw(out, (first, second))
     console = Console()
-    console.print(agreement_table(first, second, difference))
-    console.print(evidence_table((first, first_seconds), (second, second_seconds)))
+    print_table(console, agreement_table(first, second, difference))
+    print_table(console, evidence_table((first, first_seconds), (second, second_seconds)))
     confirmed = _print_opinions(
         console, [_compiled(case, second), *opinions], second, max(tolerance, ENGINE_TOLERANCE)
     )
@@ -163,10 +171,11 @@ def _print_opinions(
     for opinion in opinions:
         worst = float(np.abs(opinion.forces - known.forces)[known.valid].max())
         agree = agree and worst <= tolerance * largest
-        micro = opinion.seconds / int(known.valid.sum()) * 1e6
         share = worst / largest if largest else 0.0
-        table.add_row(opinion.name, f"{worst:.1e}", f"{share:.1e}", f"{micro:.3g} µs")
-    console.print(table)
+        table.add_row(
+            opinion.name, f"{worst:.1e}", f"{share:.1e}", time_text(opinion.seconds / int(known.valid.sum()))
+        )
+    print_table(console, table)
     if not agree:
         console.print(f"one of the others DISAGREES by more than {tolerance:.0e}", style="bold red")
     return agree
@@ -188,7 +197,7 @@ def _print_convergence(console: Console, case: Case) -> None:
     for step, error, order, gap in zip(found.steps, found.errors, orders, found.gaps, strict=True):
         table.add_row(f"{1e3 * step:.4g}", f"{error:.1e}", order, f"{gap:.1e}")
     table.add_row("→ 0", f"{found.extrapolated_error:.1e}", "", "")
-    console.print(table)
+    print_table(console, table)
 
 
 def _write(path: Path, first: InverseDynamics, second: InverseDynamics, opinions: list[Opinion]) -> Path:

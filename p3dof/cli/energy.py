@@ -13,6 +13,7 @@ from rich.table import Table
 from p3dof.cli.app import app
 from p3dof.cli.options import FIGURE, METHOD, Case, with_case
 from p3dof.cli.output import print_plain, print_warnings
+from p3dof.cli.terminal import print_table
 from p3dof.energy import Energy
 from p3dof.manipulator import InverseDynamics
 from p3dof.routes import LEGS
@@ -45,7 +46,7 @@ def energy(case: Case, method: str, out: Path | None, figure: Path | None) -> No
         written.append(plots.save(plots.energy_figure(found), figure))
     console = Console()
     for table in (bodies_table(found), drives_table(found), balance_table(found, result)):
-        console.print(table)
+        print_table(console, table)
     print_warnings(console, case.robot, result)
     print_doubts(console, found)
     for path in written:
@@ -101,7 +102,7 @@ def drives_table(energy: Energy) -> Table:
         "work given [J]": drives.positive_work,
         "work taken back [J]": drives.negative_work,
     }
-    table = Table("actuator", *LEGS, title="what the drives must do")
+    table = Table("drive load", *(f"actuator {leg}" for leg in LEGS), title="what the drives must do")
     for name, values in rows.items():
         table.add_row(escape(name), *(f"{value:.4f}" for value in values))
     return table

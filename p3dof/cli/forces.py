@@ -12,6 +12,7 @@ from rich.table import Table
 from p3dof.cli.app import app
 from p3dof.cli.options import FIGURE, METHOD, Case, with_case
 from p3dof.cli.output import evidence_table, print_plain, print_warnings
+from p3dof.cli.terminal import print_table
 from p3dof.routes import LEGS
 
 
@@ -39,8 +40,8 @@ def forces(case: Case, method: str, out: Path | None, figure: Path | None) -> No
         values = result.forces[result.valid, leg]
         low, high = (values.min(), values.max()) if len(values) else (np.nan, np.nan)
         table.add_row(name, f"{low:.4f}", f"{high:.4f}", f"{result.rms_forces[leg]:.4f}")
-    console.print(table)
-    console.print(evidence_table((result, seconds)))
+    print_table(console, table)
+    print_table(console, evidence_table((result, seconds)))
     print_warnings(console, case.robot, result)
     for path in written:
         print_plain(console, f"wrote {path}")

@@ -189,6 +189,15 @@ class Case:
         self.require_valid(result.valid)
         return result, seconds
 
+    def require_moment(self, option: str, moment: float | None) -> None:
+        """Raise unless a time, if one is given, lies within the motion."""
+        first, last = float(self.motion.time[0]), float(self.motion.time[-1])
+        if moment is not None and not first <= moment <= last:
+            raise click.BadParameter(
+                f"expected a time of the motion, from {first:g} to {last:g} s, got {moment:g}",
+                param_hint=option,
+            )
+
     def require_valid(self, valid: np.ndarray[Any, np.dtype[np.bool_]]) -> None:
         """Raise unless some sample is valid."""
         if not valid.any():

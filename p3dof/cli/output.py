@@ -80,9 +80,29 @@ def evidence_table(*runs: tuple[InverseDynamics, float]) -> Table:
         residual = np.abs(result.power_residual[result.valid]).max(initial=0)
         share = f"{residual / peak:.1e} of {peak:.1f} W" if peak else f"{residual:.1e} W"
         gap = result.closure_error[result.valid].max(initial=0)
-        micro = seconds / len(result.time) * 1e6
-        table.add_row(result.method, f"{gap:.1e}", share, f"{micro:.3g} µs")
+        each = time_text(seconds / len(result.time))
+        table.add_row(result.method, f"{gap:.1e}", share, each)
     return table
+
+
+def time_text(seconds: float) -> str:
+    """Return a short time in words: three digits and the unit that suits it.
+
+    Parameters
+    ----------
+    seconds : float
+        The time [s].
+
+    Returns
+    -------
+    str
+        Such as ``"72.1 µs"`` or ``"10.3 ms"``.
+    """
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9)):
+        digits = f"{seconds / size:.3g}"
+        if float(digits) >= 1 or unit == "ns":
+            break
+    return f"{float(digits):.15g} {unit}"
 
 
 def print_warnings(console: Console, robot: Manipulator, result: InverseDynamics) -> None:

@@ -127,8 +127,7 @@ class Drawings:
 )
 def draw(case: Case, out: Path, formats: tuple[str, ...], only: tuple[str, ...], at: float | None) -> None:
     """Draw forces, joints, energy, reactions and the mechanism over a motion (needs the extra 'plot')."""
-    if at is not None and not np.isfinite(at):
-        raise click.BadParameter(f"expected a finite number, got {at:g}", param_hint="--at")
+    case.require_moment("--at", at)
     chosen = [name for name in FIGURES if name in (only or FIGURES)]
     paths = {name: [out / f"{name}.{kind}" for kind in dict.fromkeys(formats)] for name in chosen}
     case.protect(*(path for some in paths.values() for path in some))

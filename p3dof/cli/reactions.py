@@ -13,6 +13,7 @@ from rich.table import Table
 from p3dof.cli.app import app
 from p3dof.cli.options import FIGURE, Case, with_case
 from p3dof.cli.output import print_plain, print_warnings, progress_bar
+from p3dof.cli.terminal import print_table
 from p3dof.reactions import IDEALISATIONS, Reactions
 
 _COLUMNS = {
@@ -59,7 +60,7 @@ def reactions(case: Case, joints: str, out: Path | None, figure: Path | None) ->
 
         written.append(plots.save(plots.reactions_figure(result), figure))
     console = Console()
-    console.print(peaks_table(result))
+    print_table(console, peaks_table(result))
     print_plain(
         console, "axial and radial: along and across the joint's axis; moment, across: all, and across it"
     )

@@ -18,7 +18,7 @@ from p3dof.cli.app import app
 from p3dof.cli.options import Case, with_case
 from p3dof.cli.output import print_plain, print_warnings, progress_bar
 from p3dof.manipulator import InverseDynamics
-from p3dof.viewer.player import FASTEST, SLOWEST, within
+from p3dof.viewer.player import FASTEST, SLOWEST
 
 _ENDING = ("SIGINT", "SIGTERM", "SIGHUP")
 
@@ -76,6 +76,7 @@ def show(
     code 0. With --out, --video or --screenshot files are written instead. Needs the extra 'viz'.
     """
     case.protect(out, video, screenshot)
+    case.require_moment("--at", at)
     from p3dof.viewer.live import LiveViewer
 
     console = Console()
@@ -117,8 +118,7 @@ def _files(
     if out is not None:
         yield save_animation(out, case.robot, result, speed, fps or 60.0)
     if screenshot is not None:
-        first, last = float(result.time[0]), float(result.time[-1])
-        moment = first if at is None else within("at", at, first, last)
+        moment = float(result.time[0]) if at is None else at
         shown = States(case.robot, result).of_time(moment, "total")
         trace = trace_of(case.robot, result.motion.pose[result.valid])
         yield save_screenshot(screenshot, case.robot, shown.pose, shown.forces, trace)

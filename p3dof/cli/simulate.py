@@ -15,6 +15,7 @@ from rich.table import Table
 from p3dof.cli.app import app
 from p3dof.cli.options import Case, with_load
 from p3dof.cli.output import print_plain, progress_bar
+from p3dof.cli.terminal import print_table
 from p3dof.errors import MissingExtraError
 from p3dof.manipulator import METHODS
 from p3dof.parameters import Limits, Parameters
@@ -136,7 +137,7 @@ def simulate(
     if plot:
         written += _draw(figures, runs)
     console = Console()
-    console.print(errors_table(runs))
+    print_table(console, errors_table(runs))
     _print_ratio(console, runs)
     _print_limits(console, case.robot.parameters.limits, runs)
     for name, run in runs.items():

@@ -1,0 +1,129 @@
+"""Tables and letters on any terminal: however narrow it is, and whatever its encoding knows."""
+
+from __future__ import annotations
+
+import codecs
+import textwrap
+import unicodedata
+from collections.abc import Sequence
+
+import numpy as np
+from rich.cells import cell_len
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+_WORDS = {
+    "θ": "theta", "Σ": "sum", "Δ": "Delta", "π": "pi", "ω": "omega", "α": "alpha", "µ": "u", "μ": "u",
+    "×": "x", "·": " ", "−": "-", "–": "-", "—": "-", "→": "->", "±": "+/-", "≤": "<=", "≥": ">=", "≈": "~",
+    "°": "deg", "²": "^2", "³": "^3", "⁻": "^-", "…": "...", "“": '"', "”": '"', "„": '"', "‘": "'", "’": "'",
+    "│": "|", "─": "-", "━": "-",
+}  # fmt: skip
+"""What to write for a character that an encoding does not have."""
+
+
+def _spelled(error: UnicodeError) -> tuple[str | bytes, int]:
+    """Write a character that the encoding does not have in letters that it has: the codec's error handler."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    character = error.object[error.start]
+    if "\udc80" <= character <= "\udcff":  # a byte of a file's name, as Python keeps what it cannot decode
+        return bytes([ord(character) - 0xDC00]), error.start + 1
+    simple = unicodedata.normalize("NFKD", character).encode("ascii", "ignore").decode()
+    return _WORDS.get(character) or simple or "?", error.start + 1
+
+
+write_what_is_there = "p3dof-spelled"
+"""The name of the codecs' error handler that spells what an encoding does not have: θ as theta."""
+
+codecs.register_error(write_what_is_there, _spelled)
+
+
+def spelled(text: str, encoding: str) -> str:
+    """Return a text as an encoding can write it.
+
+    Parameters
+    ----------
+    text : str
+        Any text.
+    encoding : str
+        A name that Python knows, such as ``"ascii"``.
+
+    Returns
+    -------
+    str
+        The same text where the encoding has all its characters; else with ``theta`` for θ and so on.
+    """
+    return text.encode(encoding, write_what_is_there).decode(encoding, "surrogateescape")
+
+
+def print_table(console: Console, table: Table) -> None:
+    """Print a table without breaking a number or a name, however narrow the terminal is.
+
+    Headers wrap between words. Where even that is too wide, each row becomes lines of ``column: value``.
+
+    Parameters
+    ----------
+    console : rich.console.Console
+        Where to print it.
+    table : rich.table.Table
+        The table; every cell holds text.
+    """
+    rows = [[_plain(cell, console) for cell in column.cells] for column in table.columns]
+    headers = [_plain(column.header, console) for column in table.columns]
+    title = _plain(table.title or "", console)
+    least = [_width(cells, header.split()) for header, cells in zip(headers, rows, strict=True)]
+    widths = [_width(cells, header.splitlines()) for header, cells in zip(headers, rows, strict=True)]
+    room = console.width - _frame(console, table)
+    if sum(least) > room:
+        _print_lines(console, title, headers, list(zip(*rows, strict=True)))
+        return
+    while sum(widths) > room:
+        widths[int(np.argmax(np.subtract(widths, least)))] -= 1
+    fitting = Table(title=Text(title, "table.title") if title else None, box=table.box, padding=table.padding)
+    for column, header, width in zip(table.columns, headers, widths, strict=True):
+        fitting.add_column(Text(header, "table.header"), justify=column.justify, width=width)
+    for row in zip(*rows, strict=True):
+        fitting.add_row(*map(Text, row))
+    console.print(fitting)
+
+
+def _plain(content: object, console: Console) -> str:
+    text = Text.from_markup(content).plain if isinstance(content, str) else str(content)
+    return spelled(text, console.encoding)
+
+
+def _width(*texts: Sequence[str]) -> int:
+    return max((cell_len(text) for some in texts for text in some), default=0)
+
+
+def _frame(console: Console, table: Table) -> int:
+    """Return how many columns of the terminal a table needs beside its content."""
+    like = Table(box=table.box, padding=table.padding)
+    for _ in table.columns:
+        like.add_column("", width=1)
+    return console.measure(like, options=console.options.update_width(10_000)).maximum - len(table.columns)
+
+
+def _print_lines(console: Console, title: str, headers: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Print rows one below the other, each as its first cell and ``column: value`` lines."""
+    lines = [title] if title else []
+    for row in rows:
+        lines.append(f"{headers[0]}: {row[0]}" if headers[0].strip() else row[0])
+        named = zip(headers[1:], row[1:], strict=True)
+        lines += [f"  {' '.join(header.split())}: {cell.strip()}" for header, cell in named if cell.strip()]
+    for line in lines:
+        indent = line[: len(line) - len(line.lstrip())]
+        for part in _wrapped(line.strip(), indent, console.width):
+            console.print(part, markup=False, highlight=False, soft_wrap=True)
+
+
+def _wrapped(line: str, indent: str, width: int) -> list[str]:
+    return textwrap.wrap(
+        line,
+        max(width, 1),
+        initial_indent=indent,
+        subsequent_indent=indent + "    ",
+        break_long_words=False,
+        break_on_hyphens=False,
+    )

@@ -1,0 +1,218 @@
+"""The program on any terminal: narrow, without Greek letters, with a reader that leaves, and with Ctrl-C."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+from p3dof.cli import main
+from p3dof.cli.output import time_text
+from p3dof.cli.terminal import print_table, spelled, write_what_is_there
+
+PROGRAM = [sys.executable, "-m", "p3dof"]
+SHORT = ("--samples", "5")
+ASCII = {"LC_ALL": "C", "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}
+TABLES = {
+    "forces": ("forces", *SHORT),
+    "compare": ("compare", *SHORT, "--no-plot"),
+    "energy": ("energy", *SHORT),
+    "reactions": ("reactions", *SHORT),
+    "simulate": ("simulate", *SHORT, "--no-plot", "--controller", "pd", "--method", "compiled"),
+    "codegen": ("codegen", "--bake"),
+}
+
+
+def lines_at(width, arguments, folder, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", str(width))
+    out = () if arguments[0] in {"forces", "energy", "reactions"} else ("--out", str(folder))
+    code = main([*arguments, *out])
+    captured = capsys.readouterr()
+    assert code == 0, captured.err
+    return [line for line in captured.out.splitlines() if not line.startswith("wrote ")]
+
+
+def words(lines):
+    """Every number and name, without the frames and the times that differ from run to run."""
+    text = " ".join(re.sub(r"[│┃┏━┳┓┡╇┩└─┴┘]", " ", line) for line in lines)
+    text = re.sub(r"[\d.]+ (?:[mµn]?s)\b", "TIME", text)
+    return set(text.replace(":", " ").split())
+
+
+@pytest.mark.parametrize("command", TABLES)
+def test_no_width_cuts_a_number_or_a_name(tmp_path, capsys, monkeypatch, command):
+    if command == "simulate":  # its speed differs from run to run
+        monkeypatch.setattr("p3dof.simulation.Simulation.speed", 1.0)
+    wide = words(lines_at(500, TABLES[command], tmp_path, capsys, monkeypatch))
+    for width in (80, 60, 30):
+        lines = lines_at(width, TABLES[command], tmp_path, capsys, monkeypatch)
+        assert wide - words(lines) == set(), width
+        assert not any("…" in line for line in lines)
+
+
+@pytest.mark.parametrize("box", [None, SIMPLE_HEAD])
+@pytest.mark.parametrize("encoding", ["utf-8", "ascii"])
+def test_tables_fit_or_become_lines(capsys, monkeypatch, box, encoding):
+    table = Table("θ name", "largest difference \\[N]", "time", title="a title of many words")
+    table.box = box or table.box
+    table.add_row("hinge_platform", "-118.498034", "72.1 µs")
+    for width in range(12, 100):
+        monkeypatch.setattr(Console, "encoding", encoding)
+        print_table(Console(width=width), table)
+        lines = capsys.readouterr().out.splitlines()
+        longest = 0 if width >= 18 else len("    hinge_platform")
+        assert all(len(line) <= max(width, longest) for line in lines), width
+        text = "\n".join(lines)
+        for word in ("hinge_platform", "-118.498034", "[N]", "72.1"):
+            assert word in text
+        assert ("theta name" if encoding == "ascii" else "θ name") in re.sub(r"\s+", " ", text) or width < 60
+        if encoding == "ascii":
+            assert text.isascii()
+
+
+def test_narrow_rows_become_lines(capsys):
+    table = Table("actuator", "lowest \\[N]", "highest \\[N]", title="forces")
+    table.add_row("A", "-118.4980", "103.5000")
+    table.add_row("B", "", "3.0000")
+    print_table(Console(width=20), table)
+    expected = "forces\nactuator: A\n  lowest [N]:\n      -118.4980\n  highest [N]:\n      103.5000\n"
+    assert capsys.readouterr().out == expected + "actuator: B\n  highest [N]:\n      3.0000\n"
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [
+        (2.5, "2.5 s"), (1.03e-2, "10.3 ms"), (7.21e-5, "72.1 µs"), (9.999e-4, "1 ms"), (9.996e-7, "1 µs"),
+        (3e-9, "3 ns"), (0.0, "0 ns"), (123.456, "123 s"), (1234.0, "1230 s"),
+    ],
+)  # fmt: skip
+def test_times_are_told_in_units_that_suit_them(seconds, text):
+    assert time_text(seconds) == text
+
+
+def test_letters_are_spelled_where_there_are_none():
+    assert (
+        spelled("θ [mrad], 3 µs, × 2 → m/s², Höhe, 木", "ascii")
+        == "theta [mrad], 3 us, x 2 -> m/s^2, Hohe, ?"
+    )
+    assert spelled("θ µ × ö", "utf-8") == "θ µ × ö"
+    assert spelled("µs × ö θ", "latin-1") == "µs × ö theta"
+    assert "b\udcff".encode("ascii", write_what_is_there) == b"b\xff"  # a file's name, byte by byte
+
+
+@pytest.mark.parametrize(
+    ("arguments", "wanted"),
+    [
+        ((*TABLES["simulate"],), ("theta [mrad]", "x real")),
+        (("compare", "--no-plot", *SHORT), (" us ",)),
+        (("simulate", "--help"), ("theta",)),
+    ],
+)  # fmt: skip
+def test_an_ascii_terminal_gets_words_for_letters(tmp_path, arguments, wanted):
+    extra = () if "--help" in arguments else ("--out", str(tmp_path))
+    done = subprocess.run(
+        [*PROGRAM, *arguments, *extra], capture_output=True, env=os.environ | ASCII, check=False
+    )
+    text = done.stdout.decode("ascii")
+    assert done.returncode == 0, done.stderr
+    assert "?" not in text
+    for word in wanted:
+        assert word in text
+
+
+@pytest.mark.parametrize("method", ["pipe", "closed"])
+@pytest.mark.parametrize("arguments", [("forces", *SHORT), ("compare", "--help"), ("--version",)])
+def test_a_reader_that_leaves_is_no_failed_check(arguments, method):
+    """Exit code 141, as the shell has it for SIGPIPE; nothing is said, also while Python ends."""
+    if method == "closed":  # p3dof ... >&-
+        done = subprocess.run(
+            ["/bin/sh", "-c", 'exec "$@" >&-', "sh", *PROGRAM, *arguments],
+            stderr=subprocess.PIPE,
+            check=False,
+        )
+        assert (done.returncode, done.stderr) == (0, b"")
+        return
+    read, write = os.pipe()
+    os.close(read)
+    try:
+        done = subprocess.run([*PROGRAM, *arguments], stdout=write, stderr=subprocess.PIPE, check=False)
+    finally:
+        os.close(write)
+    assert (done.returncode, done.stderr) == (141, b"")
+
+
+def test_an_error_that_nobody_reads_has_its_exit_code():
+    read, write = os.pipe()
+    os.close(read)
+    try:
+        done = subprocess.run([*PROGRAM, "forces", "--samples", "x"], stderr=write, check=False)
+    finally:
+        os.close(write)
+    assert done.returncode == 2
+
+
+def test_no_memory_is_one_line(monkeypatch, capsys):
+    from p3dof.cli import options
+
+    def full(*_):
+        raise MemoryError
+
+    monkeypatch.setattr(options, "load", full)
+    assert main(["forces"]) == 2
+    assert (
+        capsys.readouterr().err
+        == "p3dof: error: there is not enough memory for this; fewer samples need less\n"
+    )
+
+
+SLOW_IMPORT = """
+import sys, time
+class Finder:
+    def find_spec(self, name, path=None, target=None):
+        if name == {module!r}:
+            print("importing", flush=True)
+            time.sleep(60)
+sys.meta_path.insert(0, Finder())
+sys.argv = ["p3dof", "forces", "--samples", "5", "--figure", {figure!r}]
+import runpy
+runpy.run_module("p3dof", run_name="__main__")
+"""
+
+
+@pytest.mark.skipif(sys.platform.startswith("win"), reason="POSIX signals")
+@pytest.mark.parametrize("module", ["p3dof.cli", "pinocchio", "click", "rich.table", "p3dof.plots"])
+def test_an_interrupt_during_start_up_is_one_line(tmp_path, module):
+    code = SLOW_IMPORT.format(module=module, figure=str(tmp_path / "f.png"))
+    with subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout.readline() == "importing\n"
+        process.send_signal(signal.SIGINT)
+        assert process.stderr.read() == "p3dof: error: interrupted\n"
+        assert process.wait(60) == 130
+
+
+def test_the_program_is_what_watches_for_interrupts():
+    text = (Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8")
+    assert 'p3dof = "p3dof.__main__:main"' in text  # not p3dof.cli, whose import takes half a second
+    assert '"click>=8.2"' in text  # with 8.1 every usage error is a traceback
+
+
+@pytest.mark.parametrize("moment", ["nan", "99", "-1e-3", "inf"])
+@pytest.mark.parametrize(
+    "command", ["show --no-open", "show --out x.html", "show --screenshot x.png", "plots"]
+)
+def test_a_time_outside_the_motion_is_refused(tmp_path, capsys, monkeypatch, command, moment):
+    monkeypatch.chdir(tmp_path)
+    assert main([*command.split(), *SHORT, "--at", moment]) == 2
+    error = capsys.readouterr().err
+    assert "--at: expected a time of the motion, from 0 to 1 s, got" in error
+    assert not list(tmp_path.iterdir())
