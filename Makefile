@@ -1,11 +1,16 @@
 # `make demo` runs the main job, `make test` every check. Both need only python3 (>= 3.10), make and a network.
 # `make test EXTRAS=all` also installs every tool that the exports are tested in (about 4 GB, from PyPI and,
-# where apt-get is there and may be used, from Debian); without it, tests of tools that are missing are skipped.
+# where apt-get is there and may be used, from Debian); without it, tests of tools that are missing are skipped,
+# unless P3DOF_REQUIRE=all is set: then a skipped test has failed.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= out
 EXTRAS ?=
+# The seed of `make fuzz`: a fresh one each time, unless one is given.
+ifndef SEED
+SEED := $(shell od -An -N4 -tu4 /dev/urandom | tr -d ' ')
+endif
 DEV := $(VENV)/.dev$(EXTRAS)
 # What the extension is built from: a change builds it again.
 SOURCES := setup.py MANIFEST.in $(wildcard p3dof/kernels/*.[ch] p3dof/kernels/generated/*.h)
@@ -37,7 +42,8 @@ pytest: $(DEV)
 	$(BIN)/pytest -n auto
 
 fuzz: $(DEV)
-	$(BIN)/pytest -m fuzz
+	@echo "repeat with: make fuzz SEED=$(SEED)"
+	$(BIN)/pytest -n auto -m "fuzz or hypothesis" --hypothesis-profile=fuzz --hypothesis-seed=$(SEED) tests
 
 benchmark: $(DEV)
 	$(BIN)/python tests/benchmarks/kernels.py --out $(OUT)/benchmark

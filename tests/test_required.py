@@ -1,0 +1,89 @@
+"""What guards the checks themselves: skips that are not allowed, seeds of the long random search."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+TESTS = Path(__file__).parent
+ROOT = TESTS.parent
+SKIPPED = {
+    "module": "import pytest\npytest.importorskip('tool_1')\ndef test_it(): pass\n",
+    "test": "import pytest\ndef test_it(): pytest.importorskip('tool_2')\n",
+    "mark": "import pytest\n@pytest.mark.skipif(True, reason='tool_3')\ndef test_it(): pass\n",
+    "fixture": "import pytest\n@pytest.fixture\ndef tool(): pytest.skip('tool_4')\ndef test_it(tool): pass\n",
+}
+ALLOWED = (
+    "import pytest\n@pytest.mark.skipif(True, reason='root may write everywhere')\ndef test_it(): pass\n"
+)
+
+
+def run_pytest(folder, *arguments, **variables):
+    environment = {**os.environ, "PYTHONPATH": str(TESTS), "P3DOF_REQUIRE": "", **variables}
+    plugins = [
+        word for name in ("conftest", "no:cacheprovider", "no:nbmake", "no:xdist") for word in ("-p", name)
+    ]
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        *plugins,
+        "--continue-on-collection-errors",
+        "--rootdir",
+        folder,
+    ]
+    options = {"cwd": folder, "env": environment, "capture_output": True, "text": True}
+    ran = subprocess.run([*command, *arguments, folder], check=False, **options)
+    return ran.returncode, ran.stdout + ran.stderr
+
+
+def test_a_tool_that_is_required_is_not_skipped(tmp_path):
+    for name, text in SKIPPED.items():
+        (tmp_path / f"test_{name}.py").write_text(text)
+    (tmp_path / "test_allowed.py").write_text(ALLOWED + "def test_other(): pass\n")
+    code, out = run_pytest(tmp_path)
+    assert code == 0
+    assert "1 passed, 5 skipped" in out
+    code, out = run_pytest(tmp_path, P3DOF_REQUIRE="all")
+    assert code == 1
+    missing = re.findall(r"P3DOF_REQUIRE=all, but something is missing: .*(tool_\d)", out)
+    assert set(missing) == {"tool_1", "tool_2", "tool_3", "tool_4"}
+    assert "1 failed, 1 passed, 1 skipped, 3 errors" in out  # skips of modules and fixtures are errors
+
+
+def test_the_checks_require_every_tool():
+    assert "make test EXTRAS=all P3DOF_REQUIRE=all" in (ROOT / ".ci" / "run").read_text()
+
+
+def test_seeds_of_the_search_are_fresh_or_repeated(tmp_path):
+    """The same seed draws the same numbers, another one others."""
+    (tmp_path / "test_draw.py").write_text(
+        "from hypothesis import given, settings, strategies as st\n"
+        "@settings(max_examples=20)\n@given(st.integers(0, 2**32))\n"
+        "def test_it(n): print('drew', n)\n"
+    )
+
+    def drawn(seed):
+        fuzz = "-s", "-m", "fuzz or hypothesis", "--hypothesis-profile=fuzz", f"--hypothesis-seed={seed}"
+        code, out = run_pytest(tmp_path, *fuzz)
+        assert code == 0
+        return re.findall(r"drew (\d+)", out)
+
+    one, again, other = map(drawn, (1, 1, 2))
+    assert len(one) == 20
+    assert one == again != other
+
+
+def test_make_prints_the_seed_that_repeats_it():
+    def said(*arguments):
+        return subprocess.run(
+            ["make", "--no-print-directory", "-n", "fuzz", *arguments],
+            cwd=ROOT, capture_output=True, text=True, check=True,
+        ).stdout  # fmt: skip
+
+    fresh = re.findall(r"--hypothesis-seed=(\d+)", said() + said())
+    assert len(set(fresh)) == 2
+    out = said("SEED=123")
+    assert "repeat with: make fuzz SEED=123" in out
+    assert "--hypothesis-seed=123 " in out
