@@ -13,7 +13,7 @@ SEED := $(shell od -An -N4 -tu4 /dev/urandom | tr -d ' ')
 endif
 DEV := $(VENV)/.dev$(EXTRAS)
 # What the extension is built from: a change builds it again.
-SOURCES := setup.py MANIFEST.in $(wildcard p3dof/kernels/*.[ch] p3dof/kernels/generated/*.h)
+SOURCES := setup.py MANIFEST.in $(wildcard p3dof/compiled/extension/*.[ch] p3dof/compiled/extension/generated/*.h)
 DEBIAN := liburdfdom-tools libsdformat-dev pkg-config g++ chromium
 
 .PHONY: demo test lint types layers generated pytest fuzz benchmark export pictures clean
@@ -57,7 +57,7 @@ pictures: $(DEV)
 	$(BIN)/p3dof forces --figure pictures/forces.png
 
 clean:
-	rm -rf $(VENV) $(OUT) build p3dof.egg-info p3dof/kernels/_compiled*.so
+	rm -rf $(VENV) $(OUT) build p3dof.egg-info p3dof/compiled/extension/_compiled*.so
 
 $(VENV)/pyvenv.cfg:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || \

@@ -12,7 +12,7 @@ from pathlib import Path
 from setuptools import Extension, setup
 from setuptools.command.build_ext import build_ext
 
-KERNELS = Path("p3dof/kernels")
+KERNELS = Path("p3dof/compiled/extension")
 FLAGS = ["-O3", "-g0", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast", "-fopenmp-simd"]
 """What gcc and clang need for vector instructions with fused multiply-add, and no more: infinities, NaN and
 the order of additions stay as written."""
@@ -36,7 +36,7 @@ def extensions() -> list[Extension]:
     headers = [*KERNELS.glob("*.h"), *KERNELS.glob("generated/*.h")]
     return [
         Extension(
-            "p3dof.kernels._compiled",
+            "p3dof.compiled.extension._compiled",
             [(KERNELS / "_compiled.c").as_posix()],
             depends=[header.as_posix() for header in headers],
             optional=True,

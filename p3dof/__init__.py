@@ -5,14 +5,20 @@
 >>> result = robot.inverse_dynamics(p3dof.paper_motion())   # by Pinocchio: URDF, loop closures, RNEA
 >>> result.forces                                           # (N, 3): actuators A, B, C [N]
 
-The map, from the bottom: `parameters` (what the machine is), `motion` (what it does), `kinematics` (closed
-forms), then side by side and sharing only the parameters: `virtual_power` (the paper's method) and
-`description` with `closed_loop` (a generated URDF, its loops as Pinocchio constraint models; `closed_loop`
-works for any robot). `reduced` folds the paper's method into few operations, `kernels` runs them compiled,
-`codegen` writes them for a controller. `manipulator` puts all behind one object, `plots` and `cli` show what
-comes out.
+The rooms, from the bottom; each imports only from below:
 
-What is here is imported when it is first used; the names are in `__init__.pyi`.
+- `parameters`: what the machine is; `motion`: what it does, and what acts on it.
+- `paper`: the paper's formulas on scalars; `closed_loop`: any robot with closed loops, on Pinocchio;
+  `description`: the machine as URDF and sister formats. The first knows nothing of the other two: their
+  agreement is the evidence.
+- `kinematics`: closed forms over arrays; `compiled`: the paper's method folded into few operations, in C.
+- `methods`: the ways to the forces, with one kind of result; `engines`: second opinions from other programs.
+- `simulation`: runs in time, under control; `energy`; `reactions`: joint forces; `codegen`: C code.
+- `manipulator`: one object with everything about one machine.
+- `viewer`: the moving machine in the browser; `plots`: figures; `report`: one page; `cli`: the command line.
+- `algebra`, `files`, `checks`, `errors`: what all of these stand on.
+
+What is here is imported when it is first used; `__init__.pyi` lists the names by topic.
 
 Poses are (y, z, θ); forces and sliders are ordered A, B, C, positive along +z0. SI units everywhere.
 """

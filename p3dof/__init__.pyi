@@ -1,34 +1,25 @@
-from . import (
-    closed_loop,
-    codegen,
-    description,
-    energy,
-    engines,
-    errors,
-    kernels,
-    kinematics,
-    manipulator,
-    minimal,
-    motion,
-    parameters,
-    plots,
-    reactions,
-    reduced,
-    report,
-    routes,
-    simulation,
-    tracing,
-    viewer,
-    virtual_power,
-)
+# What `import p3dof` offers, by topic; each name is imported when it is first used.
+
+# Rooms that are used by their own name: p3dof.viewer.save_animation, p3dof.engines.load, ...
+from . import closed_loop, codegen, engines, plots, report, simulation, viewer
+
+# Any robot with closed loops
 from .closed_loop import ClosedLoopModel, FrameTarget, Sidecar
+
+# Speed
+from .compiled import MachineKernels
+
+# What is found
 from .energy import Energy
+
+# Errors
 from .errors import (
     AssemblyError,
     ControllerError,
     DynamicsError,
     FileError,
     InputError,
+    MissingExtraError,
     ModelError,
     MotionError,
     P3dofError,
@@ -37,8 +28,14 @@ from .errors import (
     SampleError,
     SingularityError,
 )
-from .kernels import ForceDerivatives, ForceRegressor, MachineKernels
-from .manipulator import InverseDynamics, Manipulator, load
+
+# The machine
+from .manipulator import Manipulator, load
+from .methods import InverseDynamics
+from .methods.compiled import ForceDerivatives
+from .methods.regressor import ForceRegressor
+
+# What it does, and what acts on it
 from .motion import Motion, WrenchHistory, paper_motion
 from .parameters import (
     PAPER,
@@ -55,6 +52,8 @@ from .parameters import (
     write_parameters,
 )
 from .reactions import Reactions
+
+# Runs in time
 from .simulation import PD, ComputedTorque, Feedforward, Measurement, Noise, Simulation, Springs
 from .version import __version__
 
@@ -84,6 +83,7 @@ __all__ = [
     "MachineKernels",
     "Manipulator",
     "Measurement",
+    "MissingExtraError",
     "ModelError",
     "Motion",
     "MotionError",
@@ -102,28 +102,14 @@ __all__ = [
     "__version__",
     "closed_loop",
     "codegen",
-    "description",
-    "energy",
     "engines",
-    "errors",
-    "kernels",
-    "kinematics",
     "load",
-    "manipulator",
-    "minimal",
-    "motion",
     "of_solids",
     "paper_motion",
-    "parameters",
     "plots",
-    "reactions",
     "read_parameters",
-    "reduced",
     "report",
-    "routes",
     "simulation",
-    "tracing",
     "viewer",
-    "virtual_power",
     "write_parameters",
 ]

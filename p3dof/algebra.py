@@ -44,6 +44,9 @@ class Ordered(Namespace, Protocol):
         """Return the smaller of two numbers."""
 
 
+BLOCK = 4096
+"""Samples that a formula computes at once: its intermediate arrays stay in the processor's cache."""
+
 U1: Vector = (1, 0, 0)
 U2: Vector = (0, 1, 0)
 U3: Vector = (0, 0, 1)

@@ -43,12 +43,10 @@ def test_compare_on_the_papers_motion(tmp_path, capsys):
 
 
 def test_compare_fails_when_the_methods_disagree(tmp_path, capsys, monkeypatch):
-    from p3dof.routes import virtual_power_route
+    from p3dof.methods import virtual_power
 
-    real = virtual_power_route.virtual_power.forces
-    monkeypatch.setattr(
-        virtual_power_route.virtual_power, "forces", lambda *a, **k: real(*a, **k) * (1 + 1e-9)
-    )
+    real = virtual_power.virtual_power.forces
+    monkeypatch.setattr(virtual_power.virtual_power, "forces", lambda *a, **k: real(*a, **k) * (1 + 1e-9))
     code, out, _ = run(capsys, "compare", "--samples", 11, "--out", tmp_path, "--no-plot")
     assert code == 1
     assert "the methods DISAGREE" in out
@@ -73,16 +71,16 @@ def test_compare_with_files_and_invalid_samples(tmp_path, capsys):
 
 
 def test_compare_sees_that_the_methods_find_other_samples_valid(tmp_path, capsys, monkeypatch):
-    from p3dof.routes import virtual_power_route
+    from p3dof.methods import virtual_power
 
-    real = virtual_power_route.virtual_power.forces
+    real = virtual_power.virtual_power.forces
 
     def lame(*args, **kwargs):
         forces = real(*args, **kwargs)
         forces[3] = np.nan
         return forces
 
-    monkeypatch.setattr(virtual_power_route.virtual_power, "forces", lame)
+    monkeypatch.setattr(virtual_power.virtual_power, "forces", lame)
     code, out, _ = run(capsys, "compare", "--samples", 11, "--out", tmp_path, "--no-plot")
     assert code == 1
     assert "the methods DISAGREE" in out

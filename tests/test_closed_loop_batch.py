@@ -16,8 +16,8 @@ from machines import SEEDS, conditioning, random_machine, random_states
 import p3dof
 from p3dof import kinematics
 from p3dof.closed_loop import ClosedLoopModel, Sidecar
-from p3dof.closed_loop.batch_kinematics import RelativeRows, Sweep, closure_errors, closure_pairs
-from p3dof.closed_loop.batch_linear import (
+from p3dof.closed_loop.batch.kinematics import RelativeRows, Sweep, closure_errors, closure_pairs
+from p3dof.closed_loop.batch.linear import (
     BLOCK,
     FEW,
     independent_rows,
@@ -25,10 +25,10 @@ from p3dof.closed_loop.batch_linear import (
     rotation_vector,
     turned_rates,
 )
-from p3dof.closed_loop.batch_targets import FrameTargets
+from p3dof.closed_loop.batch.targets import FrameTargets
 from p3dof.errors import AssemblyError, InputError, SampleError, SingularityError
+from p3dof.methods import pinocchio
 from p3dof.parameters import PAPER, Friction
-from p3dof.routes import pinocchio_route
 
 ROUGH = Friction({"sliders": 20, "joints": 0.3}, {"sliders": 5, "joints": 0.2, "universal_a": 0.7})
 
@@ -392,9 +392,9 @@ def route(machine, pose, velocity, acceleration, wrench=None, one_by_one=False, 
     h, friction = machine.parameters.geometry.h, machine.parameters.friction
     if not one_by_one:
         given = (pose, velocity, acceleration, wrench, friction)
-        return pinocchio_route.solve(machine.loop, h, *given, **options)
+        return pinocchio.solve(machine.loop, h, *given, **options)
     parts = [
-        pinocchio_route.solve(
+        pinocchio.solve(
             machine.loop,
             h,
             *(array[i : i + 1] for array in (pose, velocity, acceleration)),
@@ -509,7 +509,7 @@ def test_bad_samples_among_good_ones():
 
 def test_copies_in_threads_give_the_same():
     robot, s = p3dof.load(), random_states(PAPER, 8, 200)
-    targets = pinocchio_route.targets_of(s.pose, PAPER.geometry.h)
+    targets = pinocchio.targets_of(s.pose, PAPER.geometry.h)
 
     def forces(loop: ClosedLoopModel) -> np.ndarray:
         found = loop.complete_batch(targets, s.velocity, s.acceleration)

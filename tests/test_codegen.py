@@ -17,7 +17,7 @@ from machines import SEEDS, conditioning, random_machine, random_states
 from test_friction import random_friction
 
 import p3dof.cli.codegen  # the command
-from p3dof import kinematics, minimal, virtual_power
+from p3dof import kinematics
 from p3dof.cli import main
 from p3dof.codegen import batch, files, reference
 from p3dof.codegen.controller import controller_files, prototypes
@@ -25,10 +25,11 @@ from p3dof.codegen.friction import JOINTS
 from p3dof.codegen.machine import machine_numbers, parameter_row
 from p3dof.codegen.printing import Printer, operation_counts
 from p3dof.codegen.routines import routines
+from p3dof.compiled.formulas import MODEL, kernel
+from p3dof.compiled.reduced import Reduced, model_of
 from p3dof.errors import FileError, P3dofError, ParameterError, ReachError, SingularityError
-from p3dof.kernels.formulas import MODEL, kernel
+from p3dof.methods import equations_of_motion, virtual_power
 from p3dof.parameters import LINKS, PAPER, SOLIDS, Body, Parameters, write_parameters
-from p3dof.reduced import Reduced, model_of
 
 CC, CXX = shutil.which("gcc"), shutil.which("g++")
 COMPILED = pytest.mark.skipif(CC is None, reason="no C compiler here")
@@ -410,7 +411,7 @@ def test_the_limits_are_those_of_python(library, seed):
     for pose in poses:
         expected = python_status(virtual_power.forces, machine, pose, rest, rest)
         assert library.status("inverse_dynamics", model, pose, rest, rest, None)[0] == expected, pose
-        expected = python_status(minimal.mass_matrix, machine, pose)
+        expected = python_status(equations_of_motion.mass_matrix, machine, pose)
         assert library.status("mass_matrix", model, pose)[0] == expected, pose
 
 
@@ -546,7 +547,7 @@ def test_the_reference_is_a_matter_of_the_other_methods():
     forces = virtual_power.forces(without, q, v, a)
     np.testing.assert_allclose(by[..., 6:] @ base, forces, rtol=0, atol=1e-12 * np.abs(forces).max())
     bias = reference.bias(machine, q, v)
-    at_rest = minimal.gravity_forces(machine, q)
+    at_rest = equations_of_motion.gravity_forces(machine, q)
     np.testing.assert_allclose(
         reference.bias(machine, q, 0 * v), at_rest, rtol=0, atol=1e-13 * np.abs(at_rest).max()
     )

@@ -13,9 +13,10 @@ from machines import SEEDS, conditioning, derivative, random_machine, random_sta
 from test_friction import random_friction
 
 import p3dof
-from p3dof import kinematics, minimal, virtual_power
+from p3dof import kinematics
+from p3dof.compiled import MachineKernels, dynamics, levels
 from p3dof.errors import InputError, ReachError, SingularityError
-from p3dof.kernels import MachineKernels, dynamics, levels
+from p3dof.methods import equations_of_motion, virtual_power
 
 HOME = np.zeros(3)
 TURN = float(np.arccos(0.25 / 0.5))
@@ -45,8 +46,8 @@ def test_they_are_the_full_formulas(seed):
     wrench = states.wrench if seed % 2 else None
     expected = virtual_power.forces(machine, *motion, wrench)
     close = conditioning(machine.geometry, states.pose)[:, None]
-    M = minimal.mass_matrix(machine, states.pose)
-    acceleration = minimal.forward_dynamics(machine, *motion[:2], expected, wrench)
+    M = equations_of_motion.mass_matrix(machine, states.pose)
+    acceleration = equations_of_motion.forward_dynamics(machine, *motion[:2], expected, wrench)
     J = kinematics.inverse_jacobian(machine.geometry, states.pose)
     sliders = kinematics.inverse_kinematics(machine.geometry, states.pose).sliders
     for name in levels():
@@ -131,10 +132,10 @@ def test_bad_samples_do_not_touch_their_neighbours(level):
     for array in (by.by_pose, by.by_velocity, by.by_acceleration):
         assert np.isnan(array[bad]).all()
         assert np.isfinite(array[good]).all()
-    reference = minimal.forward_dynamics(p3dof.PAPER, q, v, a, w, on_invalid="nan")
+    reference = equations_of_motion.forward_dynamics(p3dof.PAPER, q, v, a, w, on_invalid="nan")
     found = dynamics.forward_dynamics(kernels, q, v, a, w, on_invalid="nan")
     np.testing.assert_array_equal(np.isnan(found), np.isnan(reference))
-    reference = minimal.mass_matrix(p3dof.PAPER, q, on_invalid="nan")
+    reference = equations_of_motion.mass_matrix(p3dof.PAPER, q, on_invalid="nan")
     found = dynamics.mass_matrix(kernels, q, on_invalid="nan")
     np.testing.assert_array_equal(np.isnan(found), np.isnan(reference))
 

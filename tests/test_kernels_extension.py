@@ -22,16 +22,16 @@ import pytest
 from machines import conditioning, random_machine, random_states
 
 import p3dof
-from p3dof import minimal
-from p3dof.kernels.formulas import all_kernels, is_symmetric, kernel
-from p3dof.reduced import model_of
+from p3dof.compiled.formulas import all_kernels, is_symmetric, kernel
+from p3dof.compiled.reduced import model_of
+from p3dof.motion.wrenches import WRENCH_ROWS
 
 ROOT = Path(__file__).parents[1]
 COMPILER = (sysconfig.get_config_var("CC") or "cc").split()[0]
 CAN_BUILD = shutil.which(COMPILER) and Path(sysconfig.get_path("include"), "Python.h").exists()
 
 try:
-    from p3dof.kernels import _compiled
+    from p3dof.compiled.extension import _compiled
 except ImportError:
     if CAN_BUILD and not os.environ.get("P3DOF_NO_EXTENSION"):
         raise  # a compiler is there: the install should have built it
@@ -57,7 +57,7 @@ def columns_for(used, count, seed=1):
         "y z theta": q,
         "vy vz vtheta": v,
         "ay az atheta": a,
-        "w_y w_z w_theta": w[:, minimal.WRENCH_ROWS],
+        "w_y w_z w_theta": w[:, WRENCH_ROWS],
     }
     rows["f_a f_b f_c"] = rng.normal(0, 100, q.shape)
     named = {name: values[:, k] for names, values in rows.items() for k, name in enumerate(names.split())}
@@ -462,7 +462,8 @@ def sines(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("sines")
     (folder / "sines.c").write_text(HARNESS.format(target=TARGETS[request.param]))
     flags = ["-O3", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast", "-fopenmp-simd", "-w"]
-    source = ["-I", str(ROOT / "p3dof" / "kernels"), str(folder / "sines.c"), "-o", str(folder / "sines.so")]
+    headers = ROOT / "p3dof" / "compiled" / "extension"
+    source = ["-I", str(headers), str(folder / "sines.c"), "-o", str(folder / "sines.so")]
     subprocess.run([COMPILER, "-shared", "-fPIC", *flags, *source], check=True)
     library = ctypes.CDLL(str(folder / "sines.so"))
 

@@ -13,16 +13,16 @@ from lagrange import BODIES
 from machines import random_machine, random_states
 
 import p3dof
-from p3dof import description, kinematics, virtual_power
+from p3dof import description, kinematics
 from p3dof.cli import main
 from p3dof.cli.reactions import peaks_table
 from p3dof.closed_loop import ClosedLoopModel, Closure, Sidecar
 from p3dof.closed_loop.reactions import ClosureJoint, ReactionSolver, loop_reactions
 from p3dof.errors import DynamicsError, InputError, ModelError, ReachError, SampleError, SingularityError
+from p3dof.methods import pinocchio, virtual_power
 from p3dof.motion import Motion, paper_motion
 from p3dof.parameters import PAPER, SOLIDS, Bodies, Body, Friction, Parameters, friction
 from p3dof.reactions import JOINTS, of_solution, over_motion
-from p3dof.routes import pinocchio_route
 
 KINDS = ("paper", "points")
 OPEN = {"paper": 6, "points": 2}
@@ -389,7 +389,7 @@ def test_joints_are_those_of_the_description():
 def test_ball_joints_have_the_multipliers_of_the_inverse_dynamics():
     loop, result = p3dof.load().loop, solved("PAPER", "points")
     _, motion, wrench = case("PAPER")
-    solution = pinocchio_route.solve(
+    solution = pinocchio.solve(
         loop, PAPER.geometry.h, motion.pose, motion.velocity, motion.acceleration, wrench
     )
     states = solution.joints
@@ -485,7 +485,7 @@ def test_invalid_samples():
 def test_forces_that_do_not_belong_to_the_motion():
     loop, motion = p3dof.load().loop, paper_motion(6)
     states = motion.pose, motion.velocity, motion.acceleration
-    solution = pinocchio_route.solve(loop, PAPER.geometry.h, *states)
+    solution = pinocchio.solve(loop, PAPER.geometry.h, *states)
     solution.forces[4, 1] += 1e-3
     with pytest.raises(SampleError, match=r"sample 4.*do not produce the motion") as caught:
         of_solution(loop, PAPER, motion, solution)

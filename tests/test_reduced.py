@@ -11,11 +11,13 @@ from lagrange import LagrangeModel
 from machines import SEEDS, conditioning, derivative, random_machine, random_states
 
 import p3dof
-from p3dof import minimal, reduced, virtual_power
-from p3dof.kernels.formulas import MODEL, NAMES, all_kernels, is_symmetric, kernel
-from p3dof.kernels.regressor import BASE, INERTIAL, force_regressor, inertial_parameters
+from p3dof.compiled import reduced
+from p3dof.compiled.formulas import MODEL, NAMES, all_kernels, is_symmetric, kernel
+from p3dof.compiled.reduced import SYMMETRIC_ZEROS, State, model_of
+from p3dof.methods import equations_of_motion, virtual_power
+from p3dof.methods.regressor import BASE, INERTIAL, force_regressor, inertial_parameters
+from p3dof.motion.wrenches import WRENCH_ROWS
 from p3dof.parameters import Bodies, Body
-from p3dof.reduced import SYMMETRIC_ZEROS, State, model_of
 
 
 def formulas(machine, states):
@@ -23,7 +25,7 @@ def formulas(machine, states):
     q, v, a = states.pose, states.velocity, states.acceleration
     model, state = model_of(machine), State(q[:, 0], q[:, 2], v[:, 0], v[:, 2], *a.T)
     x = reduced.shape(model, state.y, state.theta, np)
-    wrench = tuple(states.wrench[:, row] for row in minimal.WRENCH_ROWS)
+    wrench = tuple(states.wrench[:, row] for row in WRENCH_ROWS)
     forces = reduced.actuator_forces(model, x, state, np, wrench)
     M = reduced.mass_matrix(model, x, state.y, np)
     M = np.stack([np.stack(np.broadcast_arrays(*row, state.y)[:3], axis=-1) for row in M], axis=-2)
@@ -42,7 +44,7 @@ def test_it_is_the_recursion_and_lagrange_for_bodies_without_any_symmetry(seed):
     assert np.all(np.abs(forces - virtual_power.forces(machine, *motion, states.wrench)) < scale)
     assert np.all(np.abs(forces - LagrangeModel(machine).forces(*motion, states.wrench)) < scale)
     np.testing.assert_allclose(
-        M, minimal.mass_matrix(machine, states.pose), rtol=0, atol=1e-12 * np.abs(M).max()
+        M, equations_of_motion.mass_matrix(machine, states.pose), rtol=0, atol=1e-12 * np.abs(M).max()
     )
     size = np.abs(states.acceleration).max()
     error = np.abs(acceleration - states.acceleration)

@@ -11,11 +11,12 @@ from machines import SEEDS, random_machine, random_states
 from test_friction import random_friction
 
 import p3dof
-from p3dof import kinematics, minimal, virtual_power
+from p3dof import kinematics
+from p3dof.compiled.tracing import Tape, derivatives, straight_line
+from p3dof.compiled.tracing.c import statements
+from p3dof.compiled.tracing.python import function_of
+from p3dof.methods import equations_of_motion, virtual_power
 from p3dof.simulation.equations import Equations
-from p3dof.tracing import Tape, derivatives, straight_line
-from p3dof.tracing.c import statements
-from p3dof.tracing.python import function_of
 
 
 @given(seed=SEEDS)
@@ -28,7 +29,9 @@ def test_the_equations_are_those_of_the_arrays(seed):
     J = kinematics.inverse_jacobian(geometry, states.pose)
     forces = virtual_power.forces(machine, states.pose, states.velocity, states.acceleration)
     given_ = np.random.default_rng(seed).normal(0, np.abs(forces).max(), (3, 3))
-    expected = minimal.forward_dynamics(machine, states.pose, states.velocity, given_, states.wrench)
+    expected = equations_of_motion.forward_dynamics(
+        machine, states.pose, states.velocity, given_, states.wrench
+    )
     for i, (x, v, a) in enumerate(zip(states.pose, states.velocity, states.acceleration, strict=True)):
         sliders = equations.sliders(*x, *v)
         np.testing.assert_allclose(sliders[:3], inverse[i], rtol=1e-14, atol=1e-15)

@@ -11,10 +11,11 @@ from hypothesis import given, settings
 from lagrange import LagrangeModel
 from machines import SEEDS, conditioning, derivative, random_machine, random_states
 
-from p3dof import kinematics, virtual_power
+from p3dof import kinematics
 from p3dof.errors import InputError, ReachError, SingularityError
-from p3dof.kinematics.formulas import Lengths
 from p3dof.kinematics.validity import ACTUATION_TOLERANCE
+from p3dof.methods import virtual_power
+from p3dof.paper.formulas import Lengths
 from p3dof.parameters import PAPER, SOLIDS, Bodies, Body, Geometry
 
 HOME = np.zeros(3)

@@ -17,7 +17,7 @@ from p3dof.codegen import files
 from p3dof.codegen.batch import DIRECTORY, batch_files
 from p3dof.codegen.controller import controller_files
 from p3dof.codegen.printing import operation_counts
-from p3dof.kernels.formulas import NAMES, kernel
+from p3dof.compiled.formulas import NAMES, kernel
 from p3dof.manipulator import load
 from p3dof.parameters import Body, Parameters
 

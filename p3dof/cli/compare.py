@@ -28,8 +28,8 @@ from p3dof.cli.output import (
 from p3dof.cli.terminal import print_table
 from p3dof.errors import MissingExtraError
 from p3dof.manipulator import InverseDynamics
+from p3dof.methods import LEGS, write_table
 from p3dof.motion import Motion
-from p3dof.routes import LEGS, write_table
 
 FILES = ("forces.csv", "forces.png", "forces.svg")
 ENGINE_TOLERANCE = 1e-9

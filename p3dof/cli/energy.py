@@ -16,7 +16,7 @@ from p3dof.cli.output import print_plain, print_warnings
 from p3dof.cli.terminal import print_table
 from p3dof.energy import Energy
 from p3dof.manipulator import InverseDynamics
-from p3dof.routes import LEGS
+from p3dof.methods import LEGS
 
 DOUBTFUL = 1e-3
 """Share of the energy that moves by which the work may miss it without a word."""

@@ -13,7 +13,7 @@ from p3dof.cli.app import app
 from p3dof.cli.options import FIGURE, METHOD, Case, with_case
 from p3dof.cli.output import evidence_table, print_plain, print_warnings
 from p3dof.cli.terminal import print_table
-from p3dof.routes import LEGS
+from p3dof.methods import LEGS
 
 
 @app.command()

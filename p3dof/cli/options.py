@@ -17,10 +17,10 @@ from p3dof.checks import FloatArray
 from p3dof.cli.output import progress_bar
 from p3dof.errors import InputError, ParameterError
 from p3dof.manipulator import METHODS, InverseDynamics, Manipulator, load
+from p3dof.methods import wrenches_at
 from p3dof.motion import Motion, WrenchHistory, paper_motion
 from p3dof.motion.splines import eased
 from p3dof.parameters import Body
-from p3dof.routes import wrenches_at
 
 PARAMETERS = click.option(
     "--parameters",

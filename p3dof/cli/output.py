@@ -13,7 +13,7 @@ from rich.table import Table
 
 from p3dof.checks import FloatArray
 from p3dof.manipulator import InverseDynamics, Manipulator
-from p3dof.routes.results import LEGS
+from p3dof.methods.results import LEGS
 
 
 @contextmanager

@@ -7,9 +7,9 @@ This layer knows no particular mechanism.
 """
 
 from p3dof.closed_loop.assembly import Assembly, State
-from p3dof.closed_loop.batch import BatchStates
-from p3dof.closed_loop.batch_dynamics import BatchInverseDynamics
-from p3dof.closed_loop.batch_targets import FrameTargets
+from p3dof.closed_loop.batch.dynamics import BatchInverseDynamics
+from p3dof.closed_loop.batch.states import BatchStates
+from p3dof.closed_loop.batch.targets import FrameTargets
 from p3dof.closed_loop.dynamics import ForwardDynamics, InverseDynamics
 from p3dof.closed_loop.model import ClosedLoopModel
 from p3dof.closed_loop.sidecar import Closure, Sidecar

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, as_floats, frozen_array
-from p3dof.closed_loop.batch import BatchAssembler, BatchStates
-from p3dof.closed_loop.batch_dynamics import BatchDynamics, BatchInverseDynamics
-from p3dof.closed_loop.batch_targets import FrameGoals, FrameTargets, JointGoals
+from p3dof.closed_loop.batch.dynamics import BatchDynamics, BatchInverseDynamics
+from p3dof.closed_loop.batch.states import BatchAssembler, BatchStates
+from p3dof.closed_loop.batch.targets import FrameGoals, FrameTargets, JointGoals
 from p3dof.closed_loop.loop_model import External, LoopModel
 from p3dof.errors import InputError
 

@@ -1,7 +1,8 @@
 """C99 for a controller: all functions of a machine, with its parameters at run time or baked in.
 
-The formulas are those of `p3dof.reduced`; the library in C allocates nothing, keeps no state and calls
-nothing but mathematical functions. A self-test comes with it that holds it against `p3dof.codegen.reference`.
+The formulas are those of `p3dof.compiled.reduced`; the library in C allocates nothing, keeps no state and
+calls nothing but mathematical functions. A self-test comes with it that holds it against
+`p3dof.codegen.reference`.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from p3dof.codegen.machine import GIVEN, body_names, machine_numbers, parameter_
 from p3dof.codegen.printing import INDENT, Printer, home_depth, prepare_code
 from p3dof.codegen.routines import Argument, Routine, routines
 from p3dof.codegen.selftest import selftest
-from p3dof.kernels.formulas import MODEL
+from p3dof.compiled.formulas import MODEL
 from p3dof.parameters import LINKS, Parameters
 
 NOTE = f"{MARK}`: do not edit."

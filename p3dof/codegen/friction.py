@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from p3dof.algebra import Namespace, Scalar, Vector, dot, plus, times
+from p3dof.compiled.reduced import Shape
 from p3dof.parameters.friction import PASSIVE, SLIDES
-from p3dof.reduced import Shape
 
 JOINTS = (*SLIDES, *PASSIVE)
 """All joints that can have friction."""
@@ -86,7 +86,7 @@ def generalized_friction(
     coefficients: tuple[Sequence[Scalar], Sequence[Scalar], Scalar],
     xp: Namespace,
 ) -> Vector:
-    """Return the forces of y, z, θ that friction takes; equal to `p3dof.losses.generalized_losses`.
+    """Return the forces of y, z, θ that friction takes; equal to `p3dof.paper.friction.generalized_losses`.
 
     Parameters
     ----------

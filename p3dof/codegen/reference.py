@@ -1,8 +1,8 @@
 """States of motion with everything that the generated C computes there, by other ways than it does.
 
 Kinematics by `p3dof.kinematics`, forces by virtual powers, their derivatives by complex steps through that
-recursion, the rest by `p3dof.minimal`. Only the fold of the bodies, which says what the base inertial
-parameters are, is shared.
+recursion, the rest by `p3dof.methods.equations_of_motion`. Only the fold of the bodies, which says what the
+base inertial parameters are, is shared.
 """
 
 from __future__ import annotations
@@ -12,17 +12,18 @@ from typing import Any
 
 import numpy as np
 
-from p3dof import kinematics, minimal, virtual_power
+from p3dof import kinematics
 from p3dof.algebra import Vector, components
 from p3dof.checks import FloatArray
+from p3dof.compiled.formulas import MODEL
+from p3dof.compiled.reduced import fold
 from p3dof.errors import ParameterError
-from p3dof.inertials import Inertial, inertials
-from p3dof.kernels.formulas import MODEL
-from p3dof.kinematics.formulas import Lengths
-from p3dof.losses import NO_LOSSES, losses_of
+from p3dof.methods import equations_of_motion, virtual_power
+from p3dof.paper.formulas import Lengths
+from p3dof.paper.friction import NO_LOSSES, losses_of
+from p3dof.paper.inertials import Inertial, inertials
+from p3dof.paper.virtual_power import NO_WRENCH, Wrench, actuator_forces, generalized_forces
 from p3dof.parameters import LINKS, Parameters
-from p3dof.reduced import fold
-from p3dof.virtual_power import Wrench
 
 _STEP = 1e-100
 """Complex step: nothing is subtracted."""
@@ -120,9 +121,9 @@ def outputs(parameters: Parameters, inputs: dict[str, FloatArray]) -> dict[str, 
         "inverse_dynamics": forces,
         "inverse_kinematics": kinematics.inverse_kinematics(geometry, pose).sliders,
         "jacobian": kinematics.inverse_jacobian(geometry, pose).reshape(count, 9),
-        "mass_matrix": minimal.mass_matrix(parameters, pose).reshape(count, 9),
+        "mass_matrix": equations_of_motion.mass_matrix(parameters, pose).reshape(count, 9),
         "bias": bias(parameters, pose, velocity),
-        "forward_dynamics": minimal.forward_dynamics(parameters, pose, velocity, acting, wrench),
+        "forward_dynamics": equations_of_motion.forward_dynamics(parameters, pose, velocity, acting, wrench),
         "inverse_dynamics_derivatives": np.concatenate(
             [forces, *(by_motion[..., i : i + 3].reshape(count, 9) for i in (0, 3, 6))], axis=-1
         ),
@@ -145,7 +146,7 @@ def bias(parameters: Parameters, pose: FloatArray, velocity: FloatArray) -> Floa
     -------
     ndarray, shape (N, 3)
     """
-    found = virtual_power.generalized_forces(
+    found = generalized_forces(
         Lengths.of(parameters.geometry),
         inertials(parameters.bodies),
         components(parameters.gravity),
@@ -246,13 +247,11 @@ def _forces(
 ) -> Vector:
     """Return the forces at states given as nine columns, with the friction of a machine."""
     losses = NO_LOSSES if parameters is None else losses_of(parameters.friction)
-    load = virtual_power.NO_WRENCH
+    load = NO_WRENCH
     if wrench is not None:
         load = Wrench(components(wrench[:, :3]), components(wrench[:, 3:]))
     pose, velocity, acceleration = (components(rows[i : i + 3]) for i in (0, 3, 6))
-    return virtual_power.actuator_forces(
-        lengths, bodies, gravity, pose, velocity, acceleration, np, load, losses
-    )
+    return actuator_forces(lengths, bodies, gravity, pose, velocity, acceleration, np, load, losses)
 
 
 def _probes(lengths: Lengths) -> list[dict[str, Inertial]]:

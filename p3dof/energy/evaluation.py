@@ -11,9 +11,9 @@ from p3dof.energy.bodies import quantities
 from p3dof.energy.results import DriveLoads, Energy
 from p3dof.energy.work import runs, work_over
 from p3dof.errors import InputError
-from p3dof.minimal import WRENCH_ROWS
+from p3dof.methods import InverseDynamics
+from p3dof.motion.wrenches import WRENCH_ROWS
 from p3dof.parameters import LINKS, Parameters
-from p3dof.routes import InverseDynamics
 
 _SAME_MACHINE = 1e-6
 """Share of a leg's length by which sliders of a result may differ from those of the machine."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray
-from p3dof.routes import LEGS, write_table
+from p3dof.methods import LEGS, write_table
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from p3dof.checks import FloatArray
-from p3dof.routes import InverseDynamics
+from p3dof.methods import InverseDynamics
 
 _DEGREE = 5
 """Of the spline through the power that is integrated; lower where there are fewer samples than it takes."""

@@ -2,7 +2,7 @@
 
 Each engine has a model of its own, made from the neutral description of the machine: MuJoCo reads the MJCF,
 Drake the URDF with its ball constraints, Exudyn gets one rigid body a link and a joint for every joint, as in
-ADAMS. None of them shares dynamics with `p3dof.virtual_power`, `p3dof.minimal` or `p3dof.closed_loop`.
+ADAMS. None of them shares dynamics with `p3dof.paper`, `p3dof.methods` or `p3dof.closed_loop`.
 
 `load` gives an engine: `Engine.forces` at every sample of a motion, `Engine.simulate` of the free machine
 under constant forces. `driven_forces` and `convergence` let Exudyn integrate a motion in time.

@@ -20,11 +20,11 @@ from p3dof.algebra import (
     vector_array,
 )
 from p3dof.checks import FloatArray, batch_of
-from p3dof.kinematics.formulas import Lengths, Rates, accelerations, configuration, velocities
 from p3dof.kinematics.inverse import joint_coordinates, paper_angles
-from p3dof.kinematics.recursion import Frame, body_axes, frames
 from p3dof.kinematics.states import reachable_states
 from p3dof.kinematics.validity import OnInvalid
+from p3dof.paper.formulas import Lengths, Rates, accelerations, configuration, velocities
+from p3dof.paper.recursion import Frame, body_axes, frames
 from p3dof.parameters import Geometry
 
 

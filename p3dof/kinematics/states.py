@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike
 from p3dof.algebra import components
 from p3dof.checks import FloatArray, batch_of
 from p3dof.errors import InputError
-from p3dof.kinematics.formulas import Lengths, configuration
 from p3dof.kinematics.validity import (
     ACTUATION_TOLERANCE,
     OnInvalid,
@@ -20,6 +19,7 @@ from p3dof.kinematics.validity import (
     reach_margins,
     reached,
 )
+from p3dof.paper.formulas import Lengths, configuration
 from p3dof.parameters import Geometry, Parameters
 
 
@@ -138,6 +138,46 @@ def holdable_states(
         return states
     poses, speeds, rates = np.where(singular[..., None], np.nan, np.stack(states))
     return poses, speeds, rates
+
+
+def forced_states(
+    parameters: Parameters,
+    pose: ArrayLike,
+    velocity: ArrayLike,
+    forces: ArrayLike,
+    on_invalid: OnInvalid,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return states and actuator forces with one shape; invalid rows are NaN in one of them, or raise.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine.
+    pose, velocity, forces : array-like, shape (..., 3)
+        What the user gave.
+    on_invalid : {"raise", "nan"}
+        What to do with samples that are not finite or out of reach.
+
+    Returns
+    -------
+    pose, velocity, forces : ndarray, shape (..., 3)
+
+    Raises
+    ------
+    ReachError, InputError
+        As `inverse_kinematics`; also when the shapes do not broadcast.
+    """
+    given = batch_of("forces", forces, 3)
+    if on_invalid == "raise":
+        raise_not_finite("forces", given)
+    states = reachable_states(parameters.geometry, pose, velocity, np.zeros(3), on_invalid)
+    try:
+        poses, speeds, given = np.broadcast_arrays(states[0], states[1], given)
+    except ValueError as error:
+        raise InputError(
+            f"forces: expected a shape that fits {states[0].shape}, got {given.shape}"
+        ) from error
+    return poses, speeds, given
 
 
 def wrench_like(wrench: ArrayLike | None, shape: tuple[int, ...], on_invalid: OnInvalid) -> FloatArray:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from p3dof.algebra import components
 from p3dof.checks import FloatArray
 from p3dof.errors import InputError, ReachError, SingularityError
-from p3dof.kinematics.formulas import Configuration
+from p3dof.paper.formulas import Configuration
 from p3dof.parameters import Geometry
 
 OnInvalid: TypeAlias = Literal["raise", "nan"]

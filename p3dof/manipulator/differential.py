@@ -5,12 +5,12 @@ from __future__ import annotations
 from numpy.typing import ArrayLike
 
 from p3dof.errors import InputError
-from p3dof.kernels import ForceDerivatives, dynamics
-from p3dof.kernels.regressor import ForceRegressor, force_regressor
 from p3dof.kinematics import OnInvalid
 from p3dof.manipulator.minimal_form import MovingMachine
+from p3dof.methods import WrenchOverTime, compiled, wrenches_at
+from p3dof.methods.compiled import ForceDerivatives
+from p3dof.methods.regressor import ForceRegressor, force_regressor
 from p3dof.motion import Motion
-from p3dof.routes import WrenchOverTime, wrenches_at
 
 
 class DifferentialMachine(MovingMachine):
@@ -82,7 +82,7 @@ class DifferentialMachine(MovingMachine):
         InputError
             If shapes do not fit or a number is not finite.
         """
-        return dynamics.inverse_dynamics_derivatives(
+        return compiled.inverse_dynamics_derivatives(
             self.kernels, pose, velocity, acceleration, wrench, on_invalid
         )
 

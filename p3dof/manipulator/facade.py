@@ -9,28 +9,28 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from p3dof import simulation, virtual_power
+from p3dof import simulation
 from p3dof.checks import FloatArray
 from p3dof.energy import Energy, energy_of
 from p3dof.errors import InputError
-from p3dof.kernels import dynamics
 from p3dof.kinematics import OnInvalid
 from p3dof.kinematics.states import holdable_states, wrench_like
 from p3dof.manipulator.differential import DifferentialMachine
 from p3dof.manipulator.methods import Method, check_method
-from p3dof.minimal import WRENCH_ROWS
-from p3dof.motion import Motion
-from p3dof.parameters import PAPER, Parameters, read_parameters
-from p3dof.reactions import Idealisation, Reactions, over_motion
-from p3dof.routes import (
+from p3dof.methods import (
     SLIDES,
     InverseDynamics,
     Solution,
     WrenchOverTime,
-    pinocchio_route,
-    virtual_power_route,
+    compiled,
+    pinocchio,
+    virtual_power,
     wrenches_at,
 )
+from p3dof.motion import Motion
+from p3dof.motion.wrenches import WRENCH_ROWS
+from p3dof.parameters import PAPER, Parameters, read_parameters
+from p3dof.reactions import Idealisation, Reactions, over_motion
 from p3dof.simulation import ControllerLike, Noise, Simulation, WrenchLike
 
 Progress: TypeAlias = Callable[[int, int], None]
@@ -113,13 +113,13 @@ class Manipulator(DifferentialMachine):
         """
         check_method(method)
         if method == "compiled":
-            return dynamics.forces(self.kernels, pose, velocity, acceleration, wrench, on_invalid)
+            return compiled.forces(self.kernels, pose, velocity, acceleration, wrench, on_invalid)
         if method == "virtual-power":
             return virtual_power.forces(self.parameters, pose, velocity, acceleration, wrench, on_invalid)
         states = holdable_states(self.parameters, pose, velocity, acceleration, on_invalid)
         loads = None if wrench is None else wrench_like(wrench, states[0].shape[:-1], on_invalid)
         pose, velocity, acceleration = (np.reshape(array, (-1, 3)) for array in states)
-        solution = pinocchio_route.solve(
+        solution = pinocchio.solve(
             self.loop,
             self.parameters.geometry.h,
             pose,
@@ -174,7 +174,7 @@ class Manipulator(DifferentialMachine):
         )
         loads = None if wrench is None else wrenches_at(motion.time, wrench, on_invalid)
         if method == "pinocchio":
-            solution = pinocchio_route.solve(
+            solution = pinocchio.solve(
                 self.loop,
                 self.parameters.geometry.h,
                 *states,
@@ -186,8 +186,8 @@ class Manipulator(DifferentialMachine):
         else:
             known = None
             if method == "compiled":
-                known = dynamics.forces(self.kernels, *states, loads, on_invalid="nan")
-            solution = virtual_power_route.solve(self.parameters, *states, wrench=loads, forces=known)
+                known = compiled.forces(self.kernels, *states, loads, on_invalid="nan")
+            solution = virtual_power.solve(self.parameters, *states, wrench=loads, known=known)
         actuation = self.singularity(states[0]).actuation
         return _with_evidence(method, motion, solution, loads, actuation)
 

@@ -6,10 +6,10 @@ from numpy.typing import ArrayLike
 
 from p3dof import kinematics
 from p3dof.checks import FloatArray
-from p3dof.kernels import dynamics
 from p3dof.kinematics import InverseKinematics, MechanismMotion, OnInvalid, Singularity
 from p3dof.manipulator.machine import Machine
 from p3dof.manipulator.methods import CLOSED_FORMS, ClosedForm, check_method
+from p3dof.methods import compiled
 
 
 class KinematicMachine(Machine):
@@ -82,7 +82,7 @@ class KinematicMachine(Machine):
         ReachError, InputError
             Naming leg, margin and sample.
         """
-        return dynamics.sliders(self.kernels, pose, on_invalid)
+        return compiled.sliders(self.kernels, pose, on_invalid)
 
     def jacobian(
         self, pose: ArrayLike, on_invalid: OnInvalid = "raise", method: ClosedForm = "virtual-power"
@@ -108,7 +108,7 @@ class KinematicMachine(Machine):
             Naming leg, margin and sample.
         """
         if check_method(method, CLOSED_FORMS) == "compiled":
-            return dynamics.jacobian(self.kernels, pose, on_invalid)
+            return compiled.jacobian(self.kernels, pose, on_invalid)
         return kinematics.inverse_jacobian(self.parameters.geometry, pose, on_invalid)
 
     def singularity(self, pose: ArrayLike) -> Singularity:

@@ -9,8 +9,8 @@ import pinocchio as pin
 
 from p3dof import description
 from p3dof.closed_loop import ClosedLoopModel
+from p3dof.compiled import MachineKernels
 from p3dof.errors import InputError
-from p3dof.kernels import MachineKernels
 from p3dof.parameters import PAPER, Parameters
 
 

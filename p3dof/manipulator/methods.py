@@ -9,7 +9,7 @@ from p3dof.errors import InputError
 
 Method: TypeAlias = Literal["pinocchio", "virtual-power", "compiled"]
 """The ways to the forces. The first two share only the parameters; the third is the second's result by the
-reduced formulas of `p3dof.reduced`, compiled."""
+reduced formulas of `p3dof.compiled.reduced`, compiled."""
 
 ClosedForm: TypeAlias = Literal["virtual-power", "compiled"]
 """The ways to what Pinocchio is not asked for."""

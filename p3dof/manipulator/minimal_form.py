@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
-from p3dof import minimal
 from p3dof.checks import FloatArray
-from p3dof.kernels import dynamics
 from p3dof.kinematics import OnInvalid
-from p3dof.kinematics.states import wrench_like
+from p3dof.kinematics.states import forced_states, wrench_like
 from p3dof.manipulator.kinematic import KinematicMachine
 from p3dof.manipulator.methods import CLOSED_FORMS, ClosedForm, Method, check_method
-from p3dof.routes import pinocchio_route
+from p3dof.methods import compiled, equations_of_motion, pinocchio
 
 
 class MovingMachine(KinematicMachine):
@@ -20,7 +18,7 @@ class MovingMachine(KinematicMachine):
     def mass_matrix(
         self, pose: ArrayLike, on_invalid: OnInvalid = "raise", method: ClosedForm = "virtual-power"
     ) -> FloatArray:
-        """Return the mass matrix M (..., 3, 3) in y, z, θ; see `p3dof.minimal`.
+        """Return the mass matrix M (..., 3, 3) in y, z, θ; see `p3dof.methods`.
 
         Parameters
         ----------
@@ -41,13 +39,13 @@ class MovingMachine(KinematicMachine):
             Naming leg, margin and sample.
         """
         if check_method(method, CLOSED_FORMS) == "compiled":
-            return dynamics.mass_matrix(self.kernels, pose, on_invalid)
-        return minimal.mass_matrix(self.parameters, pose, on_invalid)
+            return compiled.mass_matrix(self.kernels, pose, on_invalid)
+        return equations_of_motion.mass_matrix(self.parameters, pose, on_invalid)
 
     def coriolis_matrix(
         self, pose: ArrayLike, velocity: ArrayLike, on_invalid: OnInvalid = "raise"
     ) -> FloatArray:
-        """Return the Coriolis matrix C (..., 3, 3) in y, z, θ, with Ṁ - 2C skew; see `p3dof.minimal`.
+        """Return the Coriolis matrix C (..., 3, 3) in y, z, θ, with Ṁ - 2C skew; see `p3dof.methods`.
 
         Parameters
         ----------
@@ -65,10 +63,10 @@ class MovingMachine(KinematicMachine):
         ReachError, InputError
             Naming leg, margin and sample.
         """
-        return minimal.coriolis_matrix(self.parameters, pose, velocity, on_invalid)
+        return equations_of_motion.coriolis_matrix(self.parameters, pose, velocity, on_invalid)
 
     def gravity_forces(self, pose: ArrayLike, on_invalid: OnInvalid = "raise") -> FloatArray:
-        """Return the gradient of the potential energy (..., 3) in y, z, θ; see `p3dof.minimal`.
+        """Return the gradient of the potential energy (..., 3) in y, z, θ; see `p3dof.methods`.
 
         Parameters
         ----------
@@ -86,7 +84,7 @@ class MovingMachine(KinematicMachine):
         ReachError, InputError
             Naming leg, margin and sample.
         """
-        return minimal.gravity_forces(self.parameters, pose, on_invalid)
+        return equations_of_motion.gravity_forces(self.parameters, pose, on_invalid)
 
     def forward_dynamics(
         self,
@@ -123,12 +121,14 @@ class MovingMachine(KinematicMachine):
         """
         check_method(method)
         if method == "compiled":
-            return dynamics.forward_dynamics(self.kernels, pose, velocity, forces, wrench, on_invalid)
+            return compiled.forward_dynamics(self.kernels, pose, velocity, forces, wrench, on_invalid)
         if method == "virtual-power":
-            return minimal.forward_dynamics(self.parameters, pose, velocity, forces, wrench, on_invalid)
-        poses, speeds, given = minimal.forced_states(self.parameters, pose, velocity, forces, on_invalid)
+            return equations_of_motion.forward_dynamics(
+                self.parameters, pose, velocity, forces, wrench, on_invalid
+            )
+        poses, speeds, given = forced_states(self.parameters, pose, velocity, forces, on_invalid)
         loads = None if wrench is None else wrench_like(wrench, poses.shape[:-1], on_invalid)
-        found = pinocchio_route.accelerate(
+        found = pinocchio.accelerate(
             self.loop,
             self.parameters.geometry.h,
             poses.reshape(-1, 3),

@@ -14,6 +14,9 @@ from p3dof.files import read_text
 from p3dof.motion import csv_files
 from p3dof.motion.times import require_rising
 
+WRENCH_ROWS = (1, 2, 4)
+"""What of a wrench works on the platform, which moves in y, z and θ: F_y, F_z and M_y."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class WrenchHistory(FrozenArrays):

@@ -9,8 +9,8 @@ import numpy as np
 from p3dof.checks import FloatArray, shown
 from p3dof.energy import Energy
 from p3dof.errors import InputError
+from p3dof.methods import LEGS
 from p3dof.plots.common import COLOURS, new_figure
-from p3dof.routes import LEGS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from p3dof.errors import InputError
+from p3dof.methods import InverseDynamics
 from p3dof.plots.common import COLOURS, new_figure, tidy
-from p3dof.routes import InverseDynamics
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -14,13 +14,13 @@ from p3dof.closed_loop.reactions import JointReactions, ReactionSolver
 from p3dof.errors import DynamicsError, InputError, SampleError
 from p3dof.kinematics import OnInvalid
 from p3dof.kinematics.states import holdable_states
+from p3dof.methods import Solution, WrenchOverTime, pinocchio, wrenches_at
+from p3dof.methods.pinocchio_friction import FrictionForces
 from p3dof.motion import Motion
 from p3dof.parameters import Parameters
 from p3dof.reactions.joints import JOINTS, Idealisation, cuts
 from p3dof.reactions.newton_euler import in_fixed_axes, residual
 from p3dof.reactions.results import Reactions
-from p3dof.routes import Solution, WrenchOverTime, pinocchio_route, wrenches_at
-from p3dof.routes.friction import FrictionForces
 
 
 def over_motion(
@@ -67,7 +67,7 @@ def over_motion(
         raise InputError(f"motion: expected a Motion, got {type(motion).__name__}")
     states = holdable_states(parameters, motion.pose, motion.velocity, motion.acceleration, on_invalid)
     loads = None if wrench is None else wrenches_at(motion.time, wrench, on_invalid)
-    solution = pinocchio_route.solve(
+    solution = pinocchio.solve(
         loop, parameters.geometry.h, *states, loads, parameters.friction, on_invalid, progress
     )
     return of_solution(loop, parameters, motion, solution, joints, loads, on_invalid)

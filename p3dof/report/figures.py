@@ -12,10 +12,10 @@ import numpy as np
 from p3dof import plots
 from p3dof.energy import Energy
 from p3dof.manipulator import Manipulator
+from p3dof.methods import LEGS, InverseDynamics
 from p3dof.plots.joints import joints_figure
 from p3dof.plots.mechanism import mechanism_figure
 from p3dof.reactions import Reactions
-from p3dof.routes import LEGS, InverseDynamics
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

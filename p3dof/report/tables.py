@@ -9,10 +9,10 @@ import numpy as np
 
 from p3dof.checks import FloatArray
 from p3dof.energy import Energy
+from p3dof.methods import LEGS, InverseDynamics
 from p3dof.motion import Motion
 from p3dof.parameters import Bodies, Friction, Geometry, Limits, Parameters
 from p3dof.reactions import Peak, Reactions
-from p3dof.routes import LEGS, InverseDynamics
 
 _NOTHING = 1e-9
 """Reactions that are rounding, of a joint that bears none [N, N m]."""

@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from p3dof import kinematics, minimal, virtual_power
+from p3dof import kinematics
 from p3dof.checks import FloatArray, as_floats, batch_of, frozen_array, positive, shown
 from p3dof.errors import InputError
+from p3dof.methods import equations_of_motion, virtual_power
 from p3dof.motion import Motion
 from p3dof.parameters import Parameters
 from p3dof.simulation.control import Measurement
@@ -119,7 +120,7 @@ class PD:
         self.integral_time = math.inf if endless else positive("integral_time", integral_time, InputError)
         J = kinematics.inverse_jacobian(self.model.geometry, _HOME)
         inverse = np.linalg.inv(J)
-        self.moved = np.diag(inverse.T @ minimal.mass_matrix(self.model, _HOME) @ inverse)
+        self.moved = np.diag(inverse.T @ equations_of_motion.mass_matrix(self.model, _HOME) @ inverse)
         self.holding = virtual_power.forces(self.model, _HOME, _HOME, _HOME)
         gravity = max(9.81, float(np.abs(self.model.gravity).max()))
         self._huge = _HUGE * self.model.bodies.mass * gravity

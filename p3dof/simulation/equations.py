@@ -7,14 +7,14 @@ from functools import cached_property
 from typing import TypeAlias
 
 from p3dof.algebra import Scalar, Vector, apply_transposed, dot
-from p3dof.inertials import inertials, numbers
-from p3dof.kernels import MachineKernels
-from p3dof.kernels.friction import losses_of_state
-from p3dof.kinematics.formulas import Lengths, configuration, jacobian
-from p3dof.losses import losses_of
+from p3dof.compiled import MachineKernels
+from p3dof.compiled.friction import losses_of_state
+from p3dof.compiled.tracing import Tape, straight_line
+from p3dof.paper.formulas import Lengths, configuration, jacobian
+from p3dof.paper.friction import losses_of
+from p3dof.paper.inertials import inertials, numbers
+from p3dof.paper.virtual_power import actuator_forces, generalized_forces
 from p3dof.parameters import Parameters
-from p3dof.tracing import Tape, straight_line
-from p3dof.virtual_power import actuator_forces, generalized_forces
 
 Compiled: TypeAlias = Callable[..., tuple[float, ...]]
 
@@ -23,7 +23,7 @@ _AXES: tuple[Vector, ...] = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
 
 
 class Equations:
-    """Kinematics, inverse and forward dynamics of one machine; the same formulas as `p3dof.minimal`.
+    """Kinematics, inverse and forward dynamics of one machine; as `p3dof.methods.equations_of_motion`.
 
     Each is a function of numbers that returns a tuple of numbers, compiled when it is first used. Outside of
     reach they raise ValueError or ZeroDivisionError, as `math` does.

@@ -12,10 +12,10 @@ from p3dof import kinematics
 from p3dof.checks import FloatArray, frozen_array
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.errors import DynamicsError, InputError
-from p3dof.minimal import WRENCH_ROWS
+from p3dof.methods import SLIDES, JointStates, pinocchio
+from p3dof.methods.pinocchio_friction import PLATFORM, FrictionForces
+from p3dof.motion.wrenches import WRENCH_ROWS
 from p3dof.parameters import Parameters
-from p3dof.routes import SLIDES, JointStates, pinocchio_route
-from p3dof.routes.friction import PLATFORM, FrictionForces
 from p3dof.simulation.equations import CompiledEquations, Equations
 
 _NOWHERE = (ValueError, ArithmeticError)
@@ -129,7 +129,7 @@ class ConstrainedPlant:
 
     def state(self, pose: FloatArray, velocity: FloatArray) -> FloatArray:
         """Return the state (20,) of a pose and its velocity."""
-        found = pinocchio_route.complete(self.loop, self._depth, pose, velocity, np.zeros(3))
+        found = pinocchio.complete(self.loop, self._depth, pose, velocity, np.zeros(3))
         return np.concatenate([found.q, found.v])
 
     def checked_state(self, q: ArrayLike, v: ArrayLike, tolerance: float) -> FloatArray:

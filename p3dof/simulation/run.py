@@ -13,9 +13,9 @@ import numpy as np
 from p3dof.checks import FloatArray, shown
 from p3dof.errors import FileError, InputError
 from p3dof.files import write_atomic
+from p3dof.methods import LEGS, Exceedance, JointStates, exceedances_of, write_table
 from p3dof.motion import Motion
 from p3dof.parameters import Limits
-from p3dof.routes import LEGS, Exceedance, JointStates, exceedances_of, write_table
 from p3dof.simulation.limits import Stop
 
 _MOTION = ("time", "pose", "velocity", "acceleration")

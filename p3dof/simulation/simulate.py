@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, as_floats, frozen_array, positive, shown
 from p3dof.closed_loop import ClosedLoopModel
+from p3dof.compiled import MachineKernels
 from p3dof.errors import ControllerError, DynamicsError, InputError
-from p3dof.kernels import MachineKernels
 from p3dof.kinematics.states import reachable_poses
 from p3dof.motion import Motion, WrenchHistory
 from p3dof.motion.times import evenly, sample_count

@@ -6,7 +6,7 @@ import numpy as np
 
 from p3dof.checks import FloatArray
 from p3dof.manipulator import Manipulator
-from p3dof.routes import InverseDynamics
+from p3dof.methods import InverseDynamics
 from p3dof.viewer.connections import Message
 from p3dof.viewer.player import FASTEST, SLOWEST
 from p3dof.viewer.scenery import COLOURS, LEGS

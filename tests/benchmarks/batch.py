@@ -11,8 +11,8 @@ from inputs import CACHED, MACHINES, MILLION, columns, kernel_columns, rows
 from rounds import Contender, calling
 
 import p3dof
-from p3dof.kernels import MachineKernels
-from p3dof.kernels.machine import NUMPY, levels
+from p3dof.compiled import MachineKernels
+from p3dof.compiled.kernels import NUMPY, levels
 from p3dof.manipulator.methods import Method
 from p3dof.parameters import Parameters
 
@@ -64,7 +64,7 @@ def kernel_call(kernels: MachineKernels, name: str, count: int) -> Callable[[], 
     used, constants = kernels.prepared(name)
     if kernels.level == NUMPY:
         return lambda: kernels.run(name, inputs, outputs)
-    from p3dof.kernels import _compiled
+    from p3dof.compiled.extension import _compiled
 
     return _compiled.Call(used.name, kernels.level, constants, inputs, outputs)
 

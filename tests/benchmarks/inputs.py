@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 
 import p3dof
-from p3dof.kernels import MachineKernels
-from p3dof.kernels.formulas import ACCELERATION, FORCES, POSE, VELOCITY, WRENCH
+from p3dof.compiled import MachineKernels
+from p3dof.compiled.formulas import ACCELERATION, FORCES, POSE, VELOCITY, WRENCH
 from p3dof.parameters import LINKS, Bodies, Body, Parameters
 
 CACHED = 1000

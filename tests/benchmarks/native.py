@@ -20,14 +20,14 @@ from inputs import MACHINES, rows
 from rounds import Contender
 
 import p3dof
-from p3dof import reduced, virtual_power
 from p3dof.codegen.controller import controller_files
-from p3dof.inertials import inertials, numbers
-from p3dof.kernels import MachineKernels
-from p3dof.kernels import __file__ as kernels_file
-from p3dof.kinematics.formulas import Lengths
+from p3dof.compiled import MachineKernels, reduced
+from p3dof.compiled import __file__ as kernels_file
+from p3dof.compiled.reduced import State
+from p3dof.methods import virtual_power
+from p3dof.paper.formulas import Lengths
+from p3dof.paper.inertials import inertials, numbers
 from p3dof.parameters import Parameters
-from p3dof.reduced import State
 
 HERE = Path(__file__).parent
 KERNELS = Path(kernels_file).parent

@@ -10,8 +10,8 @@ from rounds import Contender, calling
 
 import p3dof
 from p3dof import engines
-from p3dof.closed_loop.batch import complete_near
-from p3dof.routes.pinocchio_route import target_of
+from p3dof.closed_loop.batch.states import complete_near
+from p3dof.methods.pinocchio import target_of
 
 OTHERS = "Pinocchio and others"
 BARE, PARALLEL = "bare pin.rnea, called from Python", "pin.rneaInParallel, one thread"

@@ -8,11 +8,11 @@ from machines import random_machine, random_states
 from reference import FILES, LINKS, URDF
 
 import p3dof
-from p3dof import description, virtual_power
+from p3dof import description
 from p3dof.closed_loop import ClosedLoopModel, Sidecar
 from p3dof.errors import ModelError
+from p3dof.methods import pinocchio, virtual_power
 from p3dof.parameters import PAPER, SOLIDS, Bodies, Body, Geometry
-from p3dof.routes import pinocchio_route
 
 
 def loop_of(parameters, exact=False):
@@ -26,7 +26,7 @@ def difference(parameters, states, loop=None):
     """Largest difference from the virtual-power forces, as a share of the largest force."""
     loop = loop_of(parameters) if loop is None else loop
     rows = states.pose, states.velocity, states.acceleration
-    found = pinocchio_route.solve(loop, parameters.geometry.h, *rows).forces
+    found = pinocchio.solve(loop, parameters.geometry.h, *rows).forces
     expected = virtual_power.forces(parameters, *rows)
     return np.abs(found - expected).max() / np.abs(expected).max()
 

@@ -1,0 +1,271 @@
+"""Inverse dynamics of many samples at once; see `p3dof.closed_loop.batch.states`.
+
+With as many actuators as freedoms a square system replaces the singular value decompositions of
+`p3dof.closed_loop.dynamics`: J = [Ja Jp] being the closures' Jacobian by actuated and passive joints, as many
+independent rows as there are passive joints give
+
+    Jpᵀ λ = fp,    τ = fa - Jaᵀ λ,    f = rnea(q, v, a) - Σ Jeᵀ w        (1)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from p3dof.checks import FloatArray
+from p3dof.closed_loop.batch.kinematics import RelativeRows, Samples, Sweep, closure_errors, closure_pairs
+from p3dof.closed_loop.batch.linear import (
+    FEW,
+    BoolArray,
+    IndexArray,
+    apply,
+    blocks,
+    cross,
+    independent_rows,
+    inverse,
+    largest,
+    norms,
+)
+from p3dof.closed_loop.closures import LoopKinematics
+from p3dof.closed_loop.linear import RANK_TOLERANCE
+from p3dof.closed_loop.loop_model import LoopModel
+from p3dof.errors import InputError, P3dofError
+
+WELL = 1e6
+"""Largest condition number of a square system in a batch."""
+CONSISTENT = 1e-9
+"""Largest relative error of velocities and accelerations in a batch."""
+_HELD = 1e-5
+"""Least conditioning of the actuation in a batch."""
+_TIGHT = 1e-10
+"""Largest gap of a configuration in a batch [m or rad]."""
+_CHOICES = 3
+"""How many times the independent rows are chosen before the rest is left to the single samples."""
+
+
+@dataclass(frozen=True, eq=False)
+class BatchInverseDynamics:
+    """Actuator forces that produce motions, and the evidence for them; see `InverseDynamics`.
+
+    Parameters
+    ----------
+    tau : (N, n_actuated) array
+        Forces of the actuated joints [N or N m]; NaN in the rows of samples that failed.
+    conditioning : (N,) array
+        Smallest singular value of Nᵀ B, as in `InverseDynamics`.
+    residual : (N,) array
+        Largest error of the full equation of motion [N or N m].
+    closure_error : (N, rows) array
+        How far each closure is open [m or rad].
+    errors : dict of int to P3dofError
+        What went wrong, by sample.
+    """
+
+    tau: FloatArray
+    conditioning: FloatArray
+    residual: FloatArray
+    closure_error: FloatArray
+    errors: dict[int, P3dofError]
+
+    def put(
+        self,
+        i: IndexArray | int,
+        tau: FloatArray,
+        conditioning: FloatArray | float,
+        residual: FloatArray | float,
+        closure_error: FloatArray,
+    ) -> None:
+        """Enter what was found of some samples."""
+        self.tau[i], self.conditioning[i], self.residual[i] = tau, conditioning, residual
+        self.closure_error[i] = closure_error
+
+
+class BatchDynamics:
+    """Inverse dynamics of one model at many samples; it owns workspaces.
+
+    Parameters
+    ----------
+    loop : LoopModel
+        The model, which decides on what cannot be treated here.
+    kinematics : LoopKinematics
+        Its closures.
+    """
+
+    def __init__(self, loop: LoopModel, kinematics: LoopKinematics) -> None:
+        self._loop, self._kinematics = loop, kinematics
+        self._sweep = Sweep(loop.model)
+        self._closures = RelativeRows(self._sweep, closure_pairs(kinematics))
+        self._passive = np.setdiff1d(np.arange(loop.model.nv), loop.actuated_v)
+
+    def inverse_dynamics(
+        self,
+        q: FloatArray,
+        v: FloatArray,
+        a: FloatArray,
+        external: Mapping[str, FloatArray],
+        joint_forces: FloatArray,
+        stop: bool,
+    ) -> BatchInverseDynamics:
+        """Return the actuator forces of motions.
+
+        Parameters
+        ----------
+        q : (N, nq) array
+            Configurations.
+        v, a : (N, nv) array
+            Velocities and accelerations.
+        external : mapping of str to (N, 6) array
+            Wrenches on frames.
+        joint_forces : (N, nv) array
+            What acts in the joints besides the actuators.
+        stop : bool
+            As for `p3dof.ClosedLoopModel.inverse_dynamics_batch`.
+
+        Returns
+        -------
+        BatchInverseDynamics
+        """
+        count, loop = len(q), self._loop
+        tau = np.full((count, len(loop.actuated)), np.nan)
+        conditioning, residual = np.full((2, count), np.nan)
+        gaps = np.full((count, self._kinematics.size), np.nan)
+        result = BatchInverseDynamics(tau, conditioning, residual, gaps, {})
+        for block in blocks(count):
+            left = block
+            if count >= FEW:
+                loads = {name: wrench[block] for name, wrench in external.items()}
+                good, *found = self._forces(q[block], v[block], a[block], loads, joint_forces[block])
+                result.put(block[good], *(values[good] for values in found))
+                left = block[~good]
+            for i in left:
+                loads = {name: wrench[i] for name, wrench in external.items()}
+                try:
+                    one = loop.inverse_dynamics(q[i], v[i], a[i], loads, joint_forces[i])
+                except P3dofError as error:
+                    result.errors[int(i)] = error
+                    if stop:
+                        return result
+                else:
+                    result.put(i, one.tau, one.conditioning, one.residual, loop.closure_error(q[i]))
+        return result
+
+    def power(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        """Return the rate of change of the mechanical energy (N,) [W]; see `energy.energy_rate`."""
+        model, rates = self._loop.model, np.empty(len(q))
+        if len(q) < FEW:
+            return np.array([self._loop.power(*row) for row in zip(q, v, a, strict=True)])
+        bodies = list(model.inertias)[1:]
+        m, c = np.array([b.mass for b in bodies]), np.array([b.lever for b in bodies]).reshape(-1, 3)
+        inertia = np.array([b.inertia for b in bodies]).reshape(-1, 3, 3)
+        for block in blocks(len(q)):
+            samples = self._sweep.moving(q[block], v[block])
+            moved = slice(1, None)  # all but the world
+            V = self._sweep.twists(samples.J, v[block], moved)
+            A = self._sweep.twists(samples.J, a[block], moved)
+            A += self._sweep.twists(samples.J_dot, v[block], moved)
+            R, omega, alpha = samples.R[:, 1:], V[..., 3:], A[..., 3:]
+            centre = samples.p[:, 1:] + apply(R, c)
+            vc = V[..., :3] + cross(omega, centre)
+            ac = A[..., :3] + cross(alpha, centre) + cross(omega, vc)
+            turned = R @ inertia @ np.swapaxes(R, -1, -2)
+            torque = apply(turned, alpha) + cross(omega, apply(turned, omega))
+            each = m[:, None] * vc * (ac - model.gravity.linear) + omega * torque
+            rates[block] = each.sum(axis=(1, 2)) + (v[block] * a[block]) @ np.asarray(model.armature)
+        return rates
+
+    def _forces(
+        self,
+        q: FloatArray,
+        v: FloatArray,
+        a: FloatArray,
+        external: Mapping[str, FloatArray],
+        joint_forces: FloatArray,
+    ) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return where the forces are good; forces, conditioning, residual and closure errors."""
+        samples = self._sweep.moving(q, v)
+        J, errors, fits = self._closed(samples, v, a)
+        pool = pin.ModelPool(self._loop.model, 1)  # with a copy of the model as it is now
+        f = np.array(pin.rneaInParallel(1, pool, q.T, v.T, a.T)).T
+        f -= joint_forces + self._generalised(samples, external)
+        tau, conditioning, residual, good = self._project(J, f, fits)
+        return good, tau, conditioning, residual, errors
+
+    def _closed(
+        self, samples: Samples, v: FloatArray, a: FloatArray
+    ) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Return the closures' Jacobian, their errors, and whether the motion keeps them closed."""
+        frames = self._closures.frames(samples)
+        J, errors = self._closures.jacobian(samples, frames), closure_errors(self._kinematics, frames)
+        opening = apply(J, v)
+        faster = apply(J, a) + self._closures.drift(samples, frames, v)
+        size = largest(v)
+        fits = largest(errors) <= _TIGHT
+        fits &= largest(opening) <= CONSISTENT * np.maximum(1.0, size)
+        fits &= largest(faster) <= CONSISTENT * np.maximum(np.maximum(1.0, largest(a)), size**2)
+        return J, errors, fits
+
+    def _project(
+        self, J: FloatArray, f: FloatArray, fits: BoolArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
+        """Return forces, conditioning and residual by (1), and where they are good."""
+        actuated, passive = self._loop.actuated_v, self._passive
+        tau, good = np.empty((len(f), len(actuated))), np.zeros(len(f), dtype=bool)
+        conditioning, residual = np.empty((2, len(f)))
+        for _ in range(_CHOICES):
+            todo = np.flatnonzero(fits & ~good)
+            if not len(todo):
+                break
+            rows = independent_rows(J[todo[0]][:, passive], len(passive))
+            if len(rows) < len(passive):
+                break
+            Ja, Jp = J[todo][:, rows][:, :, actuated], J[todo][:, rows][:, :, passive]
+            with np.errstate(all="ignore"):
+                K = inverse(Jp)
+                lambda_ = apply(np.swapaxes(K, -1, -2), f[todo][:, passive])
+                N = np.zeros((len(todo), J.shape[2], len(actuated)))
+                N[:, actuated], N[:, passive] = np.eye(len(actuated)), -K @ Ja
+                well = (norms(Jp) * norms(K) <= WELL) & redundant(J[todo], N)
+            N[~well] = 0.0
+            # The rows of the actuated joints are those of 1, so that the orthonormal ones are (NᵀN)^(-1/2).
+            longest = np.linalg.eigvalsh(np.swapaxes(N, -1, -2) @ N).max(axis=1, initial=1.0)
+            held = 1.0 / np.sqrt(longest)
+            well &= held >= _HELD
+            left = f[todo][:, passive] - apply(np.swapaxes(Jp, -1, -2), lambda_)
+            tau[todo] = f[todo][:, actuated] - apply(np.swapaxes(Ja, -1, -2), lambda_)
+            conditioning[todo], residual[todo], good[todo] = held, largest(left), well
+        return tau, conditioning, residual, good
+
+    def _generalised(self, samples: Samples, external: Mapping[str, FloatArray]) -> FloatArray:
+        """Return the generalised forces (n, nv) of wrenches on frames."""
+        force = np.zeros((len(samples.p), self._loop.model.nv))
+        for name, wrench in external.items():
+            frame = self._kinematics.frame(name, "external", InputError)
+            joint = frame.parentJoint
+            place = samples.p[:, joint] + samples.R[:, joint] @ frame.placement.translation
+            moment = wrench[:, 3:] + cross(place, wrench[:, :3])
+            at_origin = np.concatenate((wrench[:, :3], moment), axis=1)
+            force += apply(np.swapaxes(samples.J, -1, -2), at_origin) * self._sweep.behind[joint]
+        return force
+
+
+def redundant(J: FloatArray, N: FloatArray, scale: FloatArray | float = 1.0) -> BoolArray:
+    """Whether the rows of closures J (n, rows, nv) do not resist motions N (n, nv, k).
+
+    The closures then have no more than nv - k independent rows.
+
+    Parameters
+    ----------
+    J, N : array
+        The matrices.
+    scale : (n,) array or float
+        No combination N x is shorter than x / `scale`.
+
+    Returns
+    -------
+    (n,) array of bool
+    """
+    tolerance = RANK_TOLERANCE * norms(J) / np.sqrt(max(1, J.shape[2]))
+    return np.asarray(norms(np.matmul(J, N)) * scale <= tolerance)

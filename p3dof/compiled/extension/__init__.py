@@ -1,0 +1,1 @@
+"""The compiled extension and its sources; see README.md beside this file."""

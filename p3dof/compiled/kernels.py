@@ -1,0 +1,328 @@
+"""`MachineKernels`: the kernels of one machine, at one level of the processor, on one or several threads."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache, partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from p3dof.algebra import BLOCK
+from p3dof.checks import FloatArray, as_floats, shown
+from p3dof.compiled.formulas import NAMES, Kernel, is_symmetric, kernel
+from p3dof.compiled.friction import losses_of_state
+from p3dof.compiled.reduced import model_of
+from p3dof.compiled.tracing.python import function_of, or_nan
+from p3dof.errors import InputError
+from p3dof.motion.wrenches import WRENCH_ROWS
+from p3dof.parameters import Parameters
+
+NUMPY = "numpy"
+"""The level without the extension: blocks of arrays."""
+
+SHARE = 32_768
+"""Samples that are worth a thread of their own."""
+
+
+def levels() -> tuple[str, ...]:
+    """Return what the kernels can run on here, the slowest first.
+
+    Returns
+    -------
+    tuple of str
+        ``"numpy"``, and where the extension was built ``"baseline"`` and what the processor has of
+        ``"avx2"`` and ``"avx512"``.
+    """
+    compiled = _extension()
+    return (NUMPY,) if compiled is None else (NUMPY, *compiled.levels)
+
+
+class MachineKernels:
+    """The kernels of one machine; any number of threads may use it at once.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine.
+    level : str, optional
+        One of `levels`; by default the environment's ``P3DOF_LEVEL``, else the fastest.
+    threads : int, optional
+        Most threads for a batch, each for at least 32768 samples; by default the environment's
+        ``P3DOF_THREADS``, else all processors that the process may use.
+
+    Raises
+    ------
+    InputError
+        If the level does not exist here, or the number of threads is not positive.
+    """
+
+    def __init__(self, parameters: Parameters, level: str | None = None, threads: int | None = None) -> None:
+        if not isinstance(parameters, Parameters):
+            raise InputError(f"parameters: expected Parameters, got {type(parameters).__name__}")
+        self.parameters = parameters
+        self.level = _level(level)
+        self.threads = _threads(threads)
+        self.model = model_of(parameters)
+        self.symmetric = is_symmetric(self.model)
+        self._prepared: dict[str, tuple[Kernel, FloatArray]] = {}
+        self._functions: dict[str, Callable[..., tuple[float, ...]]] = {}
+
+    def __repr__(self) -> str:
+        return f"MachineKernels(level={self.level!r}, threads={self.threads})"
+
+    def __reduce__(self) -> tuple[type[MachineKernels], tuple[Parameters, str, int]]:
+        return MachineKernels, (self.parameters, self.level, self.threads)
+
+    def prepared(self, name: str) -> tuple[Kernel, FloatArray]:
+        """Return the kernel that serves this machine, and its constants.
+
+        Parameters
+        ----------
+        name : str
+            One of `p3dof.compiled.formulas.NAMES`.
+
+        Returns
+        -------
+        kernel : Kernel
+        constants : ndarray, shape (C,)
+
+        Raises
+        ------
+        InputError
+            If there is no such kernel.
+        """
+        if name not in self._prepared:
+            if name not in NAMES:
+                raise InputError(f"kernel: expected one of {', '.join(NAMES)}, got {shown(name)}")
+            found = kernel(name, self.symmetric)
+            self._prepared[name] = found, found.of(self.model)
+        return self._prepared[name]
+
+    def run(self, name: str, inputs: Sequence[FloatArray], outputs: Sequence[FloatArray | None]) -> bool:
+        """Compute the outputs of many samples.
+
+        Parameters
+        ----------
+        name : str
+            The kernel.
+        inputs : sequence of ndarray, shape (N,)
+            One column an input of the kernel, with any strides.
+        outputs : sequence of ndarray, shape (N,)
+            Where to write; the last one, the margin, may be None.
+
+        Returns
+        -------
+        bool
+            Whether every sample's margin is positive.
+        """
+        used, constants = self.prepared(name)
+        compiled = _extension()
+        if self.level == NUMPY or compiled is None:
+            return on_arrays(used, constants, inputs, outputs)
+        call = compiled.Call(used.name, self.level, constants, inputs, outputs)
+        count = len(inputs[0])
+        parts = min(self.threads, count // SHARE)
+        if parts < 2:
+            return bool(call())
+        ends = [count * part // parts for part in range(parts + 1)]
+        others = [_pool(self.threads).submit(call, *ends[k : k + 2]) for k in range(1, parts)]
+        good = call(0, ends[1])  # this thread works too: it need not wait for the others to wake up
+        return all([good, *(other.result() for other in others)])
+
+    def function(self, name: str) -> Callable[..., tuple[float, ...]]:
+        """Return a kernel as a function of one sample: numbers in, numbers out, the margin last.
+
+        Parameters
+        ----------
+        name : str
+            The kernel.
+
+        Returns
+        -------
+        callable
+        """
+        if name not in self._functions:
+            used, constants = self.prepared(name)
+            compiled = _extension()
+            if self.level == NUMPY or compiled is None:
+                plain = function_of(used.tape, (*used.constants, *used.symbols), used.results)
+                self._functions[name] = or_nan(partial(plain, *constants.tolist()), len(used.results))
+            else:
+                self._functions[name] = compiled.Function(used.name, self.level, constants)
+        return self._functions[name]
+
+    def bind_inverse_dynamics(self) -> BoundInverseDynamics:
+        """Return the inverse dynamics bound to buffers, for a control loop.
+
+        Returns
+        -------
+        BoundInverseDynamics
+        """
+        return BoundInverseDynamics(self)
+
+
+class BoundInverseDynamics:
+    """Inverse dynamics of one sample in buffers of its own: write the state, run, read the forces.
+
+    The buffers stay the same arrays for good; write into them with ``loop.state[:] = ...``. Not for several
+    threads at once.
+
+    Parameters
+    ----------
+    kernels : MachineKernels
+        Of the machine.
+
+    Attributes
+    ----------
+    call : callable
+        What `run` calls where the machine has no friction: without its protection, and half as long. It
+        returns False for a bad state and leaves whatever came out in `forces`.
+    """
+
+    def __init__(self, kernels: MachineKernels) -> None:
+        self._state, self._wrench, self._forces = np.zeros((3, 3)), np.zeros(6), np.zeros(3)
+        self._losses = losses_of_state(kernels.parameters) if kernels.parameters.friction else None
+        self._load = np.zeros(6) if self._losses else self._wrench  # what the kernel reads
+        columns = [*self._state.reshape(9, 1), *(self._load[row : row + 1] for row in WRENCH_ROWS)]
+        results = [*self._forces.reshape(3, 1), None]
+        used, constants = kernels.prepared("inverse_dynamics_loaded")
+        compiled = _extension()
+        self.call: Callable[[], bool]
+        if kernels.level == NUMPY or compiled is None:
+            self.call = partial(on_arrays, used, constants, columns, results)
+        else:
+            self.call = compiled.Call(used.name, kernels.level, constants, columns, results)
+
+    @property
+    def state(self) -> FloatArray:
+        """Pose, velocity and acceleration of (y, z, θ), row by row, (3, 3)."""
+        return self._state
+
+    @property
+    def wrench(self) -> FloatArray:
+        """External force and moment on the platform at P, in the fixed frame, (6,) [N, N m]; first zero."""
+        return self._wrench
+
+    @property
+    def forces(self) -> FloatArray:
+        """Forces of the actuators A, B, C, (3,) [N]; NaN after a bad state."""
+        return self._forces
+
+    def run(self) -> bool:
+        """Compute the forces, friction included.
+
+        Returns
+        -------
+        bool
+            Whether the state is finite, reachable and not singular, with a margin: in the last 1e-12 of the
+            reach, within 2e-6 rad of det J = 0 or beyond 1e5 rad, `Manipulator.forces` may still have an
+            answer.
+        """
+        if self._losses is not None:
+            lost = self._losses(*self._state[0].tolist(), *self._state[1].tolist())
+            self._load[:] = self._wrench
+            self._load[list(WRENCH_ROWS)] -= lost
+        if self.call():
+            return True
+        self._forces.fill(np.nan)
+        return False
+
+    def __call__(self, state: ArrayLike) -> FloatArray:
+        """Return the forces of a state, (3,): a view that the next call overwrites; NaN if it is not good.
+
+        Parameters
+        ----------
+        state : array-like, shape (3, 3)
+            Pose, velocity and acceleration.
+
+        Returns
+        -------
+        ndarray, shape (3,)
+
+        Raises
+        ------
+        InputError
+            If the shape does not fit.
+        """
+        given = as_floats("state", state)
+        if given.shape != (3, 3):
+            raise InputError(f"state: expected shape (3, 3), got {given.shape}")
+        self._state[:] = given
+        self.run()
+        return self._forces
+
+
+def on_arrays(
+    used: Kernel, constants: FloatArray, inputs: Sequence[FloatArray], outputs: Sequence[FloatArray | None]
+) -> bool:
+    """Run a kernel on NumPy, block by block; arguments and result as of `MachineKernels.run`.
+
+    Parameters
+    ----------
+    used : Kernel
+        What to compute.
+    constants : ndarray, shape (C,)
+        Of the machine.
+    inputs, outputs : sequence of ndarray, shape (N,)
+        Columns.
+
+    Returns
+    -------
+    bool
+    """
+    numbers, good = constants.tolist(), True
+    with np.errstate(all="ignore"):  # what is out of reach is told by the margin
+        for start in range(0, len(inputs[0]), BLOCK):
+            block = slice(start, start + BLOCK)
+            found = used.on_arrays(*numbers, *(column[block] for column in inputs))
+            for output, values in zip(outputs, found, strict=True):
+                if output is not None:
+                    output[block] = values
+            good = good and bool(np.all(found[-1] > 0))
+    return good
+
+
+@cache
+def _extension() -> Any:
+    try:
+        from p3dof.compiled.extension import _compiled
+    except ImportError:
+        return None
+    return _compiled
+
+
+def _forget_pools() -> None:
+    _pool.cache_clear()  # their threads do not come along into a forked process
+
+
+@cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(threads, "p3dof kernels")
+
+
+def _level(level: str | None) -> str:
+    asked = os.environ.get("P3DOF_LEVEL")
+    name, wanted = ("level", level) if level is not None else ("P3DOF_LEVEL", asked or levels()[-1])
+    if wanted not in levels():
+        raise InputError(f"{name}: expected one of {', '.join(levels())}, got {shown(wanted)}")
+    return str(wanted)
+
+
+def _threads(threads: int | None) -> int:
+    asked = os.environ.get("P3DOF_THREADS")
+    name, wanted = "threads", threads
+    if threads is None and asked:
+        name, wanted = "P3DOF_THREADS", int(asked) if asked.isdecimal() and len(asked) < 10 else asked  # type: ignore[assignment]  # refused below
+    if wanted is None:
+        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if isinstance(wanted, bool) or not isinstance(wanted, int | np.integer) or not 1 <= wanted <= 1024:
+        raise InputError(f"{name}: expected a number from 1 to 1024, got {shown(wanted)}")
+    return int(wanted)
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget_pools)

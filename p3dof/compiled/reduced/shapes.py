@@ -1,0 +1,198 @@
+"""Where the mechanism is: what the dynamics need of one y and θ, and whether that is clearly good."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from p3dof.algebra import Namespace, Ordered, Scalar, Vector
+from p3dof.compiled.reduced.constants import Model
+
+NEAR_REACH = 1e-12
+"""Share of L² that the squares of all drops have in a state that is clearly good."""
+
+NEAR_SINGULAR = 4e-12
+"""Square of the sine of the angle from the actuation singularity that it has."""
+
+
+class Shape(NamedTuple):
+    """Where the mechanism is, for one y and θ."""
+
+    p: Scalar  # r sin θ
+    q: Scalar  # r cos θ
+    wa: Scalar  # horizontal extents of the legs [m]
+    wb: Scalar
+    wc: Scalar
+    Sa: Scalar  # their drops [m]
+    Sb: Scalar
+    Sc: Scalar
+    ia: Scalar  # 1 / S
+    ib: Scalar
+    ic: Scalar
+    ta: Scalar  # w / S
+    tb: Scalar
+    tc: Scalar
+    ty: Scalar  # y / Sc
+    u2: Scalar  # u² = L² - y²
+    squares: Vector  # S² of the legs
+    arm: Scalar  # ∂λC/∂θ
+
+
+class Bar(NamedTuple):
+    """How the plane of the parallelogram stands, and the moments that turn with it."""
+
+    y: Scalar  # ∂β/∂y
+    theta: Scalar  # ∂β/∂θ
+    u: Scalar
+    sin: Scalar  # sin β
+    cos: Scalar
+    iu: Scalar  # 1 / u
+    iu2: Scalar
+    tan: Scalar  # y / u, of the rods' angle in the plane
+    K: Scalar
+    slope: Scalar  # ½ ∂K/∂y
+    N: Scalar
+    H: Scalar  # first moments of what turns, along z0 and along x0
+    G: Scalar
+
+
+def shape(model: Model, y: Scalar, theta: Scalar, xp: Namespace) -> Shape:
+    """Return where the mechanism is.
+
+    Parameters
+    ----------
+    model : Model
+        The machine.
+    y, theta : number, array or symbol
+        Of the pose [m, rad].
+    xp : Namespace
+        Where sqrt, sin and cos come from.
+
+    Returns
+    -------
+    Shape
+    """
+    r, R, L = model[:3]
+    width = R - r
+    p, q = r * xp.sin(theta), r * xp.cos(theta)
+    wa, wb, wc = width + y, width - y, R - q
+    u2 = (L - y) * (L + y)
+    squares = (((L - width) - y) * ((L + width) + y), ((L - width) + y) * ((L + width) - y), u2 - wc * wc)
+    Sa, Sb, Sc = (xp.sqrt(square) for square in squares)
+    ia, ib, ic = 1 / Sa, 1 / Sb, 1 / Sc
+    tc = wc * ic
+    return Shape(
+        p=p,
+        q=q,
+        wa=wa,
+        wb=wb,
+        wc=wc,
+        Sa=Sa,
+        Sb=Sb,
+        Sc=Sc,
+        ia=ia,
+        ib=ib,
+        ic=ic,
+        ta=wa * ia,
+        tb=wb * ib,
+        tc=tc,
+        ty=y * ic,
+        u2=u2,
+        squares=squares,
+        arm=q - tc * p,
+    )
+
+
+def bar_of(model: Model, x: Shape, y: Scalar, xp: Namespace) -> Bar:
+    """Return how the plane of the parallelogram stands.
+
+    Parameters
+    ----------
+    model : Model
+        The machine.
+    x : Shape
+        Where it is.
+    y : number, array or symbol
+        Of the pose [m].
+    xp : Namespace
+        Where sqrt comes from.
+
+    Returns
+    -------
+    Bar
+    """
+    c = model.bodies
+    iu2 = 1 / x.u2
+    u = xp.sqrt(x.u2)
+    iu = u * iu2
+    sin, cos, tan = x.wc * iu, x.Sc * iu, y * iu
+    across, bulge, stretch = c.h2 + c.h3 * y, c.k2 * y + c.k3, c.k1 * y
+    return Bar(
+        y=x.tc * (y * iu2),
+        theta=x.p * x.ic,
+        u=u,
+        sin=sin,
+        cos=cos,
+        iu=iu,
+        iu2=iu2,
+        tan=tan,
+        K=c.k0 + y * stretch + (2 * bulge) * u,
+        slope=stretch + (c.k2 * u - tan * bulge),
+        N=c.n0 + c.n1 * tan,
+        H=c.h1 * sin + across * cos,
+        G=c.h1 * cos - across * sin,
+    )
+
+
+def sliders(model: Model, x: Shape, z: Scalar, xp: Namespace) -> Vector:
+    """Return the slider positions.
+
+    Parameters
+    ----------
+    model : Model
+        The machine.
+    x : Shape
+        Where it is.
+    z : number, array or symbol
+        Of the pose [m].
+    xp : Namespace
+        Where sqrt comes from.
+
+    Returns
+    -------
+    tuple
+        λ10 of A, B, C [m].
+    """
+    width = model.R - model.r
+    height = z - xp.sqrt((model.L - width) * (model.L + width))  # of P below the sliders at home
+    return height + x.Sa, height + x.Sb, height + x.p + x.Sc
+
+
+def margin(model: Model, x: Shape, xp: Ordered, results: Sequence[Scalar], held: bool = True) -> Scalar:
+    """Return what is positive where a state is clearly good; see `kinematics.validity` for what is not.
+
+    Parameters
+    ----------
+    model : Model
+        The machine.
+    x : Shape
+        Where it is.
+    xp : Ordered
+        Where `minimum` comes from.
+    results : sequence
+        What must be finite.
+    held : bool
+        The actuators must hold the platform.
+
+    Returns
+    -------
+    number, array or symbol
+        Zero, negative or NaN out of reach, near to it, or near the actuation singularity.
+    """
+    lowest = xp.minimum(xp.minimum(x.squares[0], x.squares[1]), x.squares[2])
+    found = lowest - NEAR_REACH * (model.L * model.L)
+    if held:
+        sine = x.arm * x.Sc  # of the angle from det J = 0, times r u
+        found = xp.minimum(found, sine * sine - (NEAR_SINGULAR * (model.r * model.r)) * x.u2)
+    total = sum(results[1:], results[0])
+    return found + (total - total)  # NaN where a result is not finite

@@ -1,0 +1,26 @@
+"""The two ways from the platform's motion to the forces, over samples, with one kind of result."""
+
+from p3dof.methods.loads import WrenchOverTime, wrenches_at
+from p3dof.methods.results import (
+    LEGS,
+    SLIDES,
+    Exceedance,
+    InverseDynamics,
+    JointStates,
+    Solution,
+    exceedances_of,
+    write_table,
+)
+
+__all__ = [
+    "LEGS",
+    "SLIDES",
+    "Exceedance",
+    "InverseDynamics",
+    "JointStates",
+    "Solution",
+    "WrenchOverTime",
+    "exceedances_of",
+    "wrenches_at",
+    "write_table",
+]

@@ -1,0 +1,202 @@
+"""The equations of motion in the minimal coordinates x = (y, z, θ), from the paper's closed forms.
+
+    M(x) ẍ + C(x, ẋ) ẋ + g(x) + d(x, ẋ) = J(x)ᵀ f + Eᵀ w
+
+with the actuator forces f, friction d, the external wrench w on the platform and E, which picks
+(F_y, F_z, M_y) of it.
+All terms stay finite where det J = 0: forward dynamics is defined at actuation-singular poses too. C is that
+of Christoffel's symbols, so that Ṁ - 2C is skew; the derivatives of M are exact, by complex steps through the
+formulas.
+
+References
+----------
+R. M. Murray, Z. Li, S. S. Sastry, A Mathematical Introduction to Robotic Manipulation, CRC Press 1994, 4.2.
+W. Squire, G. Trapp, Using Complex Variables to Estimate Derivatives of Real Functions, SIAM Review 40 (1998).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from p3dof.algebra import Vector, components, vector_array
+from p3dof.checks import FloatArray
+from p3dof.kinematics import inverse_jacobian
+from p3dof.kinematics.states import forced_states, reachable_poses, reachable_states, wrench_like
+from p3dof.kinematics.validity import OnInvalid
+from p3dof.motion.wrenches import WRENCH_ROWS
+from p3dof.paper.formulas import Lengths
+from p3dof.paper.friction import NO_LOSSES, Losses, losses_of
+from p3dof.paper.inertials import inertials, numbers
+from p3dof.paper.virtual_power import generalized_forces
+from p3dof.parameters import Parameters
+
+_STEP = 1e-100
+"""Complex step: nothing is subtracted, so it can be as small as one likes."""
+
+_REST: Vector = (0, 0, 0)
+_AXES: tuple[Vector, Vector, Vector] = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+
+
+def mass_matrix(parameters: Parameters, pose: ArrayLike, on_invalid: OnInvalid = "raise") -> FloatArray:
+    """Return the mass matrix M(x), symmetric and positive definite.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine.
+    pose : array-like, shape (..., 3)
+        y [m], z [m], θ [rad].
+    on_invalid : {"raise", "nan"}
+        Raise for samples out of reach, or leave NaN in their rows.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+        [kg, kg m, kg m²].
+
+    Raises
+    ------
+    ReachError, InputError
+        Naming leg, margin and sample.
+    """
+    poses = reachable_poses(parameters.geometry, pose, on_invalid)
+    return _mass_matrix(parameters, components(poses), poses.shape[:-1])
+
+
+def coriolis_matrix(
+    parameters: Parameters, pose: ArrayLike, velocity: ArrayLike, on_invalid: OnInvalid = "raise"
+) -> FloatArray:
+    """Return the matrix C(x, ẋ) of centrifugal and Coriolis forces, by Christoffel's symbols.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine.
+    pose, velocity : array-like, shape (..., 3)
+        Of (y, z, θ) [m, m, rad] and per second.
+    on_invalid : {"raise", "nan"}
+        Raise for samples out of reach or not finite, or leave NaN in their rows.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+        C ẋ are forces [N, N, N m]; Ṁ - 2C is skew.
+
+    Raises
+    ------
+    ReachError, InputError
+        Naming leg, margin and sample.
+    """
+    poses, speeds, _ = reachable_states(parameters.geometry, pose, velocity, np.zeros(3), on_invalid)
+    D = np.stack([_mass_derivative(parameters, poses, k) for k in range(3)], axis=-1)  # ∂M_ij/∂x_k
+    gamma = 0.5 * (D + np.swapaxes(D, -1, -2) - np.moveaxis(D, -1, -3))  # Γ_ijk
+    return np.asarray(np.einsum("...ijk,...k->...ij", gamma, speeds))
+
+
+def gravity_forces(parameters: Parameters, pose: ArrayLike, on_invalid: OnInvalid = "raise") -> FloatArray:
+    """Return g(x), the gradient of the potential energy: what holds the machine against gravity.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine.
+    pose : array-like, shape (..., 3)
+        y [m], z [m], θ [rad].
+    on_invalid : {"raise", "nan"}
+        Raise for samples out of reach, or leave NaN in their rows.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        [N, N, N m].
+
+    Raises
+    ------
+    ReachError, InputError
+        Naming leg, margin and sample.
+    """
+    poses = reachable_poses(parameters.geometry, pose, on_invalid)
+    x = components(poses)
+    gravity = numbers(parameters.gravity)
+    return vector_array(_generalized(parameters, gravity, x, _REST, _REST), poses.shape[:-1])
+
+
+def forward_dynamics(
+    parameters: Parameters,
+    pose: ArrayLike,
+    velocity: ArrayLike,
+    forces: ArrayLike,
+    wrench: ArrayLike | None = None,
+    on_invalid: OnInvalid = "raise",
+) -> FloatArray:
+    """Return the acceleration of the platform under actuator forces.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine.
+    pose, velocity : array-like, shape (..., 3)
+        Of (y, z, θ) [m, m, rad] and per second; leading shapes broadcast.
+    forces : array-like, shape (..., 3)
+        Of the actuators A, B, C on their sliders, positive along +z0 [N].
+    wrench : array-like, shape (..., 6), optional
+        External force and moment on the platform at P, in the fixed frame [N, N m].
+    on_invalid : {"raise", "nan"}
+        Raise for samples out of reach or not finite, or leave NaN in their rows.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        ÿ, z̈ [m/s²] and θ̈ [rad/s²].
+
+    Raises
+    ------
+    ReachError, InputError
+        Naming leg, margin and sample; also when shapes do not fit.
+    """
+    poses, speeds, given = forced_states(parameters, pose, velocity, forces, on_invalid)
+    shape = poses.shape[:-1]
+    x, gravity = components(poses), numbers(parameters.gravity)
+    losses = losses_of(parameters.friction)
+    bias = vector_array(_generalized(parameters, gravity, x, components(speeds), _REST, losses), shape)
+    J = inverse_jacobian(parameters.geometry, poses, "nan")
+    acting = np.einsum("...ij,...i->...j", J, given) - bias
+    if wrench is not None:
+        acting = acting + wrench_like(wrench, shape, on_invalid)[..., WRENCH_ROWS]
+    M = _mass_matrix(parameters, x, shape)
+    valid = np.isfinite(acting).all(axis=-1) & np.isfinite(M).all(axis=(-2, -1))
+    acceleration = np.full(poses.shape, np.nan)
+    acceleration[valid] = np.linalg.solve(M[valid], acting[valid][..., None])[..., 0]
+    return acceleration
+
+
+def _generalized(
+    parameters: Parameters, gravity: Vector, x: Vector, v: Vector, a: Vector, losses: Losses = NO_LOSSES
+) -> Vector:
+    lengths, bodies = Lengths.of(parameters.geometry), inertials(parameters.bodies)
+    return generalized_forces(lengths, bodies, gravity, x, v, a, np, losses=losses)
+
+
+def _columns(parameters: Parameters, x: Vector) -> list[Vector]:
+    """Return M column by column: what unit accelerations take, without gravity and at rest."""
+    return [_generalized(parameters, _REST, x, _REST, axis) for axis in _AXES]
+
+
+def _mass_matrix(parameters: Parameters, x: Vector, shape: tuple[int, ...]) -> FloatArray:
+    M = np.stack([vector_array(column, shape) for column in _columns(parameters, x)], axis=-1)
+    return np.asarray((M + np.swapaxes(M, -1, -2)) / 2)  # symmetric but for rounding
+
+
+def _mass_derivative(parameters: Parameters, poses: FloatArray, k: int) -> FloatArray:
+    """Return ∂M/∂x_k (..., 3, 3), by a complex step."""
+    x: list[Any] = list(components(poses))
+    x[k] = x[k] + 1j * _STEP
+    with np.errstate(invalid="ignore"):  # rows of NaN, which complex division tells about
+        columns = _columns(parameters, (x[0], x[1], x[2]))
+    shape = poses.shape[:-1]
+    imaginary = [tuple(np.imag(entry) / _STEP for entry in column) for column in columns]
+    D = np.stack([vector_array((c[0], c[1], c[2]), shape) for c in imaginary], axis=-1)
+    return np.asarray((D + np.swapaxes(D, -1, -2)) / 2)

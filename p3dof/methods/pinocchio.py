@@ -1,0 +1,279 @@
+"""Inverse dynamics by Pinocchio: the generated URDF, its loop closures, RNEA and the projection.
+
+Only the platform's motion is given, as the target of the frame ``platform_center``; every joint is found by
+closing the loops. No closed form of this mechanism is used: what agrees with `p3dof.methods.virtual_power`
+agrees independently.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TypeAlias
+
+import numpy as np
+import pinocchio as pin
+
+from p3dof.checks import FloatArray
+from p3dof.closed_loop import ClosedLoopModel, FrameTarget, State
+from p3dof.closed_loop.batch.linear import BLOCK, FEW, IndexArray
+from p3dof.closed_loop.batch.states import complete_near
+from p3dof.closed_loop.batch.targets import FrameTargets
+from p3dof.errors import AssemblyError, DynamicsError, P3dofError, SampleError, SingularityError
+from p3dof.methods.pinocchio_friction import PLATFORM, FrictionForces
+from p3dof.methods.results import JointStates, Solution
+from p3dof.parameters import Friction
+
+MASK = (False, True, True, False, True, False)
+"""What a pose prescribes of the platform's placement: y, z and the rotation about y0."""
+
+
+def solve(
+    loop: ClosedLoopModel,
+    depth: float,
+    pose: FloatArray,
+    velocity: FloatArray,
+    acceleration: FloatArray,
+    wrench: FloatArray | None = None,
+    friction: Friction | None = None,
+    on_invalid: str = "raise",
+    progress: Callable[[int, int], None] | None = None,
+) -> Solution:
+    """Return forces and joints at every sample.
+
+    Parameters
+    ----------
+    loop : ClosedLoopModel
+        The mechanism.
+    depth : float
+        h, depth of the platform below the sliders at home [m].
+    pose, velocity, acceleration : ndarray, shape (N, 3)
+        Motion of the platform; rows of NaN are left out.
+    wrench : ndarray, shape (N, 6), optional
+        External force and moment on the platform at P [N, N m].
+    friction : Friction, optional
+        What the joints lose.
+    on_invalid : {"raise", "nan"}
+        What to do with a sample that does not assemble or that the actuators cannot hold.
+    progress : callable, optional
+        Called with (done, total) now and then.
+
+    Returns
+    -------
+    Solution
+
+    Raises
+    ------
+    SampleError
+        If a sample does not assemble, or the actuators cannot hold it; the message names the sample.
+    """
+    count, nv = len(pose), loop.model.nv
+    states, (forces, evidence) = np.full((3, count, nv), np.nan), np.full((2, count, 3), np.nan)
+    given = pose if wrench is None else np.concatenate((pose, wrench), axis=1)
+    finite = np.asarray(np.isfinite(given).all(axis=1))
+    solver = _Solver(loop, depth, FrictionForces(loop, friction), on_invalid == "raise")
+    few = count < FEW
+    size = 1 if few else BLOCK
+    for start in range(0, count, size):
+        if progress is not None:
+            progress(start, count)
+        rows = start + np.flatnonzero(finite[start : start + size])
+        if len(rows):
+            loads = None if wrench is None else wrench[rows]
+            part = solver.alone if few else solver.together
+            rows, *found = part(rows, pose[rows], velocity[rows], acceleration[rows], loads)
+            states[:, rows], forces[rows], evidence[rows] = found
+    if progress is not None:
+        progress(count, count)
+    names = tuple(loop.model.names[1:])
+    return Solution(forces, JointStates(names, *states), *np.ascontiguousarray(evidence.T))
+
+
+_Part: TypeAlias = tuple[IndexArray, FloatArray, FloatArray, FloatArray]
+"""Samples that have forces: numbers, joints (3, n, nv), forces (n, 3), and gap, energy and losses (n, 3)."""
+
+
+class _Solver:
+    """Solves samples, and remembers where the last of them was."""
+
+    def __init__(self, loop: ClosedLoopModel, depth: float, friction: FrictionForces, stop: bool) -> None:
+        self._loop, self._depth, self._friction, self._stop = loop, depth, friction, stop
+        self._near: FloatArray | None = None
+
+    def alone(
+        self,
+        rows: IndexArray,
+        pose: FloatArray,
+        velocity: FloatArray,
+        acceleration: FloatArray,
+        wrench: FloatArray | None,
+    ) -> _Part:
+        """Solve one sample."""
+        loop, target = self._loop, target_of(pose[0], self._depth)
+        try:
+            state = complete_near(loop, target, velocity[0], acceleration[0], self._near)
+            lost = self._friction.at(state.q, state.v)
+            external = lost.external_with(None if wrench is None else wrench[0])
+            found = loop.inverse_dynamics(state.q, state.v, state.a, external, lost.joint_forces)
+        except (AssemblyError, DynamicsError, SingularityError) as error:
+            self._tell({int(rows[0]): error})
+            return rows[:0], np.zeros((3, 0, loop.model.nv)), *np.zeros((2, 0, 3))
+        self._near = state.q
+        joints = np.array((state.q, state.v, state.a))
+        evidence = _gaps(loop.closure_error(state.q)), loop.power(*joints), lost.power
+        return rows, joints[:, None], found.tau[None], np.array([evidence])
+
+    def together(
+        self,
+        rows: IndexArray,
+        pose: FloatArray,
+        velocity: FloatArray,
+        acceleration: FloatArray,
+        wrench: FloatArray | None,
+    ) -> _Part:
+        """Solve many samples at once."""
+        loop, targets = self._loop, targets_of(pose, self._depth)
+        motion = loop.complete_batch(targets, velocity, acceleration, near=self._near, stop=self._stop)
+        errors = {int(rows[i]): error for i, error in motion.errors.items()}
+        known = np.isfinite(motion.q).all(axis=1)
+        rows, q, v, a = rows[known], motion.q[known], motion.v[known], motion.a[known]
+        lost = self._friction.over(q, v)
+        external = lost.external_with(None if wrench is None else wrench[known])
+        found = loop.inverse_dynamics_batch(q, v, a, external, lost.joint_forces, self._stop)
+        errors.update((int(rows[i]), error) for i, error in found.errors.items())
+        self._tell(errors)
+        held = np.isfinite(found.tau).all(axis=1)
+        joints = np.array((q[held], v[held], a[held]))
+        if held.any():
+            self._near = joints[0, -1]
+        gaps, losses = _gaps(found.closure_error[held]), np.asarray(lost.power)[held]
+        evidence = np.column_stack((gaps, loop.power_batch(*joints), losses))
+        return rows[held], joints, found.tau[held], evidence
+
+    def _tell(self, errors: Mapping[int, P3dofError]) -> None:
+        """Raise the first error if one is to be raised."""
+        if errors and self._stop:
+            sample = min(errors)
+            error = errors[sample]
+            kind = SingularityError if isinstance(error, SingularityError) else SampleError
+            raise kind(f"sample {sample}: {error}", (sample,)) from error
+
+
+def _gaps(errors: FloatArray) -> FloatArray:
+    """Return the largest gap from closure errors (..., 9)."""
+    return np.asarray(np.linalg.norm(errors.reshape(*errors.shape[:-1], 3, 3), axis=-1).max(axis=-1))
+
+
+def accelerate(
+    loop: ClosedLoopModel,
+    depth: float,
+    pose: FloatArray,
+    velocity: FloatArray,
+    forces: FloatArray,
+    wrench: FloatArray | None = None,
+    friction: Friction | None = None,
+) -> FloatArray:
+    """Return the platform's acceleration under actuator forces, by Pinocchio's constrained dynamics.
+
+    Parameters
+    ----------
+    loop : ClosedLoopModel
+        The mechanism.
+    depth : float
+        h, depth of the platform below the sliders at home [m].
+    pose, velocity, forces : ndarray, shape (N, 3)
+        State of the platform and actuator forces [N]; rows of NaN are left out.
+    wrench : ndarray, shape (N, 6), optional
+        External force and moment on the platform at P [N, N m].
+    friction : Friction, optional
+        What the joints lose.
+
+    Returns
+    -------
+    ndarray, shape (N, 3)
+        ÿ, z̈ [m/s²], θ̈ [rad/s²].
+    """
+    result = np.full(pose.shape, np.nan)
+    data = loop.model.createData()
+    frame = loop.model.getFrameId(PLATFORM)
+    guess: FloatArray | None = None
+    resisting = FrictionForces(loop, friction)
+    for i in range(len(pose)):
+        given = (pose[i], velocity[i], forces[i], *(() if wrench is None else (wrench[i],)))
+        if not all(np.isfinite(row).all() for row in given):
+            continue
+        target = target_of(pose[i], depth)
+        state = complete_near(loop, target, velocity[i], np.zeros(3), guess)
+        guess = state.q
+        lost = resisting.at(state.q, state.v)
+        external = lost.external_with(None if wrench is None else wrench[i])
+        a = loop.forward_dynamics(state.q, state.v, forces[i], external, lost.joint_forces).a
+        pin.forwardKinematics(loop.model, data, state.q, state.v, a)
+        pin.updateFramePlacement(loop.model, data, frame)
+        moving = pin.getFrameClassicalAcceleration(loop.model, data, frame, pin.LOCAL_WORLD_ALIGNED)
+        result[i] = moving.linear[1], moving.linear[2], moving.angular[1]
+    return result
+
+
+def complete(
+    loop: ClosedLoopModel, depth: float, pose: FloatArray, velocity: FloatArray, acceleration: FloatArray
+) -> State:
+    """Return the whole tree's motion for one state of the platform, assembled from home.
+
+    Parameters
+    ----------
+    loop : ClosedLoopModel
+        The mechanism.
+    depth : float
+        h, depth of the platform below the sliders at home [m].
+    pose, velocity, acceleration : ndarray, shape (3,)
+        State of the platform.
+
+    Returns
+    -------
+    State
+
+    Raises
+    ------
+    AssemblyError
+        If the pose does not assemble.
+    """
+    return loop.complete(target_of(pose, depth), velocity, acceleration)
+
+
+def targets_of(pose: FloatArray, depth: float) -> FrameTargets:
+    """Return the frame targets of poses: P at (0, y, z - h), turned by θ about y0.
+
+    Parameters
+    ----------
+    pose : ndarray, shape (N, 3)
+        y [m], z [m], θ [rad].
+    depth : float
+        h [m].
+
+    Returns
+    -------
+    FrameTargets
+    """
+    y, z, theta = pose.T
+    c, s, none, one = np.cos(theta), np.sin(theta), np.zeros(len(pose)), np.ones(len(pose))
+    rotations = np.column_stack((c, none, s, none, one, none, -s, none, c)).reshape(-1, 3, 3)
+    return FrameTargets(PLATFORM, np.column_stack((none, y, z - depth)), rotations, MASK)
+
+
+def target_of(pose: FloatArray, depth: float) -> FrameTarget:
+    """Return the frame target of a pose: P at (0, y, z - h), turned by θ about y0.
+
+    Parameters
+    ----------
+    pose : ndarray, shape (3,)
+        y [m], z [m], θ [rad].
+    depth : float
+        h [m].
+
+    Returns
+    -------
+    FrameTarget
+    """
+    y, z, theta = (float(value) for value in pose)
+    rotation = pin.utils.rotate("y", theta)
+    return FrameTarget(PLATFORM, pin.SE3(rotation, np.array([0.0, y, z - depth])), MASK)

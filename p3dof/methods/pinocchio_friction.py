@@ -1,0 +1,151 @@
+"""Friction for the Pinocchio route: joint forces in the tree, pairs of moments where its loops are cut.
+
+The rates are those of Pinocchio's own joints and frames; no closed form of the mechanism is used.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from p3dof.checks import FloatArray
+from p3dof.closed_loop import ClosedLoopModel
+from p3dof.closed_loop.batch.kinematics import Sweep
+from p3dof.parameters import Friction
+
+_UNIVERSALS = ("universal_a", "universal_b")
+_UNIVERSAL = np.eye(3)[:2]
+"""In the closed mechanism a leg turns about x0 only, the platform about y0 only."""
+
+PLATFORM = "platform_center"
+"""The frame at P."""
+
+CUTS = {
+    "universal_a": ("leg_a_tip", "platform_a"),
+    "universal_b": ("leg_b_tip", "platform_b"),
+    "hinge_lower_right": ("rod_right_tip", "crossbar_lower_right"),
+}
+"""The joints at which the loops are cut: the frames on both sides."""
+
+
+@dataclass(frozen=True, eq=False)
+class Resistance:
+    """What friction does at one state, or at N of them.
+
+    Parameters
+    ----------
+    joint_forces : (nv,) or (N, nv) array
+        Friction in the joints of the tree [N or N m].
+    external : dict of str to (6,) or (N, 6) array
+        Wrenches on the frames at the cuts, in world axes.
+    power : float or (N,) array
+        Power that is lost [W].
+    """
+
+    joint_forces: FloatArray
+    external: dict[str, FloatArray]
+    power: float | FloatArray
+
+    def external_with(self, wrench: FloatArray | None) -> dict[str, FloatArray]:
+        """Return all wrenches on frames: these, and one on the platform at P if there is one."""
+        return self.external if wrench is None else {PLATFORM: wrench, **self.external}
+
+
+class FrictionForces:
+    """Friction of a machine in its closed-loop model.
+
+    Parameters
+    ----------
+    loop : ClosedLoopModel
+        The mechanism.
+    friction : Friction, optional
+        What its joints lose.
+    """
+
+    def __init__(self, loop: ClosedLoopModel, friction: Friction | None) -> None:
+        self._model = loop.model
+        self._friction = friction or Friction()
+        joints = self._friction.joints
+        names = [str(name) for name in self._model.names]
+        self._viscous, self._coulomb = np.zeros((2, self._model.nv))
+        for name in joints:
+            if name in names:
+                index = self._model.idx_vs[names.index(name)]
+                self._viscous[index] = self._friction.viscous.get(name, 0.0)
+                self._coulomb[index] = self._friction.coulomb.get(name, 0.0)
+        self._cuts = [name for name in joints if name in CUTS]
+        self._frames = {frame: self._model.getFrameId(frame) for name in self._cuts for frame in CUTS[name]}
+        self._data = self._model.createData() if self._cuts else None
+        self._nothing = Resistance(np.zeros(self._model.nv), {}, 0.0)
+
+    def at(self, q: FloatArray, v: FloatArray) -> Resistance:
+        """Return what friction does at one state.
+
+        Parameters
+        ----------
+        q, v : (nv,) array
+            Configuration and velocity of the tree.
+
+        Returns
+        -------
+        Resistance
+        """
+        if not self._friction:
+            return self._nothing
+        turning: dict[str, tuple[FloatArray, FloatArray]] = {}
+        if self._cuts:
+            pin.forwardKinematics(self._model, self._data, q, v)
+        for name in self._cuts:
+            one, other = (self._frames[frame] for frame in CUTS[name])
+            axes = _UNIVERSAL
+            if name not in _UNIVERSALS:
+                axes = pin.updateFramePlacement(self._model, self._data, one).rotation[None, :, 1]
+            turning[name] = self._spin(other) - self._spin(one), axes
+        return self._resistance(v, turning)
+
+    def over(self, q: FloatArray, v: FloatArray) -> Resistance:
+        """Return what friction does at N states.
+
+        Parameters
+        ----------
+        q, v : (N, nv) array
+            Configurations and velocities of the tree.
+
+        Returns
+        -------
+        Resistance
+        """
+        turning: dict[str, tuple[FloatArray, FloatArray]] = {}
+        if self._cuts:
+            sweep = Sweep(self._model)
+            samples = sweep.at(q)
+            spins = sweep.twists(samples.J, v)[..., 3:]
+        for name in self._cuts:
+            one, other = (self._model.frames[self._frames[frame]] for frame in CUTS[name])
+            axes = _UNIVERSAL
+            if name not in _UNIVERSALS:
+                axes = (samples.R[:, one.parentJoint] @ one.placement.rotation[:, 1])[:, None]
+            turning[name] = spins[:, other.parentJoint] - spins[:, one.parentJoint], axes
+        return self._resistance(v, turning)
+
+    def _resistance(self, v: FloatArray, turning: dict[str, tuple[FloatArray, FloatArray]]) -> Resistance:
+        """Return the resistance from v (..., nv), and the relative spin (..., 3) and axes of every cut."""
+        forces = -self._viscous * v - self._coulomb * np.tanh(v / self._friction.smoothing)
+        power = -(forces * v).sum(axis=-1)
+        external: dict[str, FloatArray] = {}
+        for name, (omega, axes) in turning.items():
+            viscous, coulomb = self._friction.viscous.get(name, 0.0), self._friction.coulomb.get(name, 0.0)
+            rates = (axes @ omega[..., None])[..., 0]
+            resisting = viscous * rates + coulomb * np.tanh(rates / self._friction.smoothing)
+            power = power + (resisting * rates).sum(axis=-1)
+            wrench = np.zeros((*omega.shape[:-1], 6))
+            wrench[..., 3:] = -(resisting[..., None, :] @ axes)[..., 0, :]
+            one, other = CUTS[name]
+            external[one], external[other] = -wrench, wrench
+        return Resistance(forces, external, power)
+
+    def _spin(self, frame: int) -> FloatArray:
+        found = pin.getFrameVelocity(self._model, self._data, frame, pin.LOCAL_WORLD_ALIGNED).angular
+        return np.array(found)

@@ -1,0 +1,191 @@
+"""How the actuator forces depend on the parameters: the regressor, its base parameters, lengths, gravity.
+
+Without friction and external loads the forces are linear in the inertial parameters of the bodies, and 21
+combinations of these 100 are all that forces can tell; see `p3dof.compiled.reduced`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from p3dof.algebra import BLOCK
+from p3dof.checks import FloatArray
+from p3dof.compiled.formulas import MODEL
+from p3dof.compiled.reduced import (
+    Model,
+    Moments,
+    Reduced,
+    State,
+    actuator_forces,
+    fold_moments,
+    model_of,
+    shape,
+)
+from p3dof.compiled.tracing import Number, Symbol, Tape, derivatives, straight_line
+from p3dof.compiled.tracing.python import function_of
+from p3dof.kinematics.states import holdable_states
+from p3dof.kinematics.validity import OnInvalid, raise_not_finite
+from p3dof.paper.formulas import Lengths
+from p3dof.parameters import LINKS, Bodies, Parameters
+
+MOMENTS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+"""Inertial parameters of a body, about the origin of its axes, in the order of Pinocchio's."""
+
+INERTIAL = tuple(f"{link}.{name}" for link in LINKS for name in MOMENTS)
+"""The 100 inertial parameters of the machine."""
+
+BASE = Reduced._fields
+"""The 21 base inertial parameters."""
+
+LENGTHS = ("r", "R", "L")
+"""The lengths that the forces depend on."""
+
+
+@dataclass(frozen=True, eq=False)
+class ForceRegressor:
+    """Derivatives of the actuator forces by the parameters; exact.
+
+    Parameters
+    ----------
+    base : ndarray, shape (..., 3, 21)
+        ∂f/∂π by the base inertial parameters, named in `BASE`; f = base @ base_parameters without friction
+        and external loads.
+    base_parameters : ndarray, shape (21,)
+        π of the machine.
+    base_matrix : ndarray, shape (21, 100)
+        ∂π/∂φ by the inertial parameters of the bodies, named in `INERTIAL`: masses [kg], first moments
+        [kg m] and inertias about the origin of the body's axes [kg m²].
+    by_lengths : ndarray, shape (..., 3, 3)
+        By r, R and L with every body kept as it is in its own axes [N/m].
+    by_gravity : ndarray, shape (..., 3, 3)
+        By the acceleration of gravity [N s²/m].
+    """
+
+    base: FloatArray
+    base_parameters: FloatArray
+    base_matrix: FloatArray
+    by_lengths: FloatArray
+    by_gravity: FloatArray
+
+    base_names = BASE
+    """Names of the 21 base inertial parameters."""
+    inertial_names = INERTIAL
+    """Names of the 100 inertial parameters of the bodies."""
+
+    @property
+    def inertial(self) -> FloatArray:
+        """∂f/∂φ by the 100 inertial parameters of the bodies, (..., 3, 100)."""
+        return self.base @ self.base_matrix
+
+
+def inertial_parameters(bodies: Bodies) -> FloatArray:
+    """Return the 100 inertial parameters φ of the bodies, in the order of `INERTIAL`.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        The bodies.
+
+    Returns
+    -------
+    ndarray, shape (100,)
+    """
+    rows = []
+    for _, body in tuple(bodies.items()):
+        I = body.inertia_about(np.zeros(3))  # noqa: E741 - the inertia
+        six = (I[0, 0], I[0, 1], I[1, 1], I[0, 2], I[1, 2], I[2, 2])
+        rows.append([body.mass, *(body.mass * body.com), *six])
+    return np.array(rows, dtype=float).ravel()
+
+
+def force_regressor(
+    parameters: Parameters,
+    pose: ArrayLike,
+    velocity: ArrayLike,
+    acceleration: ArrayLike,
+    on_invalid: OnInvalid = "raise",
+) -> ForceRegressor:
+    """Return how the forces at states depend on the parameters; arguments as `virtual_power.forces`.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine.
+    pose, velocity, acceleration, on_invalid
+        As for `p3dof.paper.virtual_power.forces`.
+
+    Returns
+    -------
+    ForceRegressor
+    """
+    states = holdable_states(parameters, pose, velocity, acceleration, on_invalid)
+    leading = states[0].shape[:-1]
+    q, v, a = (rows.reshape(-1, 3) for rows in states)
+    columns = (q[:, 0], q[:, 2], v[:, 0], v[:, 2], a[:, 0], a[:, 1], a[:, 2])
+    model = model_of(parameters)
+    found = np.empty((3 * len(MODEL), len(q)))
+    function = _by_model()
+    for start in range(0, len(q), BLOCK):
+        block = slice(start, start + BLOCK)
+        with np.errstate(all="ignore"):  # what overflows is told below
+            values = function(*(float(x) for x in model.numbers), *(column[block] for column in columns))
+        for row, value in zip(found, values, strict=True):
+            row[block] = value
+    by: FloatArray = found.reshape(3, len(MODEL), -1).transpose(2, 0, 1)  # (N, 3, 27)
+    by[~np.isfinite(q).all(axis=1)] = np.nan
+    by = by.reshape(*leading, 3, len(MODEL))
+    if on_invalid == "raise":
+        raise_not_finite("regressor", by.reshape(*leading, -1))
+    base = np.ascontiguousarray(by[..., 6:])
+    matrix, by_length = _fold_derivatives(parameters)
+    return ForceRegressor(
+        base=base,
+        base_parameters=np.array([float(x) for x in model.bodies]),
+        base_matrix=matrix,
+        by_lengths=by[..., :3] + base @ by_length,
+        by_gravity=np.ascontiguousarray(by[..., 3:6]),
+    )
+
+
+@cache
+def _by_model() -> Callable[..., tuple[Any, ...]]:
+    """Return ∂f/∂(numbers of the model), 81 rows, as a function of these numbers and of the state."""
+
+    def formula(tape: Tape, *symbols: Symbol) -> list[Number]:
+        numbers, state = symbols[: len(MODEL)], State(*symbols[len(MODEL) :])
+        model = Model.of_numbers(numbers)
+        forces = actuator_forces(model, shape(model, state.y, state.theta, tape), state, tape)
+        return [entry for row in derivatives(forces, numbers) for entry in row]
+
+    return straight_line(formula, len(MODEL) + len(State._fields), np)
+
+
+def _fold_derivatives(parameters: Parameters) -> tuple[FloatArray, FloatArray]:
+    """Return ∂π/∂φ (21, 100) and ∂π/∂(r, R, L) (21, 3)."""
+    geometry = parameters.geometry
+    given = (geometry.r, geometry.R, geometry.L, *inertial_parameters(parameters.bodies).tolist())
+    found = np.array(_fold()(*given)).reshape(len(BASE), 3 + len(INERTIAL))
+    return found[:, 3:], found[:, :3]
+
+
+@cache
+def _fold() -> Callable[..., tuple[float, ...]]:
+    tape = Tape()
+    r, R, L = tape.symbols(LENGTHS)
+    symbols = tape.symbols(INERTIAL)
+    lengths = Lengths(r, R, L, 0, tape.sqrt((L - (R - r)) * (L + (R - r))))
+    bodies = {link: _body(symbols[len(MOMENTS) * i : len(MOMENTS) * (i + 1)]) for i, link in enumerate(LINKS)}
+    folded = fold_moments(lengths, bodies)
+    rows = derivatives(folded, (r, R, L, *symbols))
+    return function_of(tape, (r, R, L, *symbols), [entry for row in rows for entry in row])
+
+
+def _body(phi: tuple[Symbol, ...]) -> Moments:
+    m, mx, my, mz, xx, xy, yy, xz, yz, zz = phi
+    return Moments(m, (mx, my, mz), ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
