@@ -41,8 +41,8 @@ def running(*arguments, **how):
     )
     try:
         line = process.stdout.readline()
-        found = re.match(r"(http://127\.0\.0\.1:(\d+)/) ", line)
-        assert found, line + process.stderr.read()
+        found = re.match(r"(http://127\.0\.0\.1:(\d+)/\?token=[\w-]+) shows the machine", line)
+        assert found, line
         yield process, found[1], int(found[2])
     finally:
         if process.poll() is None:
@@ -56,11 +56,11 @@ def free_port():
         return probe.getsockname()[1]
 
 
-def state_of(port):
+def state_of(url):
     """What a page is told of the machine when it is opened."""
 
     async def listen():
-        page = await websocket_connect(f"ws://127.0.0.1:{port}/control")
+        page = await websocket_connect(url.replace("http:", "ws:").replace("/?", "/control?"))
         while (message := json.loads(await page.read_message()))["type"] != "state":
             pass
         page.close()
@@ -132,10 +132,10 @@ def test_it_finds_a_free_port():
 
 def test_options_reach_the_page():
     with running("--port", 0, "--speed", 0.25, "--paused", "--at", 0.5) as (process, url, port):
-        state = state_of(port)
+        state = state_of(url)
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=5)
-    assert url.endswith(f":{port}/")
+    assert f":{port}/?token=" in url
     assert (state["speed"], state["playing"], state["time"]) == (0.25, False, 0.5)
 
 

@@ -291,20 +291,43 @@ def test_a_reload_and_a_second_page_show_the_same(browser, page, live, robot):
     assert live.server.pages == 1
 
 
-def test_the_page_comes_back_with_the_viewer(browser, robot):
+def test_a_page_says_that_its_viewer_is_closed_and_a_new_one_has_a_new_address(browser, robot):
     with LiveViewer(robot, port=0) as live, opened(browser, live.url, ready=READY) as watched:
         port = live.server.port
         live.stop()
         watched.wait("document.getElementById('link').className === 'off'")
-        assert "closed" in watched.page.inner_text("#message")
+        assert "A new one has a new address" in watched.page.inner_text("#message")
         with LiveViewer(robot, port=port) as again:
-            watched.wait("document.getElementById('link').className === ''")
+            assert again.url.partition("token=")[0] == live.url.partition("token=")[0]
+            watched.page.goto(again.url)
             watched.wait(READY)
+            watched.wait("document.getElementById('link').className === ''")
             assert not watched.page.is_visible("#motion")  # there is none
             drag(watched, "z", 0.9)
             watched.page.mouse.up()
             watched.wait("parseFloat(document.getElementById('z-value').textContent) > 0.1")
             assert again.shown.pose[1] > 0.1
+
+
+def test_a_page_whose_connection_is_lost_comes_back(browser, robot):
+    with LiveViewer(robot, port=0) as live, opened(browser, live.url, ready=READY) as watched:
+        for channel in (live.server._scenes, live.server._panels):  # either of the two
+            watched.page.evaluate("window.before = true")
+            (page,) = channel.pages
+            live.server._loop.call_soon_threadsafe(page.hang_up)
+            watched.wait("document.getElementById('link').className === 'off'")
+            watched.wait("!window.before && document.getElementById('link').className === ''")
+            watched.wait(READY)
+
+
+def test_a_page_that_floods_says_why_it_was_closed_while_another_goes_on(browser, page, live):
+    with opened(browser, live.url, ready=READY) as flooding:
+        flooding.page.evaluate("for (let i = 0; i < 20000; i++) socket.send('[]')")
+        flooding.wait("document.getElementById('message').textContent.includes('too many messages')")
+        assert flooding.page.inner_text("#message").startswith("The viewer has closed this page: too many")
+        page.page.click("#home")
+        page.wait("state.source === 'pose'")
+        assert live.server.pages == 1
 
 
 def test_a_notebook_shows_the_page(browser, live, tmp_path):

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import gc
 import http.client
 import json
+import re
 import socket
+import struct
 import subprocess
 import sys
 import threading
 import time
 import urllib.error
+import urllib.parse
 import urllib.request
+from collections import Counter
 
 import numpy as np
 import psutil
@@ -24,13 +29,16 @@ from p3dof.errors import InputError, ReachError, SingularityError
 pytest.importorskip("meshcat", reason="meshcat is not installed")
 
 import meshcat
+import meshcat.geometry
 import umsgpack
 from tornado.websocket import websocket_connect
 
+from p3dof.viewer.connections import BURST, MAX_MESSAGE, MAX_PAGES, MAX_WAITING
+from p3dof.viewer.limits import Allowance, Outbox
 from p3dof.viewer.live import LiveViewer, viewer
 from p3dof.viewer.panel import slider_ranges
 from p3dof.viewer.player import END_PAUSE, Frames, Player
-from p3dof.viewer.server import MAX_MESSAGE, PORT, Server
+from p3dof.viewer.server import PORT, Server
 from p3dof.viewer.states import States
 from p3dof.viewer.window import SceneWindow
 
@@ -64,6 +72,13 @@ def live(robot, result):
         yield running
 
 
+def at(server, name="", token=None, scheme="http"):
+    """The address of a file or websocket, with the server's token or another."""
+    parts = urllib.parse.urlsplit(server.url)
+    query = parts.query if token is None else urllib.parse.urlencode({"token": token})
+    return urllib.parse.urlunsplit((scheme, parts.netloc, f"/{name}", query, ""))
+
+
 def get(url, **headers):
     request = urllib.request.Request(url, headers=headers)  # noqa: S310 - http, as all of them here
     try:
@@ -75,15 +90,16 @@ def get(url, **headers):
 
 
 def socket_at(server, name):
-    return websocket_connect(f"ws://127.0.0.1:{server.port}/{name}")
+    return websocket_connect(at(server, name, scheme="ws"))
 
 
-def handshake(server, name, **headers):
+def handshake(server, name, token=None, **headers):
     """The status with which a websocket is answered: 101 when it is opened."""
     asked = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13"}
     key = {"Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA=="}
     with contextlib.closing(http.client.HTTPConnection("127.0.0.1", server.port, timeout=10)) as connection:
-        connection.request("GET", f"/{name}", headers=asked | key | headers)
+        path = at(server, name, token).partition(f":{server.port}")[2]
+        connection.request("GET", path, headers=asked | key | headers)
         with connection.getresponse() as answer:
             return answer.status
 
@@ -109,17 +125,28 @@ async def talk(server, *messages):
 
 
 @contextlib.contextmanager
+def raw_page(server, name):
+    """The bare socket of a page, after the handshake."""
+    path = at(server, name).partition(f":{server.port}")[2]
+    with socket.create_connection(("127.0.0.1", server.port), timeout=10) as page:
+        page.sendall(
+            f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+            "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n\r\n".encode()
+        )
+        answer = b""
+        while not answer.endswith(b"\r\n\r\n"):
+            answer += page.recv(1)
+        assert answer.startswith(b"HTTP/1.1 101")
+        yield page
+
+
+@contextlib.contextmanager
 def silent_page(server):
     """A page that opens the scene, and then neither reads nor answers."""
-    before = len(server._scenes)
-    with socket.create_connection(("127.0.0.1", server.port)) as page:
-        page.sendall(
-            b"GET /scene HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
-            b"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n\r\n"
-        )
-        assert page.recv(12) == b"HTTP/1.1 101"
-        assert eventually(lambda: len(server._scenes) == before + 1)
-        yield
+    before = len(server._scenes.pages)
+    with raw_page(server, "scene") as page:
+        assert eventually(lambda: len(server._scenes.pages) == before + 1)
+        yield page
 
 
 def eventually(condition, seconds=5.0):
@@ -135,14 +162,15 @@ def listening(pid=None):
 
 def test_files(server):
     for name in FILES:
-        status, headers, content = get(server.url + name)
+        status, headers, content = get(at(server, name))
         assert status == 200
         assert headers["Cache-Control"] == "no-store"
         assert "default-src 'none'" in headers["Content-Security-Policy"]
         assert len(content) > 500
     for name in ("server.py", "../server.py", "%2e%2e/server.py", "meshcat.js/x"):
-        assert get(server.url + name)[0] == 404
-    assert server.url == f"http://127.0.0.1:{server.port}/"
+        assert get(at(server, name))[0] == 404
+    assert re.fullmatch(rf"http://127\.0\.0\.1:{server.port}/\?token=[\w-]{{32}}", server.url)
+    assert get(server.url)[1]["Referrer-Policy"] == "no-referrer"
 
 
 def test_nothing_listens_beyond_this_machine(server):
@@ -167,6 +195,11 @@ def test_nothing_listens_beyond_this_machine(server):
         {"Origin": "http://localhost:{port}"},
         {"Origin": "null"},
         {"Origin": "http://["},
+        {"Origin": ""},
+        {"Sec-WebSocket-Origin": "http://evil.example"},  # of drafts before the standard
+        {"Sec-WebSocket-Origin": "http://evil.example", "Sec-WebSocket-Version": "8"},
+        {"Sec-WebSocket-Origin": "http://evil.example", "Origin": "http://127.0.0.1:{port}"},
+        {"WebSocket-Origin": "http://evil.example"},
     ],
 )
 def test_foreign_pages_are_refused(server, headers):
@@ -174,6 +207,48 @@ def test_foreign_pages_are_refused(server, headers):
     assert get(server.url, **headers)[0] in (400, 403)
     for name in ("scene", "control"):
         assert handshake(server, name, **headers) in (400, 403)
+
+
+@pytest.mark.parametrize("token", ["", "x", "x" * 32, "\u00e9", "{token}x", "{half}"])
+def test_without_the_token_nothing_is_answered(server, token):
+    own = server.url.partition("token=")[2]
+    token = token.format(token=own, half=own[:16])
+    for name in FILES:
+        status, _, content = get(at(server, name, token))
+        assert status == 403
+        assert b"Open the whole address of the viewer, with its token" in content
+    for name in ("scene", "control"):
+        assert handshake(server, name, token) == 403
+    assert get(at(server, "").partition("?")[0])[0] == 403
+    assert get(f"{server.url}&token=x")[0] == 403  # two of them
+
+
+def test_every_server_has_a_token_of_its_own(window, server):
+    with Server(window, port=0) as other:
+        foreign = other.url.partition("token=")[2]
+        assert get(at(server, "", foreign))[0] == 403
+        assert handshake(server, "control", foreign) == 403
+        assert get(other.url)[0] == 200
+
+
+@pytest.mark.parametrize("version", ["7", "8", "0", "76", "", "13, 8"])
+def test_old_drafts_of_the_protocol_are_refused(server, version):
+    own = f"http://127.0.0.1:{server.port}"
+    for headers in ({}, {"Origin": own}, {"Sec-WebSocket-Origin": own}):
+        assert handshake(server, "control", **{"Sec-WebSocket-Version": version}, **headers) == 426
+
+
+def test_hixie_is_refused(server):
+    """Draft 76, whose handshake has a body and no version: it is answered without a 101."""
+    path = at(server, "control").partition(f":{server.port}")[2]
+    with socket.create_connection(("127.0.0.1", server.port), timeout=10) as page:
+        page.sendall(
+            f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\nUpgrade: WebSocket\r\n"
+            f"Connection: Upgrade\r\nOrigin: http://127.0.0.1:{server.port}\r\n"
+            "Sec-WebSocket-Key1: 4 @1  46546xW%0l 1 5\r\nSec-WebSocket-Key2: 12998 5 Y3 1  .P00\r\n\r\n"
+            "^n:ds[4U".encode()
+        )
+        assert page.recv(12) == b"HTTP/1.1 426"
 
 
 def test_own_pages_are_not(server):
@@ -191,7 +266,7 @@ def test_200_page_loads(live):
 
     async def load(number):
         for name in FILES:
-            assert (await asyncio.to_thread(get, live.url + name))[0] == 200
+            assert (await asyncio.to_thread(get, at(live, name)))[0] == 200
         scene, panel = await socket_at(live.server, "scene"), await socket_at(live.server, "control")
         told = [json.loads(await panel.read_message())["type"] for _ in range(2)]
         assert told == ["setup", "state"]
@@ -252,6 +327,200 @@ def test_a_long_message_ends_its_connection_only(live):
     assert asyncio.run(talk(live.server))[0]["type"] == "setup"
 
 
+def frame(opcode, content=b"", final=True):
+    """A frame as a page sends it, masked with zeros."""
+    assert len(content) < 126
+    return bytes([0x80 * final | opcode, 0x80 | len(content)]) + bytes(4) + content
+
+
+def answers(page):
+    """All frames that a page is sent until the end of its connection: opcode and content."""
+    data = b""
+    with contextlib.suppress(ConnectionError):
+        while more := page.recv(1 << 16):
+            data += more
+    found = []
+    while len(data) >= 2:
+        length, start = data[1], 2
+        if length >= 126:
+            start = {126: 4, 127: 10}[length]
+            length = int.from_bytes(data[2:start], "big")
+        found.append((data[0] & 0x0F, data[start : start + length]))
+        data = data[start + length :]
+    return found
+
+
+def flood(server, frames):
+    """Send all frames at once, and return what comes back until the connection is closed."""
+
+    def send():
+        with contextlib.suppress(OSError):
+            page.sendall(frames)
+
+    with raw_page(server, "control") as page:
+        sender = threading.Thread(target=send)
+        sender.start()
+        try:
+            return answers(page)
+        finally:
+            page.close()
+            sender.join()
+
+
+COUNT = 100_000
+FLOODS = {
+    "messages": frame(1, b"[]") * COUNT,
+    "objects": frame(1, b'{"type": "time", "value": 0.25}') * COUNT,
+    "parts of a message": frame(1, b"", final=False) + frame(0, b"", final=False) * COUNT,
+    "pings": frame(9, b"x" * 100) * COUNT,
+}
+
+
+@pytest.fixture
+def quiet(caplog):
+    """Nothing is logged, by whomever; also of what is forgotten."""
+    yield caplog
+    gc.collect()
+    assert [record.getMessage() for record in caplog.records] == []
+
+
+@pytest.mark.usefixtures("quiet")
+@pytest.mark.parametrize("kind", FLOODS)
+def test_a_flood_ends_its_connection_with_a_reason(live, kind):
+    heard = flood(live.server, FLOODS[kind])
+    frames = Counter(opcode for opcode, _ in heard)
+    code, reason = heard[-1][1][:2], heard[-1][1][2:].decode()
+    assert (heard[-1][0], int.from_bytes(code, "big")) == (8, 1008)
+    assert re.match(r"too many (messages: at most 200|pings: at most 1) a second", reason)
+    assert frames[1] < 2 * BURST  # and not an error for every message
+    assert frames[10] < 100
+    assert eventually(lambda: live.server.pages == 0)
+
+
+@pytest.mark.usefixtures("quiet")
+def test_others_are_served_while_a_page_floods(live):
+    """The flood begins anew whenever it is ended; meanwhile others get their answers."""
+    ended, floods, longest = threading.Event(), [], []
+
+    def flood_on():
+        while not ended.is_set() and len(floods) < 50:
+            floods.append(flood(live.server, FLOODS["messages"])[-1][0])
+
+    def watch():
+        while not ended.wait(0.002):
+            pages = tuple(live.server._panels.pages)
+            longest.append(max((len(page._outbox) for page in pages), default=0))
+
+    threads = [threading.Thread(target=work) for work in (flood_on, flood_on, watch)]
+    for thread in threads:
+        thread.start()
+    assert eventually(lambda: len(floods) >= 2)
+    served, begun = 0, len(floods)
+    while len(floods) < begun + 4:
+        assert get(live.url)[0] == 200
+        assert len(asyncio.run(talk(live.server, "{}"))) == 3
+        served += 1
+    ended.set()
+    for thread in threads:
+        thread.join()
+    assert set(floods) == {8}
+    assert served >= 4
+    assert max(longest) <= 3  # the latest state, the latest error, and the setup
+
+
+def test_a_page_that_sends_as_a_user_does_is_not_closed(live):
+    async def drag():
+        page = await socket_at(live.server, "control")
+        for k in range(BURST - 20):
+            await page.write_message(json.dumps({"type": "time", "value": k / BURST}))
+        await page.write_message("{}")
+        while json.loads(await page.read_message())["type"] != "error":
+            pass
+        await bye(page)
+
+    asyncio.run(drag())
+    assert eventually(lambda: live._state["time"] == (BURST - 21) / BURST)
+
+
+@pytest.mark.usefixtures("quiet")
+def test_what_waits_for_a_page_that_does_not_read_is_bounded(window, server):
+    """Objects cannot take each other's place: the page is closed, and comes back for the scene as it is."""
+    drawn, ball = meshcat.Visualizer(window=window), meshcat.geometry.Sphere(0.1)
+    with silent_page(server) as page:
+        handler = next(iter(server._scenes.pages))
+        most, count = 0, 0
+        while handler in server._scenes.pages and count < 200_000:
+            drawn["ball"].set_object(ball)
+            most, count = max(most, len(handler._outbox), len(server._scenes.fresh)), count + 1
+        assert eventually(lambda: not server._scenes.pages)
+        assert 0 < most <= MAX_WAITING
+        assert count > MAX_WAITING
+        code = [int.from_bytes(content[:2], "big") for opcode, content in answers(page) if opcode == 8]
+        assert code in ([], [1013])  # behind what it did not read
+    assert len(server._scenes.fresh) == 0
+    assert len(window.messages()) == 1
+
+
+def test_an_outbox_keeps_the_latest_of_each_key_and_no_more_than_it_may():
+    box = Outbox(most=3, most_bytes=10)
+    assert box.put("aa", "a")
+    assert box.put("bb", "b")
+    assert box.put("cc")
+    assert box.put("AAAAAA", "a")  # ten in all
+    assert [box.pop()[1] for _ in range(3)] == ["bb", "cc", "AAAAAA"]
+    assert box.pop() is None
+    for message in "abc":
+        assert box.put(message)
+    assert not box.full
+    assert not box.put("d")
+    assert (box.full, len(box), box.pop()) == (True, 0, None)
+    assert not box.put("e")
+    assert not Outbox(3, 10).put("x" * 11)
+
+
+def test_an_allowance_is_saved_up_to_the_burst():
+    now = [0.0]
+    allowance = Allowance(rate=2.0, burst=3.0, clock=lambda: now[0])
+    assert [allowance.take() for _ in range(4)] == [True, True, True, False]
+    now[0] += 0.5
+    assert [allowance.take() for _ in range(2)] == [True, False]
+    now[0] += 100
+    assert [allowance.take() for _ in range(4)] == [True, True, True, False]
+
+
+def test_there_is_a_most_number_of_pages(server):
+    with contextlib.ExitStack() as pages:
+        for _ in range(MAX_PAGES):
+            pages.enter_context(raw_page(server, "scene"))
+        assert handshake(server, "scene") == 503
+        assert handshake(server, "control") == 101
+    assert eventually(lambda: not server._scenes.pages)
+    assert handshake(server, "scene") == 101
+
+
+@pytest.mark.usefixtures("quiet")
+def test_pages_that_close_in_the_middle_of_it_are_not_talked_about(live):
+    """Cut off while the scene is sent, while a motion is played, and while a file is sent."""
+    cut = struct.pack("ii", 1, 0)  # a reset instead of an end
+    live.play()
+    for name in ("scene", "control") * 10:
+        with raw_page(live.server, name) as page:
+            page.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, cut)
+    for name in ("scene", "control") * 5:
+        with raw_page(live.server, name) as page:
+            assert len(page.recv(1000)) > 0
+            page.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, cut)
+    path = at(live, "meshcat.js").partition(f":{live.server.port}")[2]
+    for _ in range(5):
+        with socket.create_connection(("127.0.0.1", live.server.port), timeout=10) as page:
+            page.sendall(f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode())
+            page.recv(100)
+            page.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, cut)
+    assert eventually(lambda: not live.server.pages and not live.server._scenes.pages)
+    live.seek(0.0)
+    assert asyncio.run(talk(live.server))[0]["type"] == "setup"
+
+
 def test_a_scene_takes_no_messages(server):
     async def ask():
         page = await socket_at(server, "scene")
@@ -285,12 +554,12 @@ def test_a_slow_page_gets_the_latest_and_not_all(window, server):
             drawn["fast"].set_transform(matrix)
 
     with silent_page(server):
-        page = next(iter(server._scenes))
+        page = next(iter(server._scenes.pages))
         got = asyncio.run(draw_and_read())
         assert sorted(got) == got
         assert len(got) < count / 4
-        assert len(page._waiting) <= 2
-    assert eventually(lambda: len(server._scenes) == 0)
+        assert len(page._outbox) <= 2
+    assert eventually(lambda: len(server._scenes.pages) == 0)
 
 
 def test_it_ends_though_a_page_does_not_answer(window):

@@ -5,21 +5,42 @@ from __future__ import annotations
 import asyncio
 import json
 import re
-from collections.abc import Callable
+import secrets
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 from p3dof.checks import one_line
 from p3dof.errors import InputError, MissingExtraError, P3dofError
+from p3dof.viewer.limits import Allowance, Outbox
 
 try:
+    from tornado.iostream import IOStream, StreamClosedError
     from tornado.web import RequestHandler
-    from tornado.websocket import WebSocketClosedError, WebSocketHandler
+    from tornado.websocket import WebSocketClosedError, WebSocketHandler, WebSocketProtocol13
 except ImportError as error:
     raise MissingExtraError("the viewer needs meshcat: pip install 'p3dof[viz]'") from error
 
 Message: TypeAlias = dict[str, Any]
 """Plain data, as JSON has it."""
 
+RATE, BURST = 200, 600
+"""How many messages a second a page may send, and how many at once; one that sends more is closed."""
+MAX_MESSAGE = 1 << 14
+"""Longest message that a page may send [bytes]; a longer one closes its connection."""
+MAX_WAITING, MAX_WAITING_BYTES = 4096, 1 << 26
+"""How much can wait for a slow page, in messages and bytes; a page that is still slower is closed."""
+MAX_PAGES = 64
+"""How many pages can be open."""
+
+_PINGS = (1, 60)
+"""Likewise pings, which the pages do not send."""
+_GRACE = 0.25
+"""How long a page that is closed has to take the reason [s]."""
+_TOO_MUCH, _TOO_SLOW = 1008, 1013
+"""Why a connection is closed (RFC 6455): a rule is broken; try again later."""
+_ORIGINS = ("Origin", "Sec-WebSocket-Origin", "WebSocket-Origin")
+"""Where a browser says whose page asks: the last two in old drafts of the protocol."""
 _LOCAL = re.compile(r"(127\.0\.0\.1|localhost)(:\d{1,5})?")
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
@@ -42,15 +63,55 @@ def packed(message: Message) -> str:
     return json.dumps(message, allow_nan=False, separators=(",", ":"))
 
 
+@dataclass(eq=False)
+class Channel:
+    """One kind of connection of the pages.
+
+    Parameters
+    ----------
+    greeting : callable
+        Returns what a page is sent first.
+    received : callable, optional
+        Takes the messages of the pages; without it they are refused.
+    pages : set
+        Those that are open.
+    fresh : Outbox
+        What is to be handed to them.
+    """
+
+    greeting: Callable[[], list[Any]]
+    received: Callable[[Message], None] | None = None
+    pages: set[PageHandler] = field(default_factory=set)
+    fresh: Outbox = field(default_factory=lambda: Outbox(MAX_WAITING, MAX_WAITING_BYTES))
+
+    def renewed(self) -> Outbox:
+        """Take what is to be handed to the pages, and begin anew."""
+        fresh, self.fresh = self.fresh, Outbox(MAX_WAITING, MAX_WAITING_BYTES)
+        return fresh
+
+    def deliver(self, fresh: Outbox) -> None:
+        """Hand messages to the pages; where some are missing, the pages have to come back for all."""
+        while (waiting := fresh.pop()) is not None:
+            for page in tuple(self.pages):
+                page.put(waiting[1], waiting[0])
+        if fresh.full:
+            for page in tuple(self.pages):
+                page.give_up()
+
+
 class LocalHandler(RequestHandler):
-    """Answers this machine's own pages only."""
+    """Answers this machine's own pages only, and of these who knows the token."""
 
     def prepare(self) -> None:
-        """Refuse a request for another host, or from another site's page."""
+        """Refuse a request for another host, from another site's page, or without the token."""
         host = self.request.host.lower()
-        origin = self.request.headers.get("Origin", f"http://{host}").lower()
-        if not _LOCAL.fullmatch(host) or origin not in {f"http://{host}", f"https://{host}"}:
+        own = {f"http://{host}", f"https://{host}"}
+        origins = {self.request.headers[name].lower() for name in _ORIGINS if name in self.request.headers}
+        given = self.get_query_argument("token", "")
+        if not _LOCAL.fullmatch(host) or not origins <= own:
             self.send_error(403, reason="Only pages of this machine")
+        elif not secrets.compare_digest(given.encode(), self.settings["token"].encode()):
+            self.send_error(403, reason="Open the whole address of the viewer, with its token")
 
 
 class FileHandler(LocalHandler):
@@ -66,56 +127,80 @@ class FileHandler(LocalHandler):
         self.set_header("Content-Type", f"{kind}; charset=utf-8")
         self.set_header("Cache-Control", "no-store")
         self.set_header("X-Content-Type-Options", "nosniff")
+        self.set_header("Referrer-Policy", "no-referrer")  # the address has the token in it
         self.set_header("Content-Security-Policy", _POLICY.format(host=self.request.host))
         self.finish(content)
 
 
 class PageHandler(WebSocketHandler, LocalHandler):
-    """One connection of a page. A slow page gets the latest of what has a key, and so never lags behind."""
+    """One connection of a page. A slow page gets the latest of what has a key, and so never lags behind.
 
-    def initialize(
-        self,
-        pages: set[PageHandler],
-        greeting: Callable[[], list[Any]],
-        received: Callable[[Message], None] | None,
-    ) -> None:
-        """Take where to enter the page, what to send it first, and who takes its messages."""
-        self._pages = pages
-        self._greeting = greeting
-        self._received = received
-        self._waiting: dict[Any, bytes | str] = {}
+    One that sends too much, or takes too little, is told why and closed.
+    """
+
+    def initialize(self, channel: Channel) -> None:
+        """Take the kind of the connection."""
+        self._channel = channel
+        self._outbox = Outbox(MAX_WAITING, MAX_WAITING_BYTES)
+        self._frames, self._pings = Allowance(RATE, BURST), Allowance(*_PINGS)
         self._woken = asyncio.Event()
         self._writer: asyncio.Future[None] | None = None
+        self._ending = False
+        self._stream: IOStream | None = None
+
+    def prepare(self) -> None:
+        """Refuse also what comes by an old draft of the protocol, or when there are too many pages."""
+        super().prepare()
+        version = self.request.headers.get("Sec-WebSocket-Version", "")
+        if not self._finished and version != "13":
+            self.set_header("Sec-WebSocket-Version", "13")
+            self.send_error(426)
+        elif not self._finished and len(self._channel.pages) >= MAX_PAGES:
+            self.send_error(503, reason="Too many pages are open")
 
     def check_origin(self, origin: str) -> bool:  # noqa: ARG002 - `prepare` has checked it
         """Return True: `prepare` has refused the foreign ones."""
         return True
 
+    def get_websocket_protocol(self) -> WebSocketProtocol13 | None:
+        """Return the protocol, which asks before every frame whether there may be one."""
+        plain = super().get_websocket_protocol()
+        return _Paced(self, False, plain.params) if isinstance(plain, WebSocketProtocol13) else None
+
     def open(self, *_: str, **__: str) -> None:
         """Send what there is; the rest follows."""
         self.set_nodelay(True)
-        self._pages.add(self)
-        for message in self._greeting():
-            self.put(message if isinstance(message, bytes) else packed(message), None)
-        self._writer = asyncio.ensure_future(self._write())
+        self._stream = None if self.ws_connection is None else self.ws_connection.stream
+        self._channel.pages.add(self)
+        first = self._channel.greeting()
+        self._writer = asyncio.ensure_future(
+            self._write([m if isinstance(m, bytes) else packed(m) for m in first])
+        )
 
-    def put(self, message: bytes | str, key: Any) -> None:
+    def put(self, message: bytes | str, key: Hashable) -> None:
         """Send a message in turn, in place of an earlier one with its key that still waits."""
-        key = object() if key is None else key
-        self._waiting.pop(key, None)
-        self._waiting[key] = message
-        self._woken.set()
+        if self._outbox.put(message, key):
+            self._woken.set()
+        else:
+            self.give_up()
 
-    async def _write(self) -> None:
-        try:
-            while True:
-                await self._woken.wait()
-                self._woken.clear()
-                batch, self._waiting = self._waiting, {}
-                sent = [self.write_message(m, binary=isinstance(m, bytes)) for m in batch.values()]
-                await asyncio.gather(*sent)
-        except WebSocketClosedError:
-            pass
+    def give_up(self) -> None:
+        """Close the connection of a page that is too slow; it can come back, and gets what there is then."""
+        self._end(_TOO_SLOW, "the page is too slow for what is drawn")
+
+    async def pace(self) -> None:
+        """Let the others have their turn, and close the connection of a page that sends too much."""
+        await asyncio.sleep(0)
+        if not self._frames.take():
+            self._end(_TOO_MUCH, f"too many messages: at most {RATE} a second")
+        if self._ending:
+            await asyncio.sleep(_GRACE)  # nothing is read meanwhile, and so nothing is kept
+            raise StreamClosedError
+
+    def on_ping(self, data: bytes) -> None:  # noqa: ARG002 - it has been answered
+        """Close the connection of a page that has far too many pings answered."""
+        if not self._pings.take():
+            self._end(_TOO_MUCH, f"too many pings: at most {_PINGS[0]} a second")
 
     def on_message(self, message: str | bytes) -> None:
         """Pass a message on, or say what is wrong with it."""
@@ -123,22 +208,50 @@ class PageHandler(WebSocketHandler, LocalHandler):
             content = json.loads(message)
             if not isinstance(content, dict):
                 raise InputError("expected a JSON object")
-            if self._received is None:
+            if self._channel.received is None:
                 raise InputError("nobody takes messages here")
-            self._received(content)
+            self._channel.received(content)
         except P3dofError as error:
-            self.put(packed({"type": "error", "message": one_line(str(error))}), None)
+            self.put(packed({"type": "error", "message": one_line(str(error))}), "error")
         except (ValueError, RecursionError):
-            self.put(packed({"type": "error", "message": "expected a JSON object"}), None)
+            self.put(packed({"type": "error", "message": "expected a JSON object"}), "error")
 
     def on_close(self) -> None:
         """Forget the page."""
-        self._pages.discard(self)
+        self._channel.pages.discard(self)
         if self._writer is not None:
             self._writer.cancel()
 
     def hang_up(self) -> None:
         """Close the connection of a page that does not answer."""
-        stream = None if self.ws_connection is None else self.ws_connection.stream
-        if stream is not None:
-            stream.close()
+        if self._stream is not None:
+            self._stream.close()
+
+    def _end(self, code: int, reason: str) -> None:
+        """Close a connection, and hang up if the page does not answer soon."""
+        if not self._ending:
+            self._ending = True
+            self.close(code, reason)
+            asyncio.get_running_loop().call_later(_GRACE, self.hang_up)
+
+    async def _write(self, greeting: list[bytes | str]) -> None:
+        try:
+            for message in greeting:
+                await self.write_message(message, binary=isinstance(message, bytes))
+            while True:
+                while (waiting := self._outbox.pop()) is not None:
+                    await self.write_message(waiting[1], binary=isinstance(waiting[1], bytes))
+                self._woken.clear()
+                await self._woken.wait()
+        except (WebSocketClosedError, StreamClosedError):
+            pass
+
+
+class _Paced(WebSocketProtocol13):
+    """The protocol, with a pause before every frame: also of pings, and of parts of a message."""
+
+    handler: PageHandler
+
+    async def _receive_frame(self) -> None:
+        await self.handler.pace()
+        await super()._receive_frame()

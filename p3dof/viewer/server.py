@@ -2,30 +2,38 @@
 
 One page, two websockets: ``/scene`` carries MeshCat's packed commands to the pages, ``/control`` small JSON
 objects both ways. It listens on 127.0.0.1 alone. Requests with a foreign `Host` (a name made to point here)
-or `Origin` (another site's page) are refused, and the page can reach nothing else.
+or `Origin` (another site's page), or without the server's token, are refused, and the page can reach nothing
+else.
 """
 
 from __future__ import annotations
 
 import asyncio
 import atexit
+import contextlib
 import errno
+import secrets
 import socket
 import threading
+from collections.abc import Hashable
 from importlib import resources
-from typing import Any, Protocol
+from typing import Protocol
 
 from p3dof.checks import shown
 from p3dof.errors import InputError
-from p3dof.viewer.connections import FileHandler, Message, PageHandler, packed
+from p3dof.viewer.connections import (
+    MAX_MESSAGE,
+    Channel,
+    FileHandler,
+    Message,
+    PageHandler,
+    packed,
+)
 from p3dof.viewer.window import SceneWindow
 
 HOST = "127.0.0.1"
 PORT = 7000
 """The first port that is tried."""
-
-MAX_MESSAGE = 1 << 14
-"""Longest message that a page may send [bytes]; a longer one closes its connection."""
 
 _GATHERING = 0.003
 """How long to gather the messages of one frame, to send them at once [s]."""
@@ -65,7 +73,7 @@ class Server:
     port : int
         The port.
     url : str
-        Where the page is.
+        Where the page is, with the token that it asks for: a new one with every server.
 
     Raises
     ------
@@ -79,14 +87,14 @@ class Server:
         self, window: SceneWindow, port: int | None = None, controls: Controls | None = None
     ) -> None:
         self._window = window
-        self._controls = controls
-        self._files = _load_files()
+        self._token = secrets.token_urlsafe(24)
+        self._files = _load_files(self._token)
         self._socket = _bound_socket(port)
         self.port: int = self._socket.getsockname()[1]
-        self.url = f"http://{HOST}:{self.port}/"
-        self._scenes: set[PageHandler] = set()
-        self._panels: set[PageHandler] = set()
-        self._fresh: list[tuple[bytes | str, Any, set[PageHandler]]] = []
+        self.url = f"http://{HOST}:{self.port}/?token={self._token}"
+        self._scenes = Channel(window.messages)
+        self._panels = Channel(controls.greeting, controls.received) if controls else Channel(list)
+        self._posted = False
         self._lock = threading.Lock()
         self._loop = asyncio.new_event_loop()
         self._ended = asyncio.Event()
@@ -113,7 +121,7 @@ class Server:
     @property
     def pages(self) -> int:
         """How many pages are open now."""
-        return len(self._panels)
+        return len(self._panels.pages)
 
     def tell(self, message: Message, key: str | None = None) -> None:
         """Send a message to the panels of all pages; may be called from any thread.
@@ -140,24 +148,21 @@ class Server:
     def _draw(self, message: bytes) -> None:
         self._post(message, _subject_of(message), self._scenes)
 
-    def _post(self, message: bytes | str, key: Any, pages: set[PageHandler]) -> None:
+    def _post(self, message: bytes | str, key: Hashable, channel: Channel) -> None:
         """Hand a message over to the server's thread, which is woken once for many."""
         with self._lock:
-            self._fresh.append((message, key, pages))
-            if len(self._fresh) > 1:
-                return
-        try:
-            self._loop.call_soon_threadsafe(self._loop.call_later, _GATHERING, self._deliver)
-        except RuntimeError:  # the loop was closed meanwhile
-            with self._lock:
-                self._fresh.clear()
+            channel.fresh.put(message, key)
+            posted, self._posted = self._posted, True
+        if not posted:
+            with contextlib.suppress(RuntimeError):  # the loop was closed meanwhile
+                self._loop.call_soon_threadsafe(self._loop.call_later, _GATHERING, self._deliver)
 
     def _deliver(self) -> None:
         with self._lock:
-            fresh, self._fresh = self._fresh, []
-        for message, key, pages in fresh:
-            for page in pages:
-                page.put(message, key)
+            self._posted = False
+            fresh = [(channel, channel.renewed()) for channel in (self._scenes, self._panels)]
+        for channel, messages in fresh:
+            channel.deliver(messages)
 
     def _run(self) -> None:
         asyncio.set_event_loop(self._loop)
@@ -174,17 +179,24 @@ class Server:
         from tornado.httpserver import HTTPServer
         from tornado.web import Application
 
-        scene = {"pages": self._scenes, "greeting": self._window.messages, "received": None}
-        greeting = self._controls.greeting if self._controls else list
-        received = self._controls.received if self._controls else None
-        panel = {"pages": self._panels, "greeting": greeting, "received": received}
         files = [(path, FileHandler, {"files": self._files}) for path in _FILES]
+        sockets = [
+            (path, PageHandler, {"channel": channel})
+            for path, channel in (("/scene", self._scenes), ("/control", self._panels))
+        ]
         application = Application(
-            [*files, ("/scene", PageHandler, scene), ("/control", PageHandler, panel)],
+            [*files, *sockets],
             log_function=lambda _: None,
+            token=self._token,
             websocket_max_message_size=MAX_MESSAGE,
         )
-        server = HTTPServer(application, max_header_size=1 << 16, max_body_size=MAX_MESSAGE)
+        server = HTTPServer(
+            application,
+            max_header_size=1 << 16,
+            max_body_size=MAX_MESSAGE,
+            max_buffer_size=1 << 20,
+            idle_connection_timeout=60,
+        )
         server.add_socket(self._socket)
         await self._ended.wait()
         server.stop()
@@ -193,14 +205,17 @@ class Server:
 
     async def _dismiss(self) -> None:
         """Close the pages' connections: politely, and then in any case."""
-        for page in (*self._scenes, *self._panels):
+        for page in self._connections():
             page.close(1001, "the viewer was closed")
         for _ in range(20):
-            if not self._scenes and not self._panels:
+            if not self._connections():
                 return
             await asyncio.sleep(0.02)
-        for page in (*self._scenes, *self._panels):
+        for page in self._connections():
             page.hang_up()
+
+    def _connections(self) -> list[PageHandler]:
+        return [*self._scenes.pages, *self._panels.pages]
 
 
 class ServedWindow(SceneWindow):
@@ -230,12 +245,14 @@ def _subject_of(message: bytes) -> bytes | None:
     return None
 
 
-def _load_files() -> dict[str, tuple[bytes, str]]:
+def _load_files(token: str) -> dict[str, tuple[bytes, str]]:
+    """Return the files of the page, which asks for the others with the token."""
     page, meshcat = resources.files("p3dof.viewer") / "page", resources.files("meshcat") / "viewer" / "dist"
-    return {
-        path: (((meshcat if name == "main.min.js" else page) / name).read_bytes(), kind)
-        for path, (name, kind) in _FILES.items()
-    }
+    files = {}
+    for path, (name, kind) in _FILES.items():
+        content = ((meshcat if name == "main.min.js" else page) / name).read_bytes()
+        files[path] = (content.replace(b"@TOKEN@", token.encode()) if path == "/" else content, kind)
+    return files
 
 
 def _bound_socket(port: int | None) -> socket.socket:

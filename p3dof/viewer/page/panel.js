@@ -7,7 +7,7 @@ const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4];
 const CHART = { left: 34, right: 276, top: 8, bottom: 112 };
 
 const $ = (id) => document.getElementById(id);
-const here = location.host;
+const at = (path) => `ws://${location.host}/${path}${location.search}`;  // the token goes with it
 
 /* ---- scene ---- */
 
@@ -16,11 +16,13 @@ window.viewer = new MeshCat.Viewer(pane);
 const resize = viewer.set_3d_pane_size.bind(viewer);
 viewer.set_3d_pane_size = () => resize(pane.clientWidth, Math.max(pane.clientHeight, 1));
 new ResizeObserver(() => viewer.set_3d_pane_size()).observe(pane);
-viewer.connect(`ws://${here}/scene`);
+viewer.connect(at("scene"));
+viewer.connection.onclose = (event) => lost(event);
 
 /* ---- what goes to the server ---- */
 
 let socket = null;
+let refused = "";        // why the viewer closed this page for good
 let wanted = {};       // the latest of each kind since the last frame of the page
 let sending = false;
 const held = new Set();  // sliders that the user holds: they show what is wanted, not what is
@@ -42,17 +44,29 @@ function flush() {
   for (const [type, value] of Object.entries(messages)) socket.send(JSON.stringify({ type, value }));
 }
 
-function connect(again) {
-  socket = new WebSocket(`ws://${here}/control`);
+let again = false;
+
+function connect() {
+  socket = new WebSocket(at("control"));
   socket.onopen = () => again ? location.reload() : linked(true);
   socket.onmessage = (event) => told(JSON.parse(event.data));
-  socket.onclose = () => { linked(false); setTimeout(() => connect(true), 1000); };
+  socket.onclose = (event) => lost(event);
+}
+
+/* One of the two connections is lost: without both the page would show what is no longer so. */
+function lost(event) {
+  if (event.code === 1008) refused = event.reason;
+  linked(false);
+  for (const one of [socket, viewer.connection]) { one.onclose = null; one.close(); }
+  again = true;
+  if (!refused) setTimeout(connect, 1000);
 }
 
 function linked(on) {
   $("link").className = on ? "" : "off";
   $("link").title = on ? "connected" : "not connected";
-  if (!on) note("message", "The viewer was closed, or cannot be reached.");
+  if (!on) note("message", refused ? `The viewer has closed this page: ${refused}.`
+    : "The viewer was closed, or cannot be reached. A new one has a new address.");
 }
 
 /* ---- what comes from the server ---- */
@@ -228,4 +242,4 @@ $("speed").addEventListener("change", () => send("speed", Number($("speed").valu
 $("home").addEventListener("click", () => send("pose", [0, 0, 0]));
 for (const button of $("case").children) button.addEventListener("click", () => send("case", button.value));
 
-connect(false);
+connect();
