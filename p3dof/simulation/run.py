@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import io
 import os
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,8 +14,14 @@ from p3dof.errors import FileError, InputError
 from p3dof.files import write_atomic
 from p3dof.methods import LEGS, Exceedance, JointStates, exceedances_of, write_table
 from p3dof.motion import Motion
+from p3dof.motion.times import require_rising
 from p3dof.parameters import Limits
-from p3dof.simulation.limits import Stop
+from p3dof.simulation import archive
+from p3dof.simulation.limits import KINDS, Stop
+
+METHODS = ("virtual-power", "compiled", "pinocchio")
+STOPS = (*KINDS, "accuracy", "controller")
+"""What may have ended a run."""
 
 _MOTION = ("time", "pose", "velocity", "acceleration")
 _ARRAYS = ("forces", "asked", "sliders", "slider_velocities", "wrench", "closure_error")
@@ -187,7 +192,7 @@ class Simulation:
             return write_table(path, list(columns), tuple(columns.values()))
         if kind != ".npz":
             raise InputError(f"{path}: expected a file name that ends in .csv or .npz")
-        stream = io.BytesIO()
+        words = [] if self.stop is None else [self.stop.kind, self.stop.reason[: archive.MAX_TEXT]]
         arrays = {
             "time": self.time,
             "pose": self.pose,
@@ -204,24 +209,25 @@ class Simulation:
             "v": self.joints.v,
             "a": self.joints.a,
             "method": np.array(self.method),
-            "stop": np.array([] if self.stop is None else [self.stop.kind, self.stop.reason]),
+            "stop": np.array(words, dtype=np.str_),
             "stop_time": np.array(np.nan if self.stop is None else self.stop.time),
             "evaluations": np.array(self.evaluations),
             "seconds": np.array(self.seconds),
         }
         if self.reference is not None:
             arrays["reference"] = self.reference
-        np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]  # NumPy's own stubs
-        return write_atomic(path, stream.getvalue())
+        return write_atomic(path, archive.pack(arrays))
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Simulation:
+    def load(cls, path: str | os.PathLike[str], max_samples: int = archive.MAX_SAMPLES) -> Simulation:
         """Read a run that `save` wrote as ``.npz``.
 
         Parameters
         ----------
         path : path-like
-            The file.
+            The file; it may come from anywhere.
+        max_samples : int
+            Most samples to read, each takes about half a kilobyte; a longer run is refused.
 
         Returns
         -------
@@ -230,27 +236,46 @@ class Simulation:
         Raises
         ------
         FileError
-            If the file cannot be read, or is no such run.
+            If the file cannot be read, or is no such run: nothing but the arrays of `save`, with their types
+            and shapes.
+        InputError
+            If `max_samples` is no positive number.
         """
-        try:
-            with np.load(Path(path), allow_pickle=False) as file:
-                found = {name: file[name] for name in file.files}
-            stop = None
-            if len(found["stop"]):
-                kind, reason = (str(word) for word in found["stop"])
-                stop = Stop(kind, float(found["stop_time"]), reason)
-            names = tuple(str(name) for name in found["joint_names"])
-            time, pose, velocity, acceleration = (found[name] for name in _MOTION)
-            motion = Motion(time, pose, velocity, acceleration, check=False)
-            return cls(
-                method=str(found["method"]),
-                motion=motion,
-                joints=JointStates(names, found["q"], found["v"], found["a"]),
-                reference=found.get("reference"),
-                stop=stop,
-                evaluations=int(found["evaluations"]),
-                seconds=float(found["seconds"]),
-                **{name: found[name] for name in _ARRAYS},
-            )
-        except (OSError, ValueError, KeyError, IndexError, TypeError, zipfile.BadZipFile) as error:
-            raise FileError(f"{path}: expected a run saved as .npz ({error})") from error
+        if isinstance(max_samples, bool) or not isinstance(max_samples, int) or max_samples < 1:
+            raise InputError(f"max_samples: expected a positive whole number, got {shown(max_samples)}")
+        found = archive.unpack(path, _check, max_samples)
+        words = [str(word) for word in found["stop"]]
+        stop = Stop(words[0], float(found["stop_time"]), words[1]) if words else None
+        time, pose, velocity, acceleration = (found[name] for name in _MOTION)
+        names = tuple(str(name) for name in found["joint_names"])
+        return cls(
+            method=str(found["method"]),
+            motion=Motion(time, pose, velocity, acceleration, check=False),
+            joints=JointStates(names, found["q"], found["v"], found["a"]),
+            reference=found.get("reference"),
+            stop=stop,
+            evaluations=int(found["evaluations"]),
+            seconds=float(found["seconds"]),
+            **{name: found[name] for name in _ARRAYS},
+        )
+
+
+def _check(found: dict[str, Any]) -> None:
+    """Raise InputError unless what has just been read of a run can be so; called after every array."""
+    name, value = next(reversed(found.items()))
+    if name == "time":
+        if len(value) == 0:
+            raise InputError("time: expected at least one sample, got none")
+        require_rising("time", value)
+    elif name == "joint_names" and len({str(word) for word in value}) < len(value):
+        raise InputError("joint_names: expected different names")
+    elif name == "method" and str(value) not in METHODS:
+        raise InputError(f"method: expected one of {', '.join(METHODS)}, got {shown(str(value))}")
+    elif name == "stop" and len(value) and (len(value) != 2 or str(value[0]) not in STOPS):
+        raise InputError(
+            f"stop: expected nothing, or one of {', '.join(STOPS)} and why, got {shown(str(value[0]))}"
+        )
+    elif name == "stop_time" and np.isfinite(value) != bool(len(found["stop"])):
+        raise InputError("stop_time: expected a time if the run was ended, and none if not")
+    elif name in {"closure_error", "evaluations", "seconds"} and np.any(value < 0):
+        raise InputError(f"{name}: expected no negative number")
