@@ -26,7 +26,7 @@ from p3dof.closed_loop.batch.linear import (
     turned_rates,
 )
 from p3dof.closed_loop.batch.targets import FrameTargets
-from p3dof.errors import AssemblyError, InputError, SampleError, SingularityError
+from p3dof.errors import AssemblyError, InputError, ReachError, SingularityError
 from p3dof.methods import pinocchio
 from p3dof.parameters import PAPER, Friction
 
@@ -495,13 +495,15 @@ def test_bad_samples_among_good_ones():
     good = np.setdiff1d(np.arange(count), [5, 12, 21])
     expected = robot.forces(*(array[good] for array in given), method="virtual-power")
     assert np.abs(solution.forces[good] - expected).max() < 1e-13 * np.abs(expected).max()
-    with pytest.raises(SingularityError, match="sample 12: the actuators cannot hold") as info:
+    with pytest.raises(ReachError, match=r"leg A is too short by 0\.05 m \(sample 21, the first") as info:
+        route(robot, *given)
+    assert (info.value.index, info.value.leg) == ((21,), "a")
+    assert abs(info.value.margin + 0.05) < 1e-15
+    pose[21, 0] = 0.1
+    with pytest.raises(SingularityError, match=r"actuation-singular.*sample 12, the first of 1") as info:
         route(robot, *given)
     assert info.value.index == (12,)
-    pose[12, 2] = 0.1
-    with pytest.raises(SampleError, match="sample 21: the loops do not close at the target") as info:
-        route(robot, *given)
-    assert info.value.index == (21,)
+    pose[21, 0] = 0.3
     wrench = np.zeros((count, 6))
     wrench[7, 2] = np.nan
     assert np.isnan(route(robot, *given, wrench, on_invalid="nan").forces[7]).all()

@@ -20,9 +20,9 @@ from p3dof.errors import (
     SampleError,
     SingularityError,
 )
-from p3dof.kinematics.validity import ACTUATION_TOLERANCE
 from p3dof.manipulator import JointStates
 from p3dof.parameters import PAPER, SOLIDS, Limits
+from p3dof.samples import ACTUATION_TOLERANCE
 
 HOME = np.zeros(3)
 METHODS = ("pinocchio", "virtual-power")

@@ -13,10 +13,10 @@ from machines import SEEDS, conditioning, derivative, random_machine, random_sta
 
 from p3dof import kinematics
 from p3dof.errors import InputError, ReachError, SingularityError
-from p3dof.kinematics.validity import ACTUATION_TOLERANCE
 from p3dof.methods import virtual_power
 from p3dof.paper.formulas import Lengths
 from p3dof.parameters import PAPER, SOLIDS, Bodies, Body, Geometry
+from p3dof.samples import ACTUATION_TOLERANCE
 
 HOME = np.zeros(3)
 

@@ -26,7 +26,7 @@ from p3dof.cli.output import (
     time_text,
 )
 from p3dof.cli.terminal import print_table
-from p3dof.errors import MissingExtraError
+from p3dof.errors import InputError, MissingExtraError, SampleError
 from p3dof.manipulator import InverseDynamics
 from p3dof.methods import LEGS, write_table
 from p3dof.motion import Motion
@@ -98,18 +98,19 @@ def compare(
     if not np.isfinite(tolerance):
         raise click.BadParameter(f"expected a finite number, got {tolerance:g}", param_hint="--tolerance")
     case.protect(*(out / name for name in FILES))
-    first, first_seconds = case.solve("pinocchio")
-    second, second_seconds = case.solve("virtual-power")
+    console = Console()
+    (first, first_seconds), (second, second_seconds) = _solve_both(case)
+    same_rows = _print_verdicts(console, first, second)
+    if not (first.valid & second.valid).any():
+        return 1
     opinions = [_ask(name, case, second) for name in _names(chosen)]
     difference = np.abs(first.forces - second.forces)[first.valid & second.valid]
-    same_rows = np.array_equal(first.valid, second.valid)
     largest = float(second.peak_forces.max())
     worst = float(difference.max(initial=0))
     agree = same_rows and worst <= tolerance * largest
     written = [_write(out / FILES[0], first, second, opinions)]
     if plot:
         written += _draw(out, (first, second))
-    console = Console()
     print_table(console, agreement_table(first, second, difference))
     print_table(console, evidence_table((first, first_seconds), (second, second_seconds)))
     confirmed = _print_opinions(
@@ -130,6 +131,39 @@ def compare(
         soft_wrap=True,
     )
     return 0 if agree and confirmed else 1
+
+
+def _solve_both(case: Case) -> tuple[tuple[InverseDynamics, float], tuple[InverseDynamics, float]]:
+    """Solve by both methods; an invalid sample raises as asked only if both refuse the same ones."""
+    try:
+        return case.solve("pinocchio"), case.solve("virtual-power")
+    except (SampleError, InputError):  # the latter: no valid sample at all
+        runs = []
+        for method in ("pinocchio", "virtual-power"):
+            start = time.perf_counter()
+            result = case.robot.inverse_dynamics(case.motion, method, case.wrench, "nan")
+            runs.append((result, time.perf_counter() - start))
+        if np.array_equal(runs[0][0].valid, runs[1][0].valid):
+            raise
+        return runs[0], runs[1]
+
+
+def _print_verdicts(console: Console, first: InverseDynamics, second: InverseDynamics) -> bool:
+    """Print on which samples the methods, each judging by itself, differ; return whether on none."""
+    differing = np.flatnonzero(first.valid != second.valid)
+    if not len(differing):
+        return True
+    i = int(differing[0])
+    taken, refused = (first, second) if first.valid[i] else (second, first)
+    console.print(
+        f"the methods DISAGREE on which samples are valid: {len(differing)} of {len(first.valid)}, the "
+        f"first at t = {first.time[i]:g} s (sample {i}), which {taken.method} takes and "
+        f"{refused.method} refuses",
+        style="bold red",
+        highlight=False,
+        soft_wrap=True,
+    )
+    return False
 
 
 def _names(chosen: tuple[str, ...]) -> tuple[str, ...]:

@@ -73,11 +73,15 @@ class State(Assembly):
         Velocity and acceleration of the whole tree.
     determined : bool
         False if closures and target leave velocities free; `v` and `a` are then the shortest possible.
+    influence : (nv, size) array
+        How fast every joint moves per unit speed of the target: v = influence @ velocity. Its rows of the
+        actuated joints are the inverse Jacobian of a parallel mechanism.
     """
 
     v: FloatArray
     a: FloatArray
     determined: bool
+    influence: FloatArray
 
 
 class Assembler:
@@ -243,10 +247,11 @@ class Assembler:
         b = np.concatenate((-k.acceleration(), acceleration - target.drift()))
         a = stacked.solve(b)
         self._check("acceleration", A @ a - b, max(1.0, max_abs(b), max_abs(a)))
-        for array in (v, a):
+        influence = stacked.pseudo_inverse[:, k.size :]
+        for array in (v, a, influence):
             array.setflags(write=False)
         determined = stacked.rank == self.model.nv
-        return State(**vars(assembly), v=v, a=a, determined=determined)
+        return State(**vars(assembly), v=v, a=a, determined=determined, influence=influence)
 
     def _check(self, what: str, error: FloatArray, scale: float) -> None:
         worst = max_abs(error)

@@ -68,6 +68,12 @@ class Decomposition:
         """Orthonormal basis of the vectors that A maps to zero, (n, n - rank)."""
         return self.Vt[self.rank :].T
 
+    @property
+    def pseudo_inverse(self) -> FloatArray:
+        """The matrix (n, m) of `solve`."""
+        r = self.rank
+        return (self.Vt[:r].T / self.s[:r]) @ self.U[:, :r].T
+
     def solve(self, b: FloatArray) -> FloatArray:
         """Return the shortest x (n,) that minimises |A x - b|, for b (m,)."""
         r = self.rank

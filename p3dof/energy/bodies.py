@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, shown
 from p3dof.errors import InputError
-from p3dof.kinematics import OnInvalid, mechanism_motion
+from p3dof.kinematics import mechanism_motion
 from p3dof.parameters import LINKS, Parameters
+from p3dof.samples import OnInvalid
 
 
 @dataclass(frozen=True, eq=False)

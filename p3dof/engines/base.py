@@ -16,9 +16,10 @@ from p3dof.description import Mechanism
 from p3dof.engines.inputs import check_machine, check_motion, library, step_count
 from p3dof.engines.samples import FinalState, Sample, platform_motion
 from p3dof.errors import DynamicsError
-from p3dof.kinematics.states import holdable_states, wrench_like
+from p3dof.kinematics.states import holdable_states
 from p3dof.motion import Motion
 from p3dof.parameters import PAPER, Parameters
+from p3dof.samples import wrench_like
 
 CLOSED = 1e-9
 """Share of the machine's size, speed and acceleration by which an engine may find its loops open."""

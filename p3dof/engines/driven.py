@@ -22,9 +22,10 @@ from p3dof.engines.exudyn_model import Drive, ExudynModel
 from p3dof.engines.inputs import check_machine, check_motion, step_count
 from p3dof.errors import DynamicsError, InputError
 from p3dof.kinematics import MechanismMotion
-from p3dof.kinematics.states import holdable_states, wrench_like
+from p3dof.kinematics.states import holdable_states
 from p3dof.motion import Motion
 from p3dof.parameters import Parameters
+from p3dof.samples import wrench_like
 
 Integrator: TypeAlias = Literal["trapezoidal", "generalized-alpha"]
 """The trapezoidal rule with constraints of index 2, or the generalised-α method with those of index 3."""

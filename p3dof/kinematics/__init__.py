@@ -12,13 +12,12 @@ from p3dof.kinematics.inverse import (
     joint_coordinates,
     singularity,
 )
-from p3dof.kinematics.validity import OnInvalid, Singularity
+from p3dof.kinematics.validity import Singularity
 
 __all__ = [
     "BodyMotion",
     "InverseKinematics",
     "MechanismMotion",
-    "OnInvalid",
     "Singularity",
     "closure_error",
     "forward_kinematics",

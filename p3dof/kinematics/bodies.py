@@ -22,10 +22,10 @@ from p3dof.algebra import (
 from p3dof.checks import FloatArray, batch_of
 from p3dof.kinematics.inverse import joint_coordinates, paper_angles
 from p3dof.kinematics.states import reachable_states
-from p3dof.kinematics.validity import OnInvalid
 from p3dof.paper.formulas import Lengths, Rates, accelerations, configuration, velocities
 from p3dof.paper.recursion import Frame, body_axes, frames
 from p3dof.parameters import Geometry
+from p3dof.samples import OnInvalid
 
 
 @dataclass(frozen=True, eq=False)

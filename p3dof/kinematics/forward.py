@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from p3dof.checks import FloatArray, batch_of
 from p3dof.errors import ReachError
-from p3dof.kinematics.validity import LEGS, OnInvalid, check_policy, first_bad, raise_not_finite
 from p3dof.parameters import Geometry
+from p3dof.samples import LEGS, OnInvalid, check_policy, first_bad, raise_not_finite
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,15 +11,10 @@ from numpy.typing import ArrayLike
 from p3dof.algebra import components, matrix_array, vector_array
 from p3dof.checks import FloatArray, batch_of
 from p3dof.kinematics.states import reachable_poses
-from p3dof.kinematics.validity import (
-    OnInvalid,
-    Singularity,
-    actuation_angle,
-    reach_margins,
-    reached,
-)
+from p3dof.kinematics.validity import Singularity, actuation_angle, reach_margins, reached
 from p3dof.paper.formulas import Configuration, Lengths, configuration, jacobian
 from p3dof.parameters import Geometry
+from p3dof.samples import OnInvalid
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,19 +8,18 @@ from numpy.typing import ArrayLike
 from p3dof.algebra import components
 from p3dof.checks import FloatArray, batch_of
 from p3dof.errors import InputError
-from p3dof.kinematics.validity import (
+from p3dof.kinematics.validity import actuation_angle, reach_margins, reached
+from p3dof.paper.formulas import Lengths, configuration
+from p3dof.parameters import Geometry, Parameters
+from p3dof.samples import (
     ACTUATION_TOLERANCE,
     OnInvalid,
-    actuation_angle,
     check_policy,
+    finite_states,
     raise_not_finite,
     raise_out_of_reach,
     raise_singular,
-    reach_margins,
-    reached,
 )
-from p3dof.paper.formulas import Lengths, configuration
-from p3dof.parameters import Geometry, Parameters
 
 
 def reachable_poses(geometry: Geometry, pose: ArrayLike, on_invalid: OnInvalid) -> FloatArray:
@@ -48,7 +47,8 @@ def reachable_poses(geometry: Geometry, pose: ArrayLike, on_invalid: OnInvalid) 
     poses = batch_of("pose", pose, 3)
     if on_invalid == "raise":
         raise_not_finite("pose", poses)
-        raise_out_of_reach(geometry, poses, reach_margins(geometry, poses))
+        margins = reach_margins(geometry, poses)
+        raise_out_of_reach(poses, ~reached(geometry, margins), margins)
         return poses
     poses = np.where(np.isfinite(poses).all(axis=-1, keepdims=True), poses, np.nan)
     inside = reached(geometry, reach_margins(geometry, poses))
@@ -82,23 +82,10 @@ def reachable_states(
     ReachError, InputError
         As `inverse_kinematics`; also when the shapes do not broadcast.
     """
-    poses = reachable_poses(geometry, pose, on_invalid)
-    speeds, rates = batch_of("velocity", velocity, 3), batch_of("acceleration", acceleration, 3)
-    if on_invalid == "raise":
-        raise_not_finite("velocity", speeds)
-        raise_not_finite("acceleration", rates)
-    try:
-        poses, speeds, rates = np.broadcast_arrays(poses, speeds, rates)
-    except ValueError as error:
-        shapes = f"{poses.shape}, {speeds.shape} and {rates.shape}"
-        raise InputError(
-            f"pose, velocity, acceleration: expected shapes that fit each other, got {shapes}"
-        ) from error
-    if on_invalid == "nan":
-        states = np.stack((poses, speeds, rates))  # (3, ..., 3)
-        valid = np.asarray(np.isfinite(states).all(axis=(0, -1)))[..., None]
-        poses, speeds, rates = np.where(valid, states, np.nan)
-    return poses, speeds, rates
+    poses, speeds, rates = finite_states(pose, velocity, acceleration, on_invalid)
+    poses = reachable_poses(geometry, poses, on_invalid)
+    inside = np.isfinite(poses)
+    return poses, np.where(inside, speeds, np.nan), np.where(inside, rates, np.nan)
 
 
 def holdable_states(
@@ -178,34 +165,3 @@ def forced_states(
             f"forces: expected a shape that fits {states[0].shape}, got {given.shape}"
         ) from error
     return poses, speeds, given
-
-
-def wrench_like(wrench: ArrayLike | None, shape: tuple[int, ...], on_invalid: OnInvalid) -> FloatArray:
-    """Return the external wrench for every sample of a batch.
-
-    Parameters
-    ----------
-    wrench : array-like, shape (..., 6), or None
-        What the user gave; None is no wrench.
-    shape : tuple of int
-        Leading shape of the batch.
-    on_invalid : {"raise", "nan"}
-        Raise for numbers that are not finite, or let them through as NaN.
-
-    Returns
-    -------
-    ndarray, shape (*shape, 6)
-
-    Raises
-    ------
-    InputError
-        If the shape does not fit the batch, or a number is not finite.
-    """
-    array = batch_of("wrench", np.zeros(6) if wrench is None else wrench, 6)
-    if on_invalid == "raise":
-        raise_not_finite("wrench", array)
-    array = np.where(np.isfinite(array).all(axis=-1, keepdims=True), array, np.nan)
-    try:
-        return np.broadcast_to(array, (*shape, 6))
-    except ValueError as error:
-        raise InputError(f"wrench: expected shape {(*shape, 6)} or (6,), got {array.shape}") from error

@@ -3,31 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from p3dof.algebra import components
 from p3dof.checks import FloatArray
-from p3dof.errors import InputError, ReachError, SingularityError
 from p3dof.paper.formulas import Configuration
 from p3dof.parameters import Geometry
 
-OnInvalid: TypeAlias = Literal["raise", "nan"]
-"""What to do with invalid samples: raise, or fill their rows with NaN."""
-
-ACTUATION_TOLERANCE = 1e-6
-"""Angle from the actuation singularity below which forces are refused [rad].
-
-One unit in the last place of the pose moves the forces by about 1e-16 / angle of themselves, and the forces
-are about the weight / angle: nearer than this no machine could use the number.
-"""
-
 REACH_TOLERANCE = 1e-14
 """Share of a leg's length by which it must reach farther than a pose demands."""
-
-LEGS = ("a", "b", "c")
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,130 +35,6 @@ class Singularity:
     serial: FloatArray
     actuation: FloatArray
     determinant: FloatArray
-
-
-def check_policy(on_invalid: str) -> None:
-    """Raise unless `on_invalid` is one of the two policies.
-
-    Parameters
-    ----------
-    on_invalid : str
-        What the user gave.
-
-    Raises
-    ------
-    InputError
-        If it is neither ``"raise"`` nor ``"nan"``.
-    """
-    if on_invalid not in get_args(OnInvalid):
-        raise InputError(f"on_invalid: expected 'raise' or 'nan', got {on_invalid!r}")
-
-
-def raise_not_finite(name: str, array: FloatArray) -> None:
-    """Raise for the first row of a batch that is not finite.
-
-    Parameters
-    ----------
-    name : str
-        What to call the argument.
-    array : ndarray, shape (..., 3)
-        The argument.
-
-    Raises
-    ------
-    InputError
-        If any entry is NaN or infinite.
-    """
-    bad = ~np.all(np.isfinite(array), axis=-1)
-    if bad.any():
-        index, where = first_bad(bad)
-        raise InputError(f"{name}: expected finite numbers, got {array[index].tolist()}{where}")
-
-
-def raise_out_of_reach(geometry: Geometry, pose: FloatArray, serial: FloatArray) -> None:
-    """Raise for the first pose of a batch that a leg does not reach.
-
-    Parameters
-    ----------
-    geometry : Geometry
-        Lengths of the mechanism.
-    pose : ndarray, shape (..., 3)
-        The poses.
-    serial : ndarray, shape (..., 3)
-        Their reach margins [m].
-
-    Raises
-    ------
-    ReachError
-        Naming the leg, its margin, the sample and how many there are.
-    """
-    bad = ~reached(geometry, serial)
-    if not bad.any():
-        return
-    index, where = first_bad(bad)
-    leg = int(np.argmin(serial[index]))
-    margin = float(serial[index][leg])
-    y, z, theta = pose[index]
-    shortage = f"is too short by {-margin:g} m" if margin < 0 else "would be horizontal"
-    raise ReachError(
-        f"pose (y = {y:g} m, z = {z:g} m, theta = {theta:g} rad) is out of reach: leg {LEGS[leg].upper()} "
-        f"{shortage}{where}",
-        LEGS[leg],
-        margin,
-        index,
-        int(bad.sum()),
-    )
-
-
-def raise_singular(pose: FloatArray, bad: NDArray[np.bool_], actuation: FloatArray) -> None:
-    """Raise for the first pose of a batch at which the actuators cannot hold the platform.
-
-    Parameters
-    ----------
-    pose : ndarray, shape (..., 3)
-        The poses.
-    bad : ndarray of bool, shape (...)
-        Which of them are singular.
-    actuation : ndarray, shape (...)
-        Their angles from the singularity [rad].
-
-    Raises
-    ------
-    SingularityError
-        Naming the pose, the angle, the sample and how many there are.
-    """
-    if not bad.any():
-        return
-    index, where = first_bad(bad)
-    y, z, theta = pose[index]
-    raise SingularityError(
-        f"pose (y = {y:g} m, z = {z:g} m, theta = {theta:g} rad) is actuation-singular: the sliders cannot "
-        f"hold the platform's rotation ({abs(float(actuation[index])):.2g} rad from det J = 0){where}",
-        index,
-        int(bad.sum()),
-    )
-
-
-def first_bad(bad: NDArray[np.bool_]) -> tuple[tuple[int, ...], str]:
-    """Return the index of the first bad sample, and the words that name it in a message.
-
-    Parameters
-    ----------
-    bad : ndarray of bool, shape (...)
-        Which samples are bad; at least one is.
-
-    Returns
-    -------
-    index : tuple of int
-        Its index in the batch; empty for a single sample.
-    where : str
-        For a batch: which sample it is and how many there are; else empty.
-    """
-    index = tuple(int(i) for i in np.argwhere(bad)[0])
-    if not index:
-        return index, ""
-    shown = index[0] if len(index) == 1 else index
-    return index, f" (sample {shown}, the first of {int(bad.sum())} such of {bad.size})"
 
 
 def reach_margins(geometry: Geometry, poses: FloatArray) -> FloatArray:

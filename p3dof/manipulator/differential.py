@@ -5,12 +5,12 @@ from __future__ import annotations
 from numpy.typing import ArrayLike
 
 from p3dof.errors import InputError
-from p3dof.kinematics import OnInvalid
 from p3dof.manipulator.minimal_form import MovingMachine
 from p3dof.methods import WrenchOverTime, compiled, wrenches_at
 from p3dof.methods.compiled import ForceDerivatives
 from p3dof.methods.regressor import ForceRegressor, force_regressor
 from p3dof.motion import Motion
+from p3dof.samples import OnInvalid
 
 
 class DifferentialMachine(MovingMachine):

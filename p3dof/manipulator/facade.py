@@ -13,8 +13,7 @@ from p3dof import simulation
 from p3dof.checks import FloatArray
 from p3dof.energy import Energy, energy_of
 from p3dof.errors import InputError
-from p3dof.kinematics import OnInvalid
-from p3dof.kinematics.states import holdable_states, wrench_like
+from p3dof.kinematics.states import holdable_states
 from p3dof.manipulator.differential import DifferentialMachine
 from p3dof.manipulator.methods import Method, check_method
 from p3dof.methods import (
@@ -31,6 +30,7 @@ from p3dof.motion import Motion
 from p3dof.motion.wrenches import WRENCH_ROWS
 from p3dof.parameters import PAPER, Parameters, read_parameters
 from p3dof.reactions import Idealisation, Reactions, over_motion
+from p3dof.samples import OnInvalid, finite_states, wrench_like
 from p3dof.simulation import ControllerLike, Noise, Simulation, WrenchLike
 
 Progress: TypeAlias = Callable[[int, int], None]
@@ -116,8 +116,9 @@ class Manipulator(DifferentialMachine):
             return compiled.forces(self.kernels, pose, velocity, acceleration, wrench, on_invalid)
         if method == "virtual-power":
             return virtual_power.forces(self.parameters, pose, velocity, acceleration, wrench, on_invalid)
-        states = holdable_states(self.parameters, pose, velocity, acceleration, on_invalid)
-        loads = None if wrench is None else wrench_like(wrench, states[0].shape[:-1], on_invalid)
+        states = finite_states(pose, velocity, acceleration, on_invalid)
+        leading = states[0].shape[:-1]
+        loads = None if wrench is None else wrench_like(wrench, leading, on_invalid)
         pose, velocity, acceleration = (np.reshape(array, (-1, 3)) for array in states)
         solution = pinocchio.solve(
             self.loop,
@@ -128,6 +129,7 @@ class Manipulator(DifferentialMachine):
             wrench=None if loads is None else loads.reshape(-1, 6),
             friction=self.parameters.friction,
             on_invalid=on_invalid,
+            shape=leading,
         )
         return solution.forces.reshape(states[0].shape)
 
@@ -169,11 +171,10 @@ class Manipulator(DifferentialMachine):
         check_method(method)
         if not isinstance(motion, Motion):
             raise InputError(f"motion: expected a Motion, got {type(motion).__name__}")
-        states = holdable_states(
-            self.parameters, motion.pose, motion.velocity, motion.acceleration, on_invalid
-        )
+        given = motion.pose, motion.velocity, motion.acceleration
         loads = None if wrench is None else wrenches_at(motion.time, wrench, on_invalid)
-        if method == "pinocchio":
+        if method == "pinocchio":  # which decides by itself which samples are valid
+            states = finite_states(*given, on_invalid)
             solution = pinocchio.solve(
                 self.loop,
                 self.parameters.geometry.h,
@@ -184,12 +185,12 @@ class Manipulator(DifferentialMachine):
                 progress=progress,
             )
         else:
+            states = holdable_states(self.parameters, *given, on_invalid)
             known = None
             if method == "compiled":
                 known = compiled.forces(self.kernels, *states, loads, on_invalid="nan")
             solution = virtual_power.solve(self.parameters, *states, wrench=loads, known=known)
-        actuation = self.singularity(states[0]).actuation
-        return _with_evidence(method, motion, solution, loads, actuation)
+        return _with_evidence(method, motion, solution, loads)
 
     def reactions(
         self,
@@ -403,7 +404,7 @@ class Manipulator(DifferentialMachine):
 
 
 def _with_evidence(
-    method: str, motion: Motion, solution: Solution, wrench: FloatArray | None, actuation: FloatArray
+    method: str, motion: Motion, solution: Solution, wrench: FloatArray | None
 ) -> InverseDynamics:
     """Balance the power of actuators and wrench with the rate of change of the energy."""
     speeds = solution.joints.columns(SLIDES).v
@@ -420,5 +421,5 @@ def _with_evidence(
         power,
         given - solution.dissipation - solution.energy_rate,
         solution.dissipation,
-        actuation,
+        solution.actuation,
     )

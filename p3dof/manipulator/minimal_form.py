@@ -5,11 +5,10 @@ from __future__ import annotations
 from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray
-from p3dof.kinematics import OnInvalid
-from p3dof.kinematics.states import forced_states, wrench_like
 from p3dof.manipulator.kinematic import KinematicMachine
 from p3dof.manipulator.methods import CLOSED_FORMS, ClosedForm, Method, check_method
 from p3dof.methods import compiled, equations_of_motion, pinocchio
+from p3dof.samples import OnInvalid, finite_states, wrench_like
 
 
 class MovingMachine(KinematicMachine):
@@ -126,8 +125,9 @@ class MovingMachine(KinematicMachine):
             return equations_of_motion.forward_dynamics(
                 self.parameters, pose, velocity, forces, wrench, on_invalid
             )
-        poses, speeds, given = forced_states(self.parameters, pose, velocity, forces, on_invalid)
-        loads = None if wrench is None else wrench_like(wrench, poses.shape[:-1], on_invalid)
+        poses, speeds, given = finite_states(pose, velocity, forces, on_invalid, "forces")
+        leading = poses.shape[:-1]
+        loads = None if wrench is None else wrench_like(wrench, leading, on_invalid)
         found = pinocchio.accelerate(
             self.loop,
             self.parameters.geometry.h,
@@ -136,5 +136,7 @@ class MovingMachine(KinematicMachine):
             given.reshape(-1, 3),
             None if loads is None else loads.reshape(-1, 6),
             self.parameters.friction,
+            on_invalid,
+            leading,
         )
         return found.reshape(poses.shape)

@@ -19,9 +19,9 @@ from p3dof.compiled.friction import loss_derivatives, losses
 from p3dof.compiled.kernels import MachineKernels, on_arrays
 from p3dof.compiled.reduced import State
 from p3dof.errors import InputError
-from p3dof.kinematics.states import forced_states, holdable_states, reachable_poses, wrench_like
-from p3dof.kinematics.validity import OnInvalid, check_policy, raise_not_finite
+from p3dof.kinematics.states import forced_states, holdable_states, reachable_poses
 from p3dof.motion.wrenches import WRENCH_ROWS
+from p3dof.samples import OnInvalid, check_policy, raise_not_finite, wrench_like
 
 _BY_STATE = tuple((*POSE, *VELOCITY, *ACCELERATION).index(name) for name in State._fields)
 """Columns of pose, velocity and acceleration in a row that the forces change with."""

@@ -24,14 +24,14 @@ from numpy.typing import ArrayLike
 from p3dof.algebra import Vector, components, vector_array
 from p3dof.checks import FloatArray
 from p3dof.kinematics import inverse_jacobian
-from p3dof.kinematics.states import forced_states, reachable_poses, reachable_states, wrench_like
-from p3dof.kinematics.validity import OnInvalid
+from p3dof.kinematics.states import forced_states, reachable_poses, reachable_states
 from p3dof.motion.wrenches import WRENCH_ROWS
 from p3dof.paper.formulas import Lengths
 from p3dof.paper.friction import NO_LOSSES, Losses, losses_of
 from p3dof.paper.inertials import inertials, numbers
 from p3dof.paper.virtual_power import generalized_forces
 from p3dof.parameters import Parameters
+from p3dof.samples import OnInvalid, wrench_like
 
 _STEP = 1e-100
 """Complex step: nothing is subtracted, so it can be as small as one likes."""

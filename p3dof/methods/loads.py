@@ -8,8 +8,7 @@ from typing import TypeAlias
 from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray
-from p3dof.kinematics import OnInvalid
-from p3dof.kinematics.states import wrench_like
+from p3dof.samples import OnInvalid, wrench_like
 
 WrenchOverTime: TypeAlias = ArrayLike | Callable[[FloatArray], ArrayLike] | None
 """A wrench (6,) that stays, one a sample (N, 6), or a function of the times, as `WrenchHistory` is."""

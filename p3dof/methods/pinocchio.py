@@ -7,7 +7,7 @@ agrees independently.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import TypeAlias
 
 import numpy as np
@@ -18,8 +18,9 @@ from p3dof.closed_loop import ClosedLoopModel, FrameTarget, State
 from p3dof.closed_loop.batch.linear import BLOCK, FEW, IndexArray
 from p3dof.closed_loop.batch.states import complete_near
 from p3dof.closed_loop.batch.targets import FrameTargets
-from p3dof.errors import AssemblyError, DynamicsError, P3dofError, SampleError, SingularityError
+from p3dof.errors import AssemblyError, DynamicsError, SingularityError
 from p3dof.methods.pinocchio_friction import PLATFORM, FrictionForces
+from p3dof.methods.pinocchio_gate import Gate, Verdict
 from p3dof.methods.results import JointStates, Solution
 from p3dof.parameters import Friction
 
@@ -37,6 +38,7 @@ def solve(
     friction: Friction | None = None,
     on_invalid: str = "raise",
     progress: Callable[[int, int], None] | None = None,
+    shape: tuple[int, ...] | None = None,
 ) -> Solution:
     """Return forces and joints at every sample.
 
@@ -56,6 +58,8 @@ def solve(
         What to do with a sample that does not assemble or that the actuators cannot hold.
     progress : callable, optional
         Called with (done, total) now and then.
+    shape : tuple of int, optional
+        The leading shape of what the user gave, for errors; (N,) by default.
 
     Returns
     -------
@@ -63,29 +67,34 @@ def solve(
 
     Raises
     ------
-    SampleError
+    ReachError, SingularityError, SampleError
         If a sample does not assemble, or the actuators cannot hold it; the message names the sample.
     """
     count, nv = len(pose), loop.model.nv
     states, (forces, evidence) = np.full((3, count, nv), np.nan), np.full((2, count, 3), np.nan)
     given = pose if wrench is None else np.concatenate((pose, wrench), axis=1)
     finite = np.asarray(np.isfinite(given).all(axis=1))
-    solver = _Solver(loop, depth, FrictionForces(loop, friction), on_invalid == "raise")
+    verdict = Verdict(Gate(loop), pose, targets_of(pose[finite], depth), finite)
+    solver = _Solver(loop, depth, FrictionForces(loop, friction), verdict)
     few = count < FEW
     size = 1 if few else BLOCK
     for start in range(0, count, size):
         if progress is not None:
             progress(start, count)
-        rows = start + np.flatnonzero(finite[start : start + size])
+        rows = verdict.try_rows(start + np.flatnonzero(finite[start : start + size]))
         if len(rows):
             loads = None if wrench is None else wrench[rows]
             part = solver.alone if few else solver.together
             rows, *found = part(rows, pose[rows], velocity[rows], acceleration[rows], loads)
             states[:, rows], forces[rows], evidence[rows] = found
+        if on_invalid == "raise" and (not few or start == count - 1):
+            verdict.tell((count,) if shape is None else shape, start + size >= count)
     if progress is not None:
         progress(count, count)
     names = tuple(loop.model.names[1:])
-    return Solution(forces, JointStates(names, *states), *np.ascontiguousarray(evidence.T))
+    actuation = np.where(np.isfinite(forces).all(axis=1), verdict.actuation, np.nan)
+    gap, energy, lost = np.ascontiguousarray(evidence.T)
+    return Solution(forces, JointStates(names, *states), gap, energy, lost, actuation)
 
 
 _Part: TypeAlias = tuple[IndexArray, FloatArray, FloatArray, FloatArray]
@@ -95,8 +104,10 @@ _Part: TypeAlias = tuple[IndexArray, FloatArray, FloatArray, FloatArray]
 class _Solver:
     """Solves samples, and remembers where the last of them was."""
 
-    def __init__(self, loop: ClosedLoopModel, depth: float, friction: FrictionForces, stop: bool) -> None:
-        self._loop, self._depth, self._friction, self._stop = loop, depth, friction, stop
+    def __init__(
+        self, loop: ClosedLoopModel, depth: float, friction: FrictionForces, verdict: Verdict
+    ) -> None:
+        self._loop, self._depth, self._friction, self._verdict = loop, depth, friction, verdict
         self._near: FloatArray | None = None
 
     def alone(
@@ -108,15 +119,25 @@ class _Solver:
         wrench: FloatArray | None,
     ) -> _Part:
         """Solve one sample."""
-        loop, target = self._loop, target_of(pose[0], self._depth)
+        loop, target, i = self._loop, target_of(pose[0], self._depth), int(rows[0])
+        nothing = rows[:0], np.zeros((3, 0, loop.model.nv)), *np.zeros((2, 0, 3))
         try:
             state = complete_near(loop, target, velocity[0], acceleration[0], self._near)
+        except AssemblyError as error:
+            self._verdict.not_assembled({i: error})
+            return nothing
+        if not state.same_assembly:
+            self._verdict.not_assembled({i: _left_assembly()})
+            return nothing
+        if not self._verdict.hold(rows, state.q[None], state.influence[None, loop.actuated_v])[0]:
+            return nothing
+        try:
             lost = self._friction.at(state.q, state.v)
             external = lost.external_with(None if wrench is None else wrench[0])
             found = loop.inverse_dynamics(state.q, state.v, state.a, external, lost.joint_forces)
-        except (AssemblyError, DynamicsError, SingularityError) as error:
-            self._tell({int(rows[0]): error})
-            return rows[:0], np.zeros((3, 0, loop.model.nv)), *np.zeros((2, 0, 3))
+        except (DynamicsError, SingularityError) as error:
+            self._verdict.errors[i] = error
+            return nothing
         self._near = state.q
         joints = np.array((state.q, state.v, state.a))
         evidence = _gaps(loop.closure_error(state.q)), loop.power(*joints), lost.power
@@ -132,15 +153,18 @@ class _Solver:
     ) -> _Part:
         """Solve many samples at once."""
         loop, targets = self._loop, targets_of(pose, self._depth)
-        motion = loop.complete_batch(targets, velocity, acceleration, near=self._near, stop=self._stop)
+        motion = loop.complete_batch(targets, velocity, acceleration, near=self._near)
         errors = {int(rows[i]): error for i, error in motion.errors.items()}
         known = np.isfinite(motion.q).all(axis=1)
+        errors.update((int(i), _left_assembly()) for i in rows[known & ~motion.same_assembly])
+        self._verdict.not_assembled(errors)
+        known &= motion.same_assembly
+        known[known] = self._verdict.hold(rows[known], motion.q[known], motion.inverse_jacobian[known])
         rows, q, v, a = rows[known], motion.q[known], motion.v[known], motion.a[known]
         lost = self._friction.over(q, v)
         external = lost.external_with(None if wrench is None else wrench[known])
-        found = loop.inverse_dynamics_batch(q, v, a, external, lost.joint_forces, self._stop)
-        errors.update((int(rows[i]), error) for i, error in found.errors.items())
-        self._tell(errors)
+        found = loop.inverse_dynamics_batch(q, v, a, external, lost.joint_forces)
+        self._verdict.errors.update((int(rows[i]), error) for i, error in found.errors.items())
         held = np.isfinite(found.tau).all(axis=1)
         joints = np.array((q[held], v[held], a[held]))
         if held.any():
@@ -149,13 +173,9 @@ class _Solver:
         evidence = np.column_stack((gaps, loop.power_batch(*joints), losses))
         return rows[held], joints, found.tau[held], evidence
 
-    def _tell(self, errors: Mapping[int, P3dofError]) -> None:
-        """Raise the first error if one is to be raised."""
-        if errors and self._stop:
-            sample = min(errors)
-            error = errors[sample]
-            kind = SingularityError if isinstance(error, SingularityError) else SampleError
-            raise kind(f"sample {sample}: {error}", (sample,)) from error
+
+def _left_assembly() -> AssemblyError:
+    return AssemblyError("the loops close only on another assembly than that of home")
 
 
 def _gaps(errors: FloatArray) -> FloatArray:
@@ -171,6 +191,8 @@ def accelerate(
     forces: FloatArray,
     wrench: FloatArray | None = None,
     friction: Friction | None = None,
+    on_invalid: str = "raise",
+    shape: tuple[int, ...] | None = None,
 ) -> FloatArray:
     """Return the platform's acceleration under actuator forces, by Pinocchio's constrained dynamics.
 
@@ -186,23 +208,36 @@ def accelerate(
         External force and moment on the platform at P [N, N m].
     friction : Friction, optional
         What the joints lose.
+    on_invalid, shape
+        As for `solve`; a pose that the actuators cannot hold has an acceleration.
 
     Returns
     -------
     ndarray, shape (N, 3)
         ÿ, z̈ [m/s²], θ̈ [rad/s²].
+
+    Raises
+    ------
+    ReachError, SampleError
+        If a sample does not assemble; the message names it.
     """
     result = np.full(pose.shape, np.nan)
     data = loop.model.createData()
     frame = loop.model.getFrameId(PLATFORM)
     guess: FloatArray | None = None
     resisting = FrictionForces(loop, friction)
-    for i in range(len(pose)):
-        given = (pose[i], velocity[i], forces[i], *(() if wrench is None else (wrench[i],)))
-        if not all(np.isfinite(row).all() for row in given):
+    given = np.concatenate((pose, velocity, forces, *(() if wrench is None else (wrench,))), axis=1)
+    finite = np.asarray(np.isfinite(given).all(axis=1))
+    verdict = Verdict(Gate(loop), pose, targets_of(pose[finite], depth), finite)
+    for i in verdict.try_rows(np.flatnonzero(finite)).tolist():
+        try:
+            state = complete_near(loop, target_of(pose[i], depth), velocity[i], np.zeros(3), guess)
+        except AssemblyError as error:
+            verdict.not_assembled({i: error})
             continue
-        target = target_of(pose[i], depth)
-        state = complete_near(loop, target, velocity[i], np.zeros(3), guess)
+        if not state.same_assembly:
+            verdict.not_assembled({i: _left_assembly()})
+            continue
         guess = state.q
         lost = resisting.at(state.q, state.v)
         external = lost.external_with(None if wrench is None else wrench[i])
@@ -211,6 +246,8 @@ def accelerate(
         pin.updateFramePlacement(loop.model, data, frame)
         moving = pin.getFrameClassicalAcceleration(loop.model, data, frame, pin.LOCAL_WORLD_ALIGNED)
         result[i] = moving.linear[1], moving.linear[2], moving.angular[1]
+    if on_invalid == "raise":
+        verdict.tell((len(pose),) if shape is None else shape, True)
     return result
 
 

@@ -30,9 +30,9 @@ from p3dof.compiled.reduced import (
 from p3dof.compiled.tracing import Number, Symbol, Tape, derivatives, straight_line
 from p3dof.compiled.tracing.python import function_of
 from p3dof.kinematics.states import holdable_states
-from p3dof.kinematics.validity import OnInvalid, raise_not_finite
 from p3dof.paper.formulas import Lengths
 from p3dof.parameters import LINKS, Bodies, Parameters
+from p3dof.samples import OnInvalid, raise_not_finite
 
 MOMENTS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 """Inertial parameters of a body, about the origin of its axes, in the order of Pinocchio's."""

@@ -84,6 +84,8 @@ class Solution:
         Rate of change of kinetic and potential energy, summed body by body [W].
     dissipation : ndarray, shape (N,)
         Power lost in friction [W].
+    actuation : ndarray, shape (N,)
+        Angle from the actuation singularity [rad].
     """
 
     forces: FloatArray
@@ -91,6 +93,7 @@ class Solution:
     closure_error: FloatArray
     energy_rate: FloatArray
     dissipation: FloatArray
+    actuation: FloatArray
 
 
 @dataclass(frozen=True)

@@ -11,14 +11,14 @@ from p3dof import kinematics
 from p3dof.algebra import BLOCK, Namespace, components
 from p3dof.checks import FloatArray
 from p3dof.kinematics import MechanismMotion
-from p3dof.kinematics.states import holdable_states, reachable_states, wrench_like
-from p3dof.kinematics.validity import OnInvalid, raise_not_finite
+from p3dof.kinematics.states import holdable_states, reachable_states
 from p3dof.methods.results import JointStates, Solution
 from p3dof.paper.formulas import Lengths
 from p3dof.paper.friction import losses_of, lost_power
 from p3dof.paper.inertials import inertials, numbers
 from p3dof.paper.virtual_power import NO_WRENCH, Wrench, actuator_forces
 from p3dof.parameters import Parameters
+from p3dof.samples import OnInvalid, raise_not_finite, wrench_like
 
 
 def forces(
@@ -113,6 +113,7 @@ def solve(
         kinematics.closure_error(parameters.geometry, motion),
         energy_rate(parameters, motion),
         _dissipation(parameters, pose, velocity),
+        kinematics.singularity(parameters.geometry, pose).actuation,
     )
 
 

@@ -12,8 +12,6 @@ from p3dof.checks import FloatArray
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.closed_loop.reactions import JointReactions, ReactionSolver
 from p3dof.errors import DynamicsError, InputError, SampleError
-from p3dof.kinematics import OnInvalid
-from p3dof.kinematics.states import holdable_states
 from p3dof.methods import Solution, WrenchOverTime, pinocchio, wrenches_at
 from p3dof.methods.pinocchio_friction import FrictionForces
 from p3dof.motion import Motion
@@ -21,6 +19,7 @@ from p3dof.parameters import Parameters
 from p3dof.reactions.joints import JOINTS, Idealisation, cuts
 from p3dof.reactions.newton_euler import in_fixed_axes, residual
 from p3dof.reactions.results import Reactions
+from p3dof.samples import OnInvalid, finite_states
 
 
 def over_motion(
@@ -65,7 +64,7 @@ def over_motion(
     cuts(joints)  # before the long part
     if not isinstance(motion, Motion):
         raise InputError(f"motion: expected a Motion, got {type(motion).__name__}")
-    states = holdable_states(parameters, motion.pose, motion.velocity, motion.acceleration, on_invalid)
+    states = finite_states(motion.pose, motion.velocity, motion.acceleration, on_invalid)
     loads = None if wrench is None else wrenches_at(motion.time, wrench, on_invalid)
     solution = pinocchio.solve(
         loop, parameters.geometry.h, *states, loads, parameters.friction, on_invalid, progress

@@ -18,13 +18,13 @@ from p3dof.checks import shown
 from p3dof.energy import Energy
 from p3dof.errors import InputError, MissingExtraError
 from p3dof.files import write_atomic
-from p3dof.kinematics import OnInvalid
 from p3dof.manipulator import Manipulator
 from p3dof.methods import LEGS, InverseDynamics, WrenchOverTime
 from p3dof.motion import Motion
 from p3dof.reactions import Reactions
 from p3dof.report import tables
 from p3dof.report.figures import Pictures, pictures_of
+from p3dof.samples import OnInvalid
 
 TITLE = "Inverse dynamics of a 3-DOF spatial parallel manipulator"
 AGREEMENT = 1e-10

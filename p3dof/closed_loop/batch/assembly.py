@@ -167,6 +167,16 @@ class BatchSystem:
         r = np.concatenate((closure_errors(self.kinematics, frames), error), axis=1)
         return Points(q, r, J, inverse(J[:, self.chosen]))
 
+    def influence(self, K: FloatArray) -> FloatArray:
+        """Return how fast every joint moves per unit speed of the target, (n, nv, size), from `Points.K`.
+
+        A prescribed value whose row is not among the chosen ones follows from those, and has no influence.
+        """
+        result = np.zeros((*K.shape[:2], self.goals.size))
+        of_target = self.chosen >= self.kinematics.size
+        result[:, :, self.chosen[of_target] - self.kinematics.size] = K[:, :, of_target]
+        return result
+
     @property
     def plain(self) -> bool:
         """Whether every joint is a plain coordinate."""

@@ -34,6 +34,8 @@ class BatchStates:
         Configurations; NaN in the rows of samples that failed.
     v, a : (N, nv) array
         Velocities and accelerations.
+    inverse_jacobian : (N, n_actuated, size) array
+        How fast the actuated joints move per unit speed of the target; NaN where a sample failed.
     same_assembly : (N,) array of bool
         As in `Assembly`.
     errors : dict of int to P3dofError
@@ -43,12 +45,16 @@ class BatchStates:
     q: FloatArray
     v: FloatArray
     a: FloatArray
+    inverse_jacobian: FloatArray
     same_assembly: BoolArray
     errors: dict[int, P3dofError]
 
-    def put(self, i: IndexArray | int, q: FloatArray, v: FloatArray, a: FloatArray, same: bool) -> None:
-        """Enter what was found of some samples."""
-        self.q[i], self.v[i], self.a[i], self.same_assembly[i] = q, v, a, same
+    def put(
+        self, i: IndexArray | int, q: FloatArray, v: FloatArray, a: FloatArray, J: FloatArray, same: bool
+    ) -> None:
+        """Enter what was found of some samples, J being the inverse Jacobian."""
+        self.q[i], self.v[i], self.a[i] = q, v, a
+        self.inverse_jacobian[i], self.same_assembly[i] = J, same
 
 
 class BatchAssembler:
@@ -96,7 +102,8 @@ class BatchAssembler:
         """
         model, count = self._loop.model, len(motion[0])
         q, v, a = (np.full((count, size), np.nan) for size in (model.nq, model.nv, model.nv))
-        result = BatchStates(q, v, a, np.zeros(count, dtype=bool), {})
+        J = np.full((count, len(self._loop.actuated), goals.size), np.nan)
+        result = BatchStates(q, v, a, J, np.zeros(count, dtype=bool), {})
         begin = self._start(goals, guess) if count >= FEW else None
         for block in blocks(count):
             if begin is not None:
@@ -111,7 +118,8 @@ class BatchAssembler:
                     if stop:
                         return result
                 else:
-                    result.put(i, state.q, state.v, state.a, state.same_assembly)
+                    J = state.influence[self._loop.actuated_v]
+                    result.put(i, state.q, state.v, state.a, J, state.same_assembly)
         return result
 
     def _start(self, goals: Goals, guess: FloatArray | None) -> tuple[BatchSystem, Assembly] | None:
@@ -130,8 +138,8 @@ class BatchAssembler:
         start: Assembly,
         block: IndexArray,
         motion: tuple[FloatArray, FloatArray],
-    ) -> tuple[IndexArray, FloatArray, FloatArray, FloatArray]:
-        """Return the samples of a block that pass every test, with their configurations and motions."""
+    ) -> tuple[IndexArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return the samples of a block that pass every test, their motions and inverse Jacobians."""
         velocity, acceleration = (values[block] for values in motion)
         with np.errstate(all="ignore"):  # what is not a number passes no test
             q, good = settle(system, start.q, block)
@@ -147,7 +155,7 @@ class BatchAssembler:
             closures, target = np.split(-drift, [self._kinematics.size], axis=1)
             a, fits = _solution(system, J, K, closures, acceleration + target)
             good &= fits
-        return block[good], q[good], v[good], a[good]
+        return block[good], q[good], v[good], a[good], system.influence(K)[good][:, self._loop.actuated_v]
 
 
 def complete_near(
