@@ -237,6 +237,40 @@ def test_springs():
     np.testing.assert_allclose(slope, -force, rtol=1e-8)
 
 
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_held_computed_torque_asks_for_the_middle_of_the_hold(sign):
+    """On a reference of constant acceleration the middle of a hold is known: x + v h/2 + a (h/2)²/2."""
+    time = np.linspace(0, 1, 6)[:, None]
+    a = sign * np.array([0.3, -0.4, 1.5])
+    start, speed = np.array([0.01, 0.02, 0.1]), np.array([-0.1, 0.1, -0.5])
+    pose = start + time * speed + time**2 / 2 * a
+    motion = p3dof.Motion(time[:, 0], pose, speed + time * a, np.tile(a, (6, 1)))
+    controller, robot, hold = ComputedTorque(PAPER, motion), p3dof.load(), 0.1
+    for t in (0.0, 0.2, 0.4):
+        x, v = start + t * speed + t**2 / 2 * a, speed + t * a
+        sliders = robot.inverse_kinematics(x).sliders
+        held = Measurement(t, hold, sliders, robot.jacobian(x) @ v, np.zeros(3, dtype=bool), PAPER.geometry)
+        middle = x + v * hold / 2 + a * hold**2 / 8
+        expected = robot.forces(middle, v + a * hold / 2, a)
+        np.testing.assert_allclose(controller(held), expected, rtol=1e-11)
+
+
+def test_computed_torque_gives_the_errors_the_dynamics_it_was_designed_for():
+    """At any state: ẍ = ẍ_d + 2ζω (ẋ_d - ẋ) + ω² (x_d - x), by the forward dynamics of the machine."""
+    robot, zeta, omega = p3dof.load(), 0.7, 2 * math.pi * 3
+    controller = ComputedTorque(PAPER, ENTERED, frequency=3, damping=zeta)
+    rng, none = np.random.default_rng(5), np.zeros(3, dtype=bool)
+    for t in (0.0, 0.3, 0.7, 1.1):
+        wanted = Reference(ENTERED).at(t)
+        pose = wanted[0] + rng.normal(0, 0.01, 3)
+        velocity = wanted[1] + rng.normal(0, 0.2, 3)
+        sliders = robot.inverse_kinematics(pose).sliders
+        measured = Measurement(t, 0.0, sliders, robot.jacobian(pose) @ velocity, none, PAPER.geometry)
+        found = robot.forward_dynamics(pose, velocity, controller(measured))
+        designed = wanted[2] + 2 * zeta * omega * (wanted[1] - velocity) + omega**2 * (wanted[0] - pose)
+        np.testing.assert_allclose(found, designed, rtol=0, atol=1e-10)
+
+
 def test_a_reference_rests_before_and_after():
     motion = p3dof.paper_motion(101)
     reference = Reference(motion)

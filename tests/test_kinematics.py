@@ -129,10 +129,10 @@ def test_jacobian_against_finite_differences(seed):
     for column in range(3):
         direction = np.eye(3)[column] * size[column]
         difference = derivative(
-            lambda t, d=direction: kinematics.inverse_kinematics(geometry, pose + t * d).sliders, 0, 1e-3
+            lambda t, d=direction: kinematics.inverse_kinematics(geometry, pose + t * d).sliders, 0, 1e-4
         )
         np.testing.assert_allclose(
-            J[..., column] * size[column], difference, rtol=2e-6, atol=2e-6 * geometry.L
+            J[..., column] * size[column], difference, rtol=5e-9, atol=5e-9 * geometry.L
         )
 
 

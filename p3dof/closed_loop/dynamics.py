@@ -179,9 +179,42 @@ class Dynamics:
             rank=point.svd.rank,
             mobility=mobility,
             conditioning=conditioning,
-            residual=max_abs(constraint - point.J.T @ lambda_),
+            residual=self.residual(point, v, a, external, tau, lambda_),
             gap=point.gap,
         )
+
+    def residual(
+        self,
+        point: ClosurePoint,
+        v: FloatArray,
+        a: FloatArray,
+        external: FloatArray,
+        tau: FloatArray,
+        lambda_: FloatArray,
+    ) -> float:
+        """Return the largest error of the full equation of motion (1) under given forces.
+
+        Parameters
+        ----------
+        point : ClosurePoint
+            The closures at the configuration.
+        v, a : (nv,) array
+            Velocity and acceleration.
+        external : (nv,) array
+            Generalised force of the external wrenches.
+        tau : (n_actuated,) array
+            Forces of the actuated joints.
+        lambda_ : (rows,) array
+            Multipliers of the closures.
+
+        Returns
+        -------
+        float
+            [N or N m]
+        """
+        left = np.array(pin.rnea(self.model, self._data, point.q, v, a)) - external - point.J.T @ lambda_
+        left[self.actuated_v] -= tau
+        return max_abs(left)
 
     def forward(
         self, point: ClosurePoint, v: FloatArray, force: FloatArray, stabilisation: float = 0.0

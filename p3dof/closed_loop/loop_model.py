@@ -305,6 +305,50 @@ class LoopModel:
         self._check_motion(point, v, a)
         return self._dynamics.inverse(point, v, a, self._external(external, joint_forces))
 
+    def residual(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        a: ArrayLike,
+        tau: ArrayLike,
+        lambda_: ArrayLike,
+        external: External | None = None,
+        joint_forces: ArrayLike | None = None,
+    ) -> float:
+        """Return how far given forces are from the equation of motion, such as measured ones.
+
+        Parameters
+        ----------
+        q : (nq,) array
+            Configuration.
+        v, a : (nv,) array
+            Velocity and acceleration.
+        tau : (n_actuated,) array
+            Forces of the actuated joints [N or N m].
+        lambda_ : (rows,) array
+            Multipliers of the closures, as in the result of `inverse_dynamics`.
+        external : mapping of str to (6,) array, optional
+            As in `inverse_dynamics`.
+        joint_forces : (nv,) array, optional
+            As in `inverse_dynamics`.
+
+        Returns
+        -------
+        float
+            The largest error of the equation of motion of all joints [N or N m].
+
+        Raises
+        ------
+        InputError
+            If an argument has the wrong shape or is not finite.
+        """
+        point = self._at(q)
+        v = frozen_array("v", v, (self.model.nv,))
+        a = frozen_array("a", a, (self.model.nv,))
+        tau = frozen_array("tau", tau, (len(self.actuated),))
+        lambda_ = frozen_array("lambda_", lambda_, (self._kinematics.size,))
+        return self._dynamics.residual(point, v, a, self._external(external, joint_forces), tau, lambda_)
+
     def forward_dynamics(
         self,
         q: ArrayLike,

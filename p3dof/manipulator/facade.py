@@ -17,17 +17,15 @@ from p3dof.kinematics.states import holdable_states
 from p3dof.manipulator.differential import DifferentialMachine
 from p3dof.manipulator.methods import Method, check_method
 from p3dof.methods import (
-    SLIDES,
     InverseDynamics,
-    Solution,
     WrenchOverTime,
     compiled,
     pinocchio,
     virtual_power,
+    with_evidence,
     wrenches_at,
 )
 from p3dof.motion import Motion
-from p3dof.motion.wrenches import WRENCH_ROWS
 from p3dof.parameters import PAPER, Parameters, read_parameters
 from p3dof.reactions import Idealisation, Reactions, over_motion
 from p3dof.samples import OnInvalid, finite_states, wrench_like
@@ -190,7 +188,7 @@ class Manipulator(DifferentialMachine):
             if method == "compiled":
                 known = compiled.forces(self.kernels, *states, loads, on_invalid="nan")
             solution = virtual_power.solve(self.parameters, *states, wrench=loads, known=known)
-        return _with_evidence(method, motion, solution, loads)
+        return with_evidence(method, motion, solution, loads)
 
     def reactions(
         self,
@@ -401,25 +399,3 @@ class Manipulator(DifferentialMachine):
             stabilisation,
             progress,
         )
-
-
-def _with_evidence(
-    method: str, motion: Motion, solution: Solution, wrench: FloatArray | None
-) -> InverseDynamics:
-    """Balance the power of actuators and wrench with the rate of change of the energy."""
-    speeds = solution.joints.columns(SLIDES).v
-    power = np.sum(solution.forces * speeds, axis=-1)
-    loads = np.zeros((len(motion), 6)) if wrench is None else wrench
-    given = power + np.sum(loads[:, WRENCH_ROWS] * motion.velocity, axis=-1)
-    return InverseDynamics(
-        method,
-        motion,
-        solution.forces,
-        solution.joints,
-        solution.closure_error,
-        loads,
-        power,
-        given - solution.dissipation - solution.energy_rate,
-        solution.dissipation,
-        solution.actuation,
-    )

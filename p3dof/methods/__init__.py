@@ -1,5 +1,6 @@
 """The two ways from the platform's motion to the forces, over samples, with one kind of result."""
 
+from p3dof.methods.evidence import with_evidence
 from p3dof.methods.loads import WrenchOverTime, wrenches_at
 from p3dof.methods.results import (
     LEGS,
@@ -21,6 +22,7 @@ __all__ = [
     "Solution",
     "WrenchOverTime",
     "exceedances_of",
+    "with_evidence",
     "wrenches_at",
     "write_table",
 ]

@@ -1,0 +1,48 @@
+"""The evidence that a result carries: the power of its forces against the change of the energy."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from p3dof.checks import FloatArray
+from p3dof.methods.results import SLIDES, InverseDynamics, Solution
+from p3dof.motion import Motion
+from p3dof.motion.wrenches import WRENCH_ROWS
+
+
+def with_evidence(
+    method: str, motion: Motion, solution: Solution, wrench: FloatArray | None
+) -> InverseDynamics:
+    """Balance the power of actuators and wrench with the losses and the rate of change of the energy.
+
+    Parameters
+    ----------
+    method : str
+        How the solution was found.
+    motion : Motion
+        The motion of the platform.
+    solution : Solution
+        Forces and joints over it, and the power that the bodies take up.
+    wrench : ndarray, shape (N, 6), optional
+        External force and moment on the platform at P [N, N m].
+
+    Returns
+    -------
+    InverseDynamics
+    """
+    speeds = solution.joints.columns(SLIDES).v
+    power = np.sum(solution.forces * speeds, axis=-1)
+    loads = np.zeros((len(motion), 6)) if wrench is None else wrench
+    given = power + np.sum(loads[:, WRENCH_ROWS] * motion.velocity, axis=-1)
+    return InverseDynamics(
+        method,
+        motion,
+        solution.forces,
+        solution.joints,
+        solution.closure_error,
+        loads,
+        power,
+        given - solution.dissipation - solution.energy_rate,
+        solution.dissipation,
+        solution.actuation,
+    )

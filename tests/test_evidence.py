@@ -1,0 +1,254 @@
+"""Evidence that can fail: a force or a length that is off, a loop left out show in it at full size."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.integrate import solve_ivp
+
+import p3dof
+from p3dof import PAPER, Friction, kinematics
+from p3dof.closed_loop.batch import dynamics as batch_dynamics
+from p3dof.closed_loop.linear import Decomposition
+from p3dof.errors import DynamicsError
+from p3dof.methods import pinocchio, virtual_power, with_evidence
+from p3dof.simulation.plants import ConstrainedPlant
+
+METHODS = ("pinocchio", "virtual-power")
+ROUGH = replace(PAPER, friction=Friction({"sliders": 20.0, "joints": 0.5}))
+WRENCH = np.array([3.0, 40.0, -30.0, 1.0, 2.0, 5.0])
+MOTION = p3dof.paper_motion(41)
+GAPS = (5e-11, 2e-7)
+"""Open loops that the batch takes, and that only the single sample does [m]."""
+HOME = np.zeros(3)
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return p3dof.load(ROUGH)
+
+
+def solution(method, parameters=ROUGH, motion=MOTION):
+    loads = np.tile(WRENCH, (len(motion), 1))
+    states = motion.pose, motion.velocity, motion.acceleration
+    if method == "virtual-power":
+        return virtual_power.solve(parameters, *states, wrench=loads)
+    loop, depth = p3dof.load(parameters).loop, parameters.geometry.h
+    return pinocchio.solve(loop, depth, *states, wrench=loads, friction=parameters.friction)
+
+
+def balanced(method, found, wrench=WRENCH, motion=MOTION):
+    loads = None if wrench is None else np.tile(wrench, (len(motion), 1))
+    return with_evidence(method, motion, found, loads)
+
+
+def assert_residual(result, expected):
+    assert np.abs(expected).max() > 0.1  # W: something to see
+    scale = np.abs(result.power).max()
+    np.testing.assert_allclose(result.power_residual, expected, rtol=0, atol=1e-13 * scale)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_force_that_is_off_shows_in_the_power_balance(method):
+    found = solution(method)
+    right = balanced(method, found)
+    assert np.abs(right.power_residual).max() <= 1e-13 * np.abs(right.power).max()
+    assert_residual(balanced(method, replace(found, forces=1.01 * found.forces)), 0.01 * right.power)
+    for leg in range(3):
+        off = found.forces + np.eye(3)[leg]
+        assert_residual(balanced(method, replace(found, forces=off)), right.slider_velocities[:, leg])
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_load_a_loss_or_a_mass_that_is_off_shows_in_the_power_balance(method):
+    found = solution(method)
+    loads = WRENCH[1] * MOTION.velocity[:, 0] + WRENCH[2] * MOTION.velocity[:, 1]
+    loads = loads + WRENCH[4] * MOTION.velocity[:, 2]
+    assert_residual(balanced(method, found, wrench=None), -loads)
+    assert_residual(balanced(method, replace(found, dissipation=0 * found.dissipation)), found.dissipation)
+    heavier = solution(method, replace(ROUGH, bodies=PAPER.bodies.scaled(1.01)))
+    assert_residual(
+        balanced(method, replace(found, energy_rate=heavier.energy_rate)), -0.01 * found.energy_rate
+    )
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_power_balance_of_a_result_is_that_of_its_forces(method, robot, monkeypatch):
+    """Through the whole of `inverse_dynamics`: one per cent on the forces is one per cent of the power."""
+    right = robot.inverse_dynamics(MOTION, method, wrench=WRENCH)
+    route = {"pinocchio": pinocchio, "virtual-power": virtual_power}[method]
+    solve = route.solve
+
+    def off(*args, **kwargs):
+        found = solve(*args, **kwargs)
+        return replace(found, forces=1.01 * found.forces)
+
+    monkeypatch.setattr(route, "solve", off)
+    assert_residual(robot.inverse_dynamics(MOTION, method, wrench=WRENCH), 0.01 * right.power)
+
+
+@pytest.mark.parametrize("length", ["r", "L", "b"])
+def test_a_length_that_is_off_opens_the_loops_by_as_much(length):
+    """The closed form's loops, seen with a length a millimetre longer: open by that millimetre."""
+    motion = kinematics.mechanism_motion(PAPER.geometry, MOTION.pose, MOTION.velocity, MOTION.acceleration)
+    assert kinematics.closure_error(PAPER.geometry, motion).max() < 1e-15
+    longer = replace(PAPER.geometry, **{length: getattr(PAPER.geometry, length) + 1e-3})
+    np.testing.assert_allclose(kinematics.closure_error(longer, motion), 1e-3, rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("body", ["leg_a", "leg_b", "rod_right"])
+def test_every_loop_of_the_closed_form_is_looked_at(body, robot, monkeypatch):
+    real, shift = kinematics.mechanism_motion, np.array([0, 0, 1e-3])
+
+    def shifted(*args, **kwargs):
+        motion = real(*args, **kwargs)
+        moved = replace(motion.bodies[body], origin=motion.bodies[body].origin + shift)
+        return replace(motion, bodies={**motion.bodies, body: moved})
+
+    monkeypatch.setattr(virtual_power.kinematics, "mechanism_motion", shifted)
+    found = robot.inverse_dynamics(MOTION, "virtual-power")
+    np.testing.assert_allclose(found.closure_error, 1e-3, rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("gap", GAPS)
+@pytest.mark.parametrize("count", [1, len(MOTION)], ids=["alone", "together"])
+@pytest.mark.parametrize(
+    ("joint", "arm"), [("slide_a", 1), ("slide_b", 1), ("hinge_right", PAPER.geometry.L)]
+)
+def test_every_loop_of_the_pinocchio_route_is_looked_at(joint, arm, count, gap, robot, monkeypatch):
+    """A joint that moves the end of one loop only is put off by so much that the loop is open by `gap`."""
+    index = list(robot.model.names[1:]).index(joint)
+    change = np.eye(10)[index] * gap / arm
+    motion = MOTION.resampled(MOTION.time[:count])
+    near, batch = pinocchio.complete_near, robot.loop.complete_batch
+
+    def alone(*args):
+        state = near(*args)
+        return replace(state, q=state.q + change)
+
+    def together(*args, **kwargs):
+        found = batch(*args, **kwargs)
+        return replace(found, q=found.q + change)
+
+    monkeypatch.setattr(pinocchio, "complete_near", alone)
+    monkeypatch.setattr(robot.loop, "complete_batch", together)
+    found = robot.inverse_dynamics(motion, "pinocchio")
+    np.testing.assert_allclose(found.closure_error, gap, rtol=1e-6, atol=1e-15)
+
+
+@pytest.mark.parametrize("closure", range(3))
+@pytest.mark.parametrize("end", ["frame1", "frame2"])
+def test_a_length_that_is_off_opens_a_loop_of_pinocchios_model(closure, end, robot):
+    """The machine's joints in a model whose leg, rod or platform is a millimetre longer on one side."""
+    name = getattr(robot.loop.sidecar.closures[closure], end)
+    model = robot.model.copy()
+    frame = model.frames[model.getFrameId(name)]
+    frame.placement = frame.placement * pin.SE3(np.eye(3), np.array([1e-3, 0, 0]))
+    longer = p3dof.ClosedLoopModel(model, robot.loop.sidecar)
+    for q in robot.inverse_dynamics(MOTION, "pinocchio").joints.q:
+        gaps = np.linalg.norm(longer.closure_error(q).reshape(3, 3), axis=1)
+        np.testing.assert_allclose(gaps, 1e-3 * np.eye(3)[closure], rtol=0, atol=1e-14)
+
+
+def equation(robot, i=7):
+    """A state of the mechanism with friction and a wrench, its solution, and the arguments for the error."""
+    found = robot.inverse_dynamics(MOTION, "pinocchio")
+    state = found.joints.q[i], found.joints.v[i], found.joints.a[i]
+    loads = {"external": {"platform_center": WRENCH}, "joint_forces": -20 * found.joints.v[i]}
+    return state, loads, robot.loop.inverse_dynamics(*state, **loads)
+
+
+def test_a_force_or_a_loop_that_is_off_shows_in_the_equation_of_motion(robot):
+    state, loads, right = equation(robot)
+    loop, J = robot.loop, robot.loop.closure_jacobian(state[0])
+    scale = np.abs(right.tau).max()
+    assert right.residual == loop.residual(*state, right.tau, right.lambda_, **loads) < 1e-13 * scale
+    off = loop.residual(*state, 1.01 * right.tau, right.lambda_, **loads)
+    assert off == pytest.approx(0.01 * scale, rel=1e-10)
+    for rows in loop.constraint_rows:  # a loop left out
+        cut = right.lambda_.copy()
+        cut[rows] = 0
+        expected = np.abs(J[rows].T @ right.lambda_[rows]).max()
+        assert expected > 1
+        assert loop.residual(*state, right.tau, cut, **loads) == pytest.approx(expected, rel=1e-10)
+    heavier = {**loads, "external": {"platform_center": 1.01 * WRENCH}}
+    expected = np.abs(loop._external({"platform_center": 0.01 * WRENCH}, None)).max()
+    assert loop.residual(*state, right.tau, right.lambda_, **heavier) == pytest.approx(expected, rel=1e-9)
+    rougher = {**loads, "joint_forces": 1.01 * loads["joint_forces"]}
+    expected = 0.01 * np.abs(loads["joint_forces"]).max()
+    assert loop.residual(*state, right.tau, right.lambda_, **rougher) == pytest.approx(expected, rel=1e-9)
+
+
+def test_the_residual_of_a_result_shows_a_solver_that_is_off(robot, monkeypatch):
+    """With multipliers one per cent too large, one per cent of their forces is left over."""
+    state, loads, right = equation(robot)
+    solve = Decomposition.solve_transpose
+    monkeypatch.setattr(Decomposition, "solve_transpose", lambda self, f: 1.01 * solve(self, f))
+    off = robot.loop.inverse_dynamics(*state, **loads)
+    expected = 0.01 * np.abs(robot.loop.closure_jacobian(state[0]).T @ right.lambda_).max()
+    assert off.residual == pytest.approx(expected, rel=1e-9)
+
+
+def test_the_residual_of_a_batch_shows_a_solver_that_is_off(robot, monkeypatch):
+    """With an inverse that is too large by a share, that share of the passive joints' forces is left over."""
+    joints = robot.inverse_dynamics(MOTION, "pinocchio").joints
+    share = 1e-8
+    right = robot.loop.inverse_dynamics_batch(joints.q, joints.v, joints.a)
+    inverse = batch_dynamics.inverse
+    monkeypatch.setattr(batch_dynamics, "inverse", lambda J: (1 + share) * inverse(J))
+    monkeypatch.setattr(batch_dynamics, "redundant", lambda J, _: np.ones(len(J), dtype=bool))
+    off = robot.loop.inverse_dynamics_batch(joints.q, joints.v, joints.a)
+    passive = [name not in robot.loop.actuated for name in joints.names]
+    for i in range(len(MOTION)):
+        f = rnea(robot, joints.q[i], joints.v[i], joints.a[i])[passive]
+        assert right.residual[i] < 1e-13 * np.abs(f).max()
+        assert off.residual[i] == pytest.approx(share * np.abs(f).max(), rel=1e-4)
+
+
+def rnea(robot, q, v, a):
+    return np.array(pin.rnea(robot.model, robot.model.createData(), q, v, a))
+
+
+def test_baumgarte_closes_a_gap_as_it_says():
+    """A gap e₀ at rest follows ë + 2β ė + β² e = 0, that is e = e₀ (1 + βt) exp(-βt)."""
+    robot = p3dof.load()
+    beta, gap = 10.0, 1e-5
+    plant = ConstrainedPlant(PAPER, robot.loop, beta)
+    state = plant.state(np.array([0.02, 0.03, 0.15]), HOME)
+    state[:3:2] += [gap, -gap / 2]  # sliders A and B
+    holding = robot.forces([0.02, 0.03, 0.15], HOME, HOME)
+    time = np.linspace(0, 0.5, 11)
+    run = solve_ivp(
+        lambda _, x: plant.rate(x, holding, np.zeros(6)),
+        (0, 0.5),
+        state,
+        "DOP853",
+        time,
+        rtol=1e-10,
+        atol=1e-14,
+    )
+    errors = np.array([robot.loop.closure_error(q) for q in run.y[:10].T])
+    assert np.abs(errors[0]).max() > gap / 2
+    decay = (1 + beta * time) * np.exp(-beta * time)
+    np.testing.assert_allclose(errors, decay[:, None] * errors[0], rtol=0, atol=1e-6 * gap)
+
+
+def test_what_is_off_in_the_forward_dynamics_is_told(robot, monkeypatch):
+    """An acceleration that is off is refused, with the force that is missing and the opening it makes."""
+    (q, v, _), loads, right = equation(robot)
+    loop = robot.loop
+    J, exact = loop.closure_jacobian(q), loop.forward_dynamics(q, v, right.tau, **loads)
+    assert exact.residual < 1e-12 * np.abs(right.tau).max()
+    change = np.linspace(-1, 1, 10)
+    refined = loop._dynamics._refined
+    monkeypatch.setattr(loop._dynamics, "_refined", lambda *args: refined(*args) + change)
+    with pytest.raises(DynamicsError, match="did not reach its accuracy") as caught:
+        loop.forward_dynamics(q, v, right.tau, **loads)
+    missing = rnea(robot, q, v, exact.a + change) - rnea(robot, q, v, exact.a)
+    missing = missing - J.T @ np.linalg.lstsq(J.T, missing, rcond=1e-9)[0]
+    told = [float(number) for number in re.findall(r"([\d.e+-]+) (?:N or|m/s²)", str(caught.value))]
+    np.testing.assert_allclose(told, [np.abs(missing).max(), np.abs(J @ change).max()], rtol=5e-3)
