@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import p3dof
+from p3dof import compiled
 from p3dof.cli import main
 from p3dof.parameters import PAPER
 
@@ -142,7 +143,7 @@ def test_committed_files_are_up_to_date(capsys):
 
 def test_version_and_help(capsys):
     code, out, _ = run(capsys, "--version")
-    assert (code, out.strip()) == (0, f"p3dof {p3dof.__version__}")
+    assert (code, out.strip()) == (0, f"p3dof {p3dof.__version__} (kernels: {compiled.in_words()})")
     for command in ((), ("compare",), ("forces",), ("urdf",)):
         code, out, _ = run(capsys, *command, "--help")
         assert code == 0

@@ -112,9 +112,23 @@ def _run(arguments: Sequence[str] | None) -> int:
 
 
 @click.group(cls=_Program, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(__version__, message="p3dof %(version)s")
+@click.option(
+    "--version",
+    is_flag=True,
+    expose_value=False,
+    is_eager=True,
+    callback=lambda context, _, asked: _print_version(context) if asked else None,
+    help="Show the version, and what the compiled method runs on.",
+)
 def app() -> None:
     """Inverse dynamics of a 3-DOF spatial parallel manipulator, by Pinocchio and by virtual powers."""
+
+
+def _print_version(context: click.Context) -> None:
+    from p3dof.compiled import in_words
+
+    click.echo(f"p3dof {__version__} (kernels: {in_words()})")
+    context.exit()
 
 
 def _prepare_streams() -> None:

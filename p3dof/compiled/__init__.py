@@ -5,6 +5,6 @@ states, with the checks and errors of the other methods. The C is generated from
 committed; `p3dof codegen --kernels --check` holds it against the formulas.
 """
 
-from p3dof.compiled.kernels import BoundInverseDynamics, MachineKernels, levels
+from p3dof.compiled.kernels import BoundInverseDynamics, MachineKernels, in_words, levels
 
-__all__ = ["BoundInverseDynamics", "MachineKernels", "levels"]
+__all__ = ["BoundInverseDynamics", "MachineKernels", "in_words", "levels"]

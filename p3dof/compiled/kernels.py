@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, partial
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -39,6 +40,29 @@ def levels() -> tuple[str, ...]:
     """
     compiled = _extension()
     return (NUMPY,) if compiled is None else (NUMPY, *compiled.levels)
+
+
+def in_words() -> str:
+    """Return what new kernels run on in this process, and why if that is not the extension.
+
+    Returns
+    -------
+    str
+        Such as ``"avx512, 2 threads"``, or ``"numpy: no compiler at installation"``.
+
+    Raises
+    ------
+    InputError
+        If the environment asks for what is not there.
+    """
+    level, threads = _level(None), _threads(None)
+    if level != NUMPY:
+        return f"{level}, {threads} thread{'s' if threads > 1 else ''}"
+    if _extension() is not None:
+        return f"{NUMPY}: P3DOF_LEVEL asks for it"
+    if find_spec("p3dof.compiled.extension._compiled") is None:
+        return f"{NUMPY}: no compiler at installation"
+    return f"{NUMPY}: the extension does not load, install it again"
 
 
 class MachineKernels:
