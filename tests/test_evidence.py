@@ -11,8 +11,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import p3dof
+import p3dof.closed_loop.batch.dynamics as batch_dynamics
 from p3dof import PAPER, Friction, kinematics
-from p3dof.closed_loop.batch.states import dynamics as batch_dynamics
 from p3dof.closed_loop.linear import Decomposition
 from p3dof.errors import DynamicsError
 from p3dof.methods import pinocchio, virtual_power, with_evidence
