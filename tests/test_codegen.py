@@ -19,7 +19,7 @@ from test_friction import random_friction
 import p3dof.cli.codegen  # the command
 from p3dof import kinematics
 from p3dof.cli import main
-from p3dof.codegen import batch, files, reference
+from p3dof.codegen import batch, controller, reference
 from p3dof.codegen.controller import controller_files, prototypes
 from p3dof.codegen.friction import JOINTS
 from p3dof.codegen.machine import machine_numbers, parameter_row
@@ -28,6 +28,7 @@ from p3dof.codegen.routines import routines
 from p3dof.compiled.formulas import MODEL, kernel
 from p3dof.compiled.reduced import Reduced, model_of
 from p3dof.errors import FileError, P3dofError, ParameterError, ReachError, SingularityError
+from p3dof.files import check_generated, write_generated
 from p3dof.methods import equations_of_motion, virtual_power
 from p3dof.parameters import LINKS, PAPER, SOLIDS, Body, Parameters, write_parameters
 
@@ -48,7 +49,7 @@ MACHINES = {"paper": PAPER, "solids": SOLIDS, "general": general(4)}
 
 
 def write(folder, machine, bake):
-    files.write(controller_files(machine, bake), folder)
+    write_generated(controller_files(machine, bake), folder, controller.MARK)
     return folder
 
 
@@ -559,7 +560,7 @@ def test_the_reference_is_a_matter_of_the_other_methods():
 
 
 def test_generated_kernels_are_up_to_date():
-    assert files.check(batch.batch_files(), batch.DIRECTORY) == []
+    assert check_generated(batch.batch_files(), batch.DIRECTORY) == []
 
 
 def test_the_counts_are_those_of_the_code():
@@ -592,7 +593,7 @@ def test_zeros_vanish_from_baked_code():
 def test_generated_twice_is_the_same():
     assert controller_files(SOLIDS) == controller_files(SOLIDS)
     for text in controller_files(SOLIDS).values():
-        assert text.startswith(("/* " + files.MARK, "# " + files.MARK))
+        assert text.startswith(("/* " + controller.MARK, "# " + controller.MARK))
         assert "@{" not in text
         assert not re.search(r"\b(inf|nan)\b", text.replace('" (not finite)"', ""))
 
@@ -661,8 +662,8 @@ def test_the_command_takes_a_machine_and_a_payload(tmp_path, capsys):
     options = ("--parameters", tmp_path / "machine.yaml", "--payload", "2.5,0.1,0,-0.05")
     assert command(capsys, *options, "--out", tmp_path / "c")[0] == 0
     carried = machine.carrying(Body(2.5, np.array([0.1, 0, -0.05]), np.zeros((3, 3))))
-    assert files.check(controller_files(carried), tmp_path / "c", 1e-9) == []
-    assert files.check(controller_files(machine), tmp_path / "c", 1e-9)
+    assert check_generated(controller_files(carried), tmp_path / "c", 1e-9) == []
+    assert check_generated(controller_files(machine), tmp_path / "c", 1e-9)
 
 
 def test_the_command_checks_the_kernels(tmp_path, capsys, monkeypatch):
@@ -704,4 +705,4 @@ def test_bad_requests_are_one_line(tmp_path, capsys):
     assert (foreign / "p3dof.h").read_text() == "/* mine */\n"
     assert not (tmp_path / "x").exists()
     with pytest.raises(FileError, match="not generated"):
-        files.write(controller_files(PAPER), foreign)
+        write_generated(controller_files(PAPER), foreign, controller.MARK)

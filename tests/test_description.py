@@ -567,10 +567,50 @@ def test_a_file_that_cannot_be_written_is_an_error_and_harms_nothing(tmp_path):
     assert [item.name for item in tmp_path.iterdir()] == ["p3dof.urdf"]
     (tmp_path / "p3dof.yaml").write_bytes(b"\xff\xfe")
     path.rmdir()
-    write(PAPER, tmp_path)
+    with pytest.raises(FileError, match=r"p3dof\.yaml: would be overwritten, but was not generated"):
+        write(PAPER, tmp_path)
+    assert [item.name for item in tmp_path.iterdir()] == ["p3dof.yaml"]
+    write(PAPER, tmp_path, force=True)
     (tmp_path / "p3dof.yaml").write_bytes(b"\xff\xfe")
     with pytest.raises(FileError, match="UTF-8"):
         check(PAPER, tmp_path)
+
+
+def test_files_of_the_papers_machine_are_not_replaced_by_those_of_another(tmp_path):
+    formats = ("urdf", "srdf", "mjcf")
+    mine = replace(PAPER, geometry=Geometry(r=0.12))
+    written = write(PAPER, tmp_path, formats)
+    before = {path: path.read_bytes() for path in written}
+    with pytest.raises(
+        FileError, match=r"p3dof\.urdf: would be overwritten, but describes the paper's machine"
+    ):
+        write(mine, tmp_path, formats)
+    with pytest.raises(FileError, match="the paper's machine"):
+        write(mine, tmp_path, ["srdf", "urdf"], exact=True)
+    assert {path: path.read_bytes() for path in written} == before
+    write(PAPER, tmp_path, ["urdf"], exact=True)  # the same machine, told in another way
+    write(PAPER, tmp_path, formats)
+    write(mine, tmp_path, ["srdf"])  # the same for every machine
+    write(mine, tmp_path, formats, force=True)
+    assert check(mine, tmp_path, formats) == []
+    write(replace(PAPER, geometry=Geometry(r=0.13)), tmp_path, formats)  # one's own machine changes
+    write(PAPER, tmp_path, formats)
+
+
+def test_formats_of_one_call_are_written_together(tmp_path, monkeypatch):
+    write(PAPER, tmp_path, ["urdf", "sdf"])
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    put = Path.replace
+
+    def sometimes(path, target):
+        if Path(target).name == "p3dof.sdf" and b"0.12" in path.read_bytes():
+            raise OSError(28, "No space left on device")
+        return put(path, target)
+
+    monkeypatch.setattr(Path, "replace", sometimes)
+    with pytest.raises(FileError, match="No space left"):
+        write(replace(PAPER, geometry=Geometry(r=0.12)), tmp_path, ["urdf", "sdf"], force=True)
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
 def test_formats_are_a_registry(tmp_path, monkeypatch):

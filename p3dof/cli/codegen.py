@@ -9,15 +9,15 @@ from rich.console import Console
 from rich.table import Table
 
 from p3dof.cli.app import app
-from p3dof.cli.export import CHECK, SHOWN
+from p3dof.cli.export import CHECK, FORCE, print_differences
 from p3dof.cli.options import PARAMETERS, Payload, protect
 from p3dof.cli.output import print_plain
 from p3dof.cli.terminal import print_table
-from p3dof.codegen import files
 from p3dof.codegen.batch import DIRECTORY, batch_files
-from p3dof.codegen.controller import controller_files
+from p3dof.codegen.controller import MARK, controller_files
 from p3dof.codegen.printing import operation_counts
 from p3dof.compiled.formulas import NAMES, kernel
+from p3dof.files import check_generated, together, write_generated
 from p3dof.manipulator import load
 from p3dof.parameters import Body, Parameters
 
@@ -39,6 +39,7 @@ parameters that matters is more, other last bits on another processor are less."
 )
 @click.option("--kernels", is_flag=True, help="The package's own kernels, where they are in the package.")
 @CHECK
+@FORCE
 def codegen(
     parameters: Path | None,
     payload: Body | None,
@@ -46,6 +47,7 @@ def codegen(
     bake: bool,
     kernels: bool,
     check: bool,
+    force: bool,
 ) -> int:
     """Write C99 for a controller: kinematics, dynamics and derivatives, with a program that tests it."""
     if out_text == "":
@@ -73,9 +75,10 @@ def codegen(
         return _check(jobs)
     protect((parameters,), [folder / name for texts, folder, _ in jobs for name in texts])
     console = Console()
-    for texts, folder, _ in jobs:
-        for path in files.write(texts, folder):
-            print_plain(console, f"wrote {path}")
+    with together():
+        written = [path for texts, folder, _ in jobs for path in write_generated(texts, folder, MARK, force)]
+    for path in written:
+        print_plain(console, f"wrote {path}")
     for table in tables:
         print_table(console, table)
     return 0
@@ -84,14 +87,11 @@ def codegen(
 def _check(jobs: list[tuple[dict[str, str], Path, float]]) -> int:
     console, differences = Console(), []
     for texts, folder, tolerance in jobs:
-        found = files.check(texts, folder, tolerance)
+        found = check_generated(texts, folder, tolerance)
         differences += found
         if not found:
             print_plain(console, f"{folder}: up to date")
-    for line in differences[:SHOWN]:
-        print_plain(console, line)
-    if len(differences) > SHOWN:
-        print_plain(console, f"... and {len(differences) - SHOWN} more differences")
+    print_differences(console, differences)
     return 1 if differences else 0
 
 

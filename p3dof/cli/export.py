@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import click
 from rich.console import Console
@@ -13,7 +16,10 @@ from p3dof.cli.app import app
 from p3dof.cli.options import PARAMETERS, protect
 from p3dof.cli.output import print_plain
 from p3dof.errors import MissingExtraError
+from p3dof.files import together
 from p3dof.manipulator import load
+
+T = TypeVar("T")
 
 SHOWN = 20
 """Most differences that ``--check`` prints."""
@@ -21,27 +27,33 @@ SHOWN = 20
 OUT_FOLDER = click.option(
     "--out",
     type=click.Path(path_type=Path),
-    default="urdf",
-    show_default=True,
-    help="Folder of the generated files.",
+    help="Folder of the generated files; urdf for the paper's machine and out/urdf for another one without "
+    "it, - for the standard output.",
 )
 CHECK = click.option("--check", is_flag=True, help="Write nothing; exit code 1 if the files there differ.")
+FORCE = click.option(
+    "--force",
+    is_flag=True,
+    help="Write over files of the paper's machine, and over foreign ones.",
+)
 
 
 @app.command()
 @PARAMETERS
 @OUT_FOLDER
 @CHECK
+@FORCE
 @click.option("--exact", is_flag=True, help="Leave massless links massless, which many readers misread.")
-def urdf(parameters: Path | None, out: Path, check: bool, exact: bool) -> int:
+def urdf(parameters: Path | None, out: Path | None, check: bool, force: bool, exact: bool) -> int:
     """Write the URDF and its sidecar (loop closures, actuated joints), or check those in a folder."""
-    return _write_or_check(parameters, out, ("urdf",), check, exact)
+    return _write_or_check(Job(parameters, out, ("urdf",), exact, force), check)
 
 
 @app.command()
 @PARAMETERS
 @OUT_FOLDER
 @CHECK
+@FORCE
 @click.option(
     "--format",
     "formats",
@@ -51,41 +63,82 @@ def urdf(parameters: Path | None, out: Path, check: bool, exact: bool) -> int:
     show_default=True,
     help="What to write; may be given several times.",
 )
-def export(parameters: Path | None, out: Path, check: bool, formats: tuple[str, ...]) -> int:
-    """Write the model for other tools, with its loops where the format can hold them."""
-    if "all" not in formats:
-        return _write_or_check(parameters, out, tuple(dict.fromkeys(formats)), check)
-    return _write_or_check(parameters, out, tuple(description.FORMATS), check, skip_missing=True)
-
-
-def _write_or_check(
-    source: Path | None,
-    out: Path,
-    formats: tuple[str, ...],
-    check: bool,
-    exact: bool = False,
-    skip_missing: bool = False,
+def export(
+    parameters: Path | None, out: Path | None, check: bool, force: bool, formats: tuple[str, ...]
 ) -> int:
-    """Write or check formats; with `skip_missing` one whose library is not installed is passed over aloud."""
-    console, differences = Console(), []
-    if not check:
-        protect((source,), [out / file for name in formats for file in description.FORMATS[name]])
-    robot = load(source)
-    for name in formats:
+    """Write the model for other tools, with its loops where the format can hold them."""
+    whole = "all" in formats
+    chosen = tuple(description.FORMATS) if whole else tuple(dict.fromkeys(formats))
+    return _write_or_check(Job(parameters, out, chosen, force=force, skip_missing=whole), check)
+
+
+@dataclass(frozen=True)
+class Job:
+    """What to write, and where to.
+
+    Parameters
+    ----------
+    parameters : Path, optional
+        File of the machine.
+    out : Path, optional
+        Folder.
+    formats : tuple of str
+        Names in `p3dof.description.FORMATS`.
+    exact : bool
+        Whether massless links stay so.
+    force : bool
+        Whether to write over foreign files.
+    skip_missing : bool
+        Whether to pass over a format, aloud, whose library is not installed.
+    """
+
+    parameters: Path | None
+    out: Path | None
+    formats: tuple[str, ...]
+    exact: bool = False
+    force: bool = False
+    skip_missing: bool = False
+
+    @property
+    def folder(self) -> Path:
+        """Where the files are: those of the paper's machine have a place of their own."""
+        return self.out or Path("urdf" if self.parameters is None else "out/urdf")
+
+    def of_each(self, act: Callable[[str], list[T]]) -> list[T]:
+        """Do something with every format that can be written here."""
+        return [item for name in self.formats for item in self._of_one(name, act)]
+
+    def _of_one(self, name: str, act: Callable[[str], list[T]]) -> list[T]:
         try:
-            if check:
-                differences += description.check(robot.parameters, out, (name,), exact)
-                continue
-            for path in description.write(robot.parameters, out, (name,), exact):
-                print_plain(console, f"wrote {path}")
+            return act(name)
         except MissingExtraError as error:
-            if not skip_missing:
+            if not self.skip_missing:
                 raise
             sys.stderr.write(f"p3dof: {name} left out: {error}\n")
+            return []
+
+
+def print_differences(console: Console, differences: Sequence[str]) -> None:
+    """Print the first of the differences that a check found, and how many more there are."""
     for line in differences[:SHOWN]:
         print_plain(console, line)
     if len(differences) > SHOWN:
         print_plain(console, f"... and {len(differences) - SHOWN} more differences")
-    if check and not differences:
-        print_plain(console, f"{out}: up to date")
-    return 1 if differences else 0
+
+
+def _write_or_check(job: Job, check: bool) -> int:
+    console, folder = Console(), job.folder
+    if check:
+        machine = load(job.parameters).parameters
+        found = job.of_each(lambda name: description.check(machine, folder, (name,), job.exact))
+        print_differences(console, found)
+        if not found:
+            print_plain(console, f"{folder}: up to date")
+        return 1 if found else 0
+    protect((job.parameters,), [folder / file for name in job.formats for file in description.FORMATS[name]])
+    machine = load(job.parameters).parameters
+    with together():
+        written = job.of_each(lambda name: description.write(machine, folder, (name,), job.exact, job.force))
+    for path in written:
+        print_plain(console, f"wrote {path}")
+    return 0

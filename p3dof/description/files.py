@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import os
-import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from itertools import zip_longest
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TypeAlias
 
@@ -20,9 +17,9 @@ from p3dof.description.tree import describe
 from p3dof.description.urdf_plus_text import urdf_plus
 from p3dof.description.urdf_text import sidecar, urdf
 from p3dof.description.usd_stage import usd
-from p3dof.errors import InputError
-from p3dof.files import read_text, write_atomic
-from p3dof.parameters import Parameters
+from p3dof.errors import InputError, ModelError
+from p3dof.files import check_generated, differences, write_generated
+from p3dof.parameters import PAPER, Parameters
 
 Writer: TypeAlias = Callable[[Mechanism], str]
 """Turns a description into the text of one file."""
@@ -41,7 +38,7 @@ FORMATS: dict[str, Mapping[str, Writer]] = {
 TOLERANCE = 1e-12
 """Difference, relative or absolute, that `check` lets pass: last bits depend on the CPU."""
 
-_NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])")
+_MARK = "ritten by p3dof:"
 
 
 def texts(parameters: Parameters, formats: Iterable[str] = ("urdf",), exact: bool = False) -> dict[str, str]:
@@ -83,8 +80,9 @@ def write(
     folder: str | os.PathLike[str],
     formats: Iterable[str] = ("urdf",),
     exact: bool = False,
+    force: bool = False,
 ) -> list[Path]:
-    """Write the description of a machine.
+    """Write the description of a machine, all files or none.
 
     Parameters
     ----------
@@ -96,21 +94,32 @@ def write(
         Names in `FORMATS`.
     exact : bool
         As for `texts`.
+    force : bool
+        Write over files that were not written by p3dof, and over those of the paper's machine by those of
+        another one.
 
     Returns
     -------
     list of Path
-        The files written, each whole or not at all.
+        The files written.
 
     Raises
     ------
     InputError
         If a format is unknown.
     FileError
-        If a file cannot be written.
+        If a file cannot be written, or is one of those that need `force`.
     """
+    formats = tuple(formats)
     contents = texts(parameters, formats, exact)
-    return [write_atomic(Path(folder) / name, text) for name, text in contents.items()]
+
+    def foreign(name: str, there: str) -> str | None:
+        papers = [_of_paper(formats, variant).get(name) for variant in (False, True)]
+        if _same_as_one(papers, there) and not _same_as_one(papers, contents[name]):
+            return "describes the paper's machine"
+        return None
+
+    return write_generated(contents, folder, _MARK, force, foreign)
 
 
 def check(
@@ -145,31 +154,16 @@ def check(
     FileError
         If a file is there and cannot be read.
     """
-    found: list[str] = []
-    for name, expected in texts(parameters, formats, exact).items():
-        path = Path(folder) / name
-        if path.exists():
-            found += (f"{path}, {what}" for what in _differences(expected, read_text(path)))
-        else:
-            found.append(f"{path}: missing")
-    return found
+    return check_generated(texts(parameters, formats, exact), folder, TOLERANCE, TOLERANCE)
 
 
-def _differences(expected: str, got: str) -> Iterator[str]:
-    lines = zip_longest(expected.splitlines(), got.splitlines())
-    for number, (ours, theirs) in enumerate(lines, start=1):
-        if ours is None:
-            yield f"line {number}: expected the end of the file, got {theirs.strip()!r}"
-            return
-        if theirs is None:
-            yield f"line {number}: expected {ours.strip()!r}, got the end of the file"
-            return
-        if not _same(ours, theirs):
-            yield f"line {number}: expected {ours.strip()!r}, got {theirs.strip()!r}"
+def _of_paper(formats: Iterable[str], exact: bool) -> dict[str, str]:
+    """Return the texts of the paper's machine, or none if a format cannot hold massless links."""
+    try:
+        return texts(PAPER, formats, exact)
+    except ModelError:
+        return {}
 
 
-def _same(ours: str, theirs: str) -> bool:
-    if _NUMBER.sub("#", ours) != _NUMBER.sub("#", theirs):
-        return False
-    pairs = zip(_NUMBER.findall(ours), _NUMBER.findall(theirs), strict=True)
-    return all(math.isclose(float(a), float(b), rel_tol=TOLERANCE, abs_tol=TOLERANCE) for a, b in pairs)
+def _same_as_one(known: Iterable[str | None], text: str) -> bool:
+    return any(one and not any(differences(one, text, TOLERANCE, TOLERANCE)) for one in known)

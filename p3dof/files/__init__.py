@@ -1,5 +1,6 @@
 """Reading and writing files so that nothing is lost: whole or not at all, bounded, with one clear error."""
 
+from p3dof.files.generated import check_generated, differences, write_generated
 from p3dof.files.kinds import SUFFIXES, suffix_of
 from p3dof.files.reading import MAX_BYTES, Source, called, read_bytes, read_text
 from p3dof.files.temporary import scratch_folder
@@ -12,7 +13,9 @@ __all__ = [
     "SUFFIXES",
     "Source",
     "called",
+    "check_generated",
     "check_writable",
+    "differences",
     "parse_yaml",
     "read_bytes",
     "read_text",
@@ -20,4 +23,5 @@ __all__ = [
     "suffix_of",
     "together",
     "write_atomic",
+    "write_generated",
 ]
