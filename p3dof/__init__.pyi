@@ -51,7 +51,7 @@ from .parameters import (
     read_parameters,
     write_parameters,
 )
-from .reactions import Reactions
+from .reactions import Reactions, ReactionsComparison
 
 # Runs in time
 from .simulation import PD, ComputedTorque, Feedforward, Measurement, Noise, Simulation, Springs
@@ -93,6 +93,7 @@ __all__ = [
     "Parameters",
     "ReachError",
     "Reactions",
+    "ReactionsComparison",
     "SampleError",
     "Sidecar",
     "Simulation",

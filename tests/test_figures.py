@@ -14,12 +14,13 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import p3dof
 import p3dof.cli.plots
-from p3dof import kinematics
+from p3dof import kinematics, plots
 from p3dof.cli import main
 from p3dof.errors import InputError, MissingExtraError, ReachError
 from p3dof.plots.joints import joints_figure
-from p3dof.plots.mechanism import HINGES, UNIVERSAL, VIEWS, mechanism_figure
+from p3dof.plots.mechanism import HINGES, SLIDES, UNIVERSAL, VIEWS, mechanism_figure
 from p3dof.plots.views import Prism, View, hull, link_frames, solids_of
+from p3dof.reactions import JOINTS
 
 AXES = {
     "front": ([0, 1, 0], [0, 0, 1]),
@@ -93,8 +94,8 @@ def expected_points(geometry, pose):
     """The joints by the closed forms of the paper's recursion, which the drawing does not use."""
     bodies = kinematics.mechanism_motion(geometry, pose, np.zeros(3), np.zeros(3)).bodies
     r, L = geometry.r, geometry.L
-    found = {name: bodies[link].joint for name, link in HINGES.items() if name}
-    found[""] = bodies["rod_right"].at((L, 0, 0))[0]
+    found = {name: bodies[link].joint for name, link in HINGES.items() if name != "C_7"}
+    found["C_7"] = bodies["rod_right"].at((L, 0, 0))[0]
     found["A_3"] = bodies["platform"].at((0, -r, 0))[0]
     found["B_3"] = bodies["platform"].at((0, r, 0))[0]
     found["P"] = np.array([0, pose[0], pose[1] - geometry.h])
@@ -166,10 +167,32 @@ def test_real_lengths_are_drawn_and_named(robot):
     for text in ("$2R$ = 500", "$2r$ = 200", "$L$ = 400", "$R$ = 250", "$r$ = 100", "$2b$ = 100"):
         assert text in words
     assert f"$h-z$ = {1e3 * (robot.parameters.geometry.h + 0.01):.1f}" in words
-    for name in ("A_3", "B_3", "C_3", "C_4", "C_5", "C_6", "x_0", "y_0", "z_0"):
+    for name in ("A_3", "B_3", "C_3", "C_4", "C_5", "C_6", "C_7", "x_0", "y_0", "z_0"):
         assert any(f"${name}$" in text for text in words)
     plain = mechanism_figure(robot, dimensions=False)
     assert not any(" = 500" in text.get_text() for axis in plain.axes for text in axis.texts)
+
+
+def test_the_labels_are_those_of_the_joints():
+    drawn = {**SLIDES, **HINGES, **UNIVERSAL}
+    assert {name.replace("_", ""): frame for name, frame in drawn.items()} == {
+        j.label: j.frame for j in JOINTS
+    }
+
+
+def test_open_reactions_are_drawn_by_both_idealisations(robot):
+    figure = plots.reactions_figure(robot.reactions(p3dof.paper_motion(11)))
+    lines = {axis.get_title(): axis.lines for axis in figure.axes if axis.get_title()}
+    assert len(lines["slide_c (C1)"]) == 1  # its force is determined
+    assert len(lines["hinge_right (C6)"]) == 2
+    for drawn, one in zip(
+        lines["hinge_right (C6)"], robot.reactions(p3dof.paper_motion(11)).each, strict=True
+    ):
+        size = np.linalg.norm(one["hinge_right"].forces, axis=1)
+        np.testing.assert_allclose(drawn.get_ydata(), size, atol=1e-12)
+        assert drawn.get_linestyle() != "-"
+    words = " ".join(text.get_text() for axis in figure.axes for text in axis.texts)
+    assert "none is a bound" in words
 
 
 def test_the_solids_are_the_descriptions(robot):

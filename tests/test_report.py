@@ -24,6 +24,7 @@ import p3dof.cli.report
 from p3dof import report
 from p3dof.cli import main
 from p3dof.errors import FileError, InputError, MissingExtraError, ReachError
+from p3dof.reactions import JOINTS
 from p3dof.report.figures import Picture, Pictures
 from p3dof.report.tables import number
 
@@ -164,21 +165,59 @@ def test_the_numbers_are_those_of_the_api(robot, motion, page):
     assert "41 samples over 1 s" in page.text
 
 
-def test_reactions_are_listed_with_marks(robot, motion, page):
+def test_open_reactions_are_not_among_those_to_size_for(robot, motion, page):
     found = robot.reactions(motion, wrench=(1.0, 2.0, -30.0, 0.0, 0.4, 0.0))
-    rows = page.tables["Largest reactions"]
-    fields = ("force", "axial", "radial", "moment", "across", "rms_force", "rms_moment")
+    rows = page.tables["Largest reactions that rigid bodies determine: to size joints for"]
+    fields = ("force", "axial", "radial", "rms_force", "moment", "across", "rms_moment")
     assert len(rows) == 14
-    marks = 0
     for peak, row in zip(found.peaks(), rows[1:], strict=True):
-        assert row[0] == peak.joint
+        assert row[0].split()[0] == peak.joint
         for name, cell in zip(fields, row[1:], strict=True):
-            value = getattr(peak, name)
-            assert cell.endswith("*") == (name in peak.undetermined and value > 1e-9)
-            assert float(cell.rstrip("*")) == pytest.approx(value, rel=5.1e-6, abs=1e-9)
-            marks += cell.endswith("*")
-    assert marks > 20
-    assert "not determined by rigid bodies" in page.text
+            assert (cell == "open") == (name in peak.undetermined)
+            if cell != "open":
+                assert float(cell) == pytest.approx(getattr(peak, name), rel=5.1e-6, abs=1e-9)
+    opened = {(peak.joint, peak.load): peak.values for peak in found.open_peaks()}
+    shown = 0
+    for title, loads in (("forces", fields[:4]), ("moments", fields[4:])):
+        header, *rows = page.tables[f"Open {title}: not to size joints for"]
+        assert [name.split()[-1] for name in header[1:]] == ["paper", "points"] * len(loads)
+        for row in rows:
+            cells = iter(row[1:])
+            for load in loads:
+                for kind in ("paper", "points"):
+                    cell, value = next(cells), opened.get((row[0].split()[0], load), {}).get(kind)
+                    if value is None or np.isnan(value):
+                        assert cell == ("" if value is None else "–")
+                        continue
+                    assert float(cell) == pytest.approx(value, rel=5.1e-6, abs=1e-9)
+                    shown += 1
+    assert shown == sum(np.isfinite(value) for values in opened.values() for value in values.values())
+    assert "Rigid bodies cannot decide the open loads" in page.text
+    assert "Neither is a bound" in page.text
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_one_idealisation_alone(tmp_path, capsys):
+    arguments = ("--samples", 5, "--no-animation", "--out", tmp_path / "r.html", "--joints", "points")
+    assert run(capsys, "report", *arguments)[0] == 0
+    page = Page((tmp_path / "r.html").read_text(encoding="utf-8"))
+    header, *_ = page.tables["Open forces: not to size joints for"]
+    assert [name.split()[-1] for name in header[1:]] == ["points"] * 4
+    assert "--joints=points" in page.text
+
+
+def test_one_key_ties_the_drawing_to_the_tables(page):
+    """The labels in the drawing, those in the key beside it, and the names in the tables of reactions."""
+    _, *rows = page.tables["Names of the joints"]
+    names = {name: label for label, name, _ in rows}
+    assert len(rows) == len(names) == 13
+    assert names["hinge_lower"] == "C4"
+    table = page.tables["Largest reactions that rigid bodies determine: to size joints for"]
+    assert [row[0] for row in table[1:]] == [f"{joint.name} ({joint.label})" for joint in JOINTS]
+    assert names == {joint.name: joint.label for joint in JOINTS}
+    readme = Path(__file__).parents[1].joinpath("README.md").read_text(encoding="utf-8")
+    for label, name, meaning in rows:
+        assert f"| {label} | `{name}` | {meaning} |" in readme
 
 
 def test_parameters_are_complete(robot, page):
@@ -469,7 +508,7 @@ def test_an_interrupted_write_leaves_the_old_page(tmp_path, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("p3dof.files.os.fsync", full)
+    monkeypatch.setattr("os.fsync", full)
     with pytest.raises(FileError, match="No space left"):
         report.write(path, p3dof.load(), p3dof.paper_motion(3))
     assert path.read_text() == "old"

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import click
 import numpy as np
@@ -21,6 +21,7 @@ from p3dof.methods import wrenches_at
 from p3dof.motion import Motion, WrenchHistory, paper_motion
 from p3dof.motion.splines import eased
 from p3dof.parameters import Body
+from p3dof.reactions import BOTH, IDEALISATIONS, AnyReactions, Choice
 
 PARAMETERS = click.option(
     "--parameters",
@@ -38,6 +39,14 @@ FIGURE = click.option(
     "--figure",
     type=click.Path(path_type=Path),
     help="Figure to draw (.png, .svg or .pdf; needs the extra 'plot').",
+)
+JOINTS = click.option(
+    "--joints",
+    type=click.Choice((BOTH, *IDEALISATIONS)),
+    default=BOTH,
+    show_default=True,
+    help="What joins legs and platform, right rod and cross-bar: universal joints and a hinge (paper), balls "
+    "(points), or one beside the other.",
 )
 
 
@@ -197,6 +206,15 @@ class Case:
                 f"expected a time of the motion, from {first:g} to {last:g} s, got {moment:g}",
                 param_hint=option,
             )
+
+    def reactions(self, joints: Choice = BOTH) -> AnyReactions:
+        """Return the reactions of all joints, with a progress bar."""
+        with progress_bar("reactions", len(self.motion)) as progress:
+            result = self.robot.reactions(  # type: ignore[call-overload,unused-ignore]  # on_invalid: see solve
+                self.motion, joints, self.wrench, self.on_invalid, progress
+            )
+        self.require_valid(result.valid)
+        return cast(AnyReactions, result)
 
     def require_valid(self, valid: np.ndarray[Any, np.dtype[np.bool_]]) -> None:
         """Raise unless some sample is valid."""

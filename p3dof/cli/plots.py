@@ -12,7 +12,7 @@ from rich.console import Console
 
 from p3dof.cli.app import app
 from p3dof.cli.options import Case, with_case
-from p3dof.cli.output import print_plain, print_warnings, progress_bar
+from p3dof.cli.output import print_plain, print_warnings
 from p3dof.manipulator import InverseDynamics
 
 if TYPE_CHECKING:
@@ -73,16 +73,7 @@ class Drawings:
         """Draw the reactions of all joints."""
         from p3dof import plots
 
-        case = self._case
-        with progress_bar("reactions", len(case.motion)) as progress:
-            found = case.robot.reactions(
-                case.motion,
-                wrench=case.wrench,
-                on_invalid=case.on_invalid,  # type: ignore[arg-type]  # one of two, as the options say
-                progress=progress,
-            )
-        case.require_valid(found.valid)
-        return plots.reactions_figure(found)
+        return plots.reactions_figure(self._case.reactions())
 
     def mechanism(self) -> Figure:
         """Draw the mechanism with the path of P."""

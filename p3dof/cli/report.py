@@ -9,14 +9,16 @@ import click
 from rich.console import Console
 
 from p3dof.cli.app import app
-from p3dof.cli.options import Case, with_case
+from p3dof.cli.options import JOINTS, Case, with_case
 from p3dof.cli.output import print_plain, print_warnings, progress_bar
 from p3dof.errors import InputError, MissingExtraError
 from p3dof.manipulator import InverseDynamics
+from p3dof.reactions import BOTH, Choice
 
 
 @app.command("report")
 @with_case
+@JOINTS
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
@@ -26,7 +28,7 @@ from p3dof.manipulator import InverseDynamics
 )
 @click.option("--title", help="Heading of the page.")
 @click.option("--animation/--no-animation", default=True, help="Embed the animation (needs the extra 'viz').")
-def make(case: Case, out: Path, title: str | None, animation: bool) -> None:
+def make(case: Case, joints: Choice, out: Path, title: str | None, animation: bool) -> None:
     """Write parameters, figures, tables and an animation as one HTML page (needs the extra 'report')."""
     case.protect(out)
     from p3dof import report
@@ -42,10 +44,11 @@ def make(case: Case, out: Path, title: str | None, animation: bool) -> None:
             case.on_invalid,
             title=title,
             about=_about(case),
-            command=_command(case, out, title, animation),
+            command=_command(case, joints, out, title, animation),
             animation=moving,
             no_animation=reason,
             progress=progress,
+            joints=joints,
         )
     console = Console()
     print_warnings(console, case.robot, result)
@@ -78,7 +81,7 @@ def _about(case: Case) -> dict[str, str]:
     return found
 
 
-def _command(case: Case, out: Path, title: str | None, animation: bool) -> str:
+def _command(case: Case, joints: Choice, out: Path, title: str | None, animation: bool) -> str:
     """Return the command that makes this report."""
     payload = None
     if case.payload is not None:
@@ -90,6 +93,7 @@ def _command(case: Case, out: Path, title: str | None, animation: bool) -> str:
         "--payload": payload,
         "--wrench": case.wrench_file,
         "--on-invalid": None if case.on_invalid == "raise" else case.on_invalid,
+        "--joints": None if joints == BOTH else joints,
         "--title": title,
         "--out": out,
     }

@@ -8,8 +8,14 @@ tips to the root (the data.f of Pinocchio's RNEA). The closures' wrenches themse
 where J has a row for every force and moment that the closures can transmit. How they are built decides which
 moments these are (`ClosureJoint`). Where the closures hold the mechanism more often than needed, (1) leaves
 some of w open, and with it the reactions of the joints between the closures: rigid bodies do not tell them.
-Of all solutions the one with the smallest closure forces is taken, and among those the one with the smallest
-closure moments; forces and moments are never added. Every component is marked as determined or not.
+Every component is marked as determined or not. Of all solutions the one is taken in which
+
+    Σ |f|² + |m|² / ℓ²    over all joints and closures                                (2)
+
+is smallest: forces f and moments m of tree and closures alike, so that it does not depend on where the loops
+were cut, on the unit of moments, or on left and right of a symmetric mechanism. It does depend on the length
+ℓ. It is how joints that are all equally stiff would share the load, with ℓ² for the ratio of their stiffness
+against turning to that against shifting; other joints share it otherwise.
 
 References
 ----------
@@ -28,7 +34,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from p3dof.checks import FloatArray, frozen_array, shown
+from p3dof.checks import FloatArray, frozen_array, positive, shown
 from p3dof.closed_loop.closure_joints import ClosureJoint, joints_of
 from p3dof.closed_loop.closures import ClosurePoint, LoopKinematics, max_abs
 from p3dof.closed_loop.linear import Decomposition
@@ -44,6 +50,8 @@ _ACCURACY = 1e-9
 """Largest error of (1), relative to the forces in it."""
 _UNIQUE = 1e-7
 """Share of an undetermined change that a component must take part in to be undetermined."""
+LENGTH_SHARE = 1 / 20
+"""The length of (2) as a share of the longest link, unless it is given."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +70,7 @@ class JointReactions:
     names : tuple of str
         Names of the joints, then of the closures (``frame1/frame2``).
     forces, moments : (n, 3) array
-        The reactions [N, N m]; of undetermined ones those with the smallest closure forces.
+        The reactions [N, N m]; of undetermined ones those that make (2) smallest.
     determined_forces, determined_moments : (n, 3) array of bool
         Which components every solution has in common.
     rotations : (n, 3, 3) array
@@ -95,6 +103,7 @@ def loop_reactions(
     external: External | None = None,
     joint_forces: ArrayLike | None = None,
     joints: Sequence[ClosureJoint] | None = None,
+    length: float | None = None,
 ) -> JointReactions:
     """Return the reactions of all joints and closures at one state; see `ReactionSolver` for many.
 
@@ -104,7 +113,7 @@ def loop_reactions(
         The robot.
     q, v, a, tau, external, joint_forces
         As for `ReactionSolver.solve`.
-    joints : sequence of ClosureJoint, optional
+    joints, length
         As for `ReactionSolver`.
 
     Returns
@@ -116,7 +125,7 @@ def loop_reactions(
     InputError, ModelError, DynamicsError
         As `ReactionSolver` and its `solve`.
     """
-    return ReactionSolver(loop, joints).solve(q, v, a, tau, external, joint_forces)
+    return ReactionSolver(loop, joints, length).solve(q, v, a, tau, external, joint_forces)
 
 
 class ReactionSolver:
@@ -129,16 +138,24 @@ class ReactionSolver:
     joints : sequence of ClosureJoint, optional
         How each closure is built, in the sidecar's order; without it the closures transmit just what they
         prescribe: a ``3d`` is a ball joint, a ``6d`` a rigid connection.
+    length : float, optional
+        What compares moments with forces where a choice is made, ℓ in (2) [m]; a twentieth of the longest
+        link by default, about the span of a bearing.
 
     Raises
     ------
     InputError
-        If `loop` is something else.
+        If `loop` is something else, or the length is not positive.
     ModelError
         If there is not one `ClosureJoint` for each closure.
     """
 
-    def __init__(self, loop: ClosedLoopModel, joints: Sequence[ClosureJoint] | None = None) -> None:
+    def __init__(
+        self,
+        loop: ClosedLoopModel,
+        joints: Sequence[ClosureJoint] | None = None,
+        length: float | None = None,
+    ) -> None:
         if not isinstance(loop, ClosedLoopModel):
             raise InputError(f"loop: expected a ClosedLoopModel, got {type(loop).__name__}")
         self.loop = loop
@@ -150,6 +167,8 @@ class ReactionSolver:
         frame = self._kinematics.frame
         self._ends = [tuple(frame(name, "closure", ModelError) for name in pair) for pair in ends]
         self._signs = np.array([self._passes(*pair) for pair in self._ends]).reshape(-1, loop.model.njoints)
+        self._size = self._longest_link()
+        self.length = LENGTH_SHARE * self._size if length is None else positive("length", length, InputError)
 
     def solve(
         self,
@@ -200,8 +219,9 @@ class ReactionSolver:
         point = self._closed(q, v)
         missing = np.array(pin.rnea(model, self._data, point.q, v, a, self._loads(external))) - given
         tree = np.array([f.vector for f in self._data.f[1:]]).reshape(-1, 6)
-        A, size = self._jacobian_transposed(), self._size()
-        wrenches, null = self._smallest(point, A, missing, size)
+        A, T = self._jacobian_transposed(), self._to_joints()
+        some, null = self._solutions(point, A, missing)
+        wrenches = self._smallest(tree, T, some, null)
         residual = max_abs(missing - A @ wrenches)
         scale = max(max_abs(tree), max_abs(given), max_abs(wrenches))
         if not residual <= _ACCURACY * scale:  # also when something is not a number
@@ -209,7 +229,7 @@ class ReactionSolver:
                 f"tau: the forces do not produce the motion, {residual:.3g} N or N m is missing; "
                 "inverse_dynamics() returns those that do"
             )
-        return self._result(tree, wrenches, null, size, residual)
+        return self._result(_all_of(tree, T, wrenches), _all_of(np.zeros_like(tree), T, null), residual)
 
     def _closed(self, q: ArrayLike, v: FloatArray) -> ClosurePoint:
         """Return the closures at `q` after checking that they are closed and stay so."""
@@ -264,12 +284,12 @@ class ReactionSolver:
             result[:, 6 * c : 6 * c + 6] = -(signs[c] * J).T @ M.toDualActionMatrix()
         return result
 
-    def _size(self) -> float:
-        """Return the length that compares moments with forces: the longest arm to a joint [m]."""
-        joints = np.array([M.translation for M in self._kinematics.data.oMi])
-        places = enumerate(self._places())
-        arms = [max_abs(joints[self._signs[c] != 0] - M.translation) for c, M in places]
-        return max(arms, default=0.0) or 1.0
+    def _longest_link(self) -> float:
+        """Return the length that compares moments with forces in (1): the longest arm within a body [m]."""
+        model, frames = self.loop.model, [frame for pair in self._ends for frame in pair]
+        arms = [model.jointPlacements[j].translation for j in range(1, model.njoints) if model.parents[j]]
+        arms += [frame.placement.translation for frame in frames if frame.parentJoint]
+        return max((float(np.linalg.norm(arm)) for arm in arms), default=0.0) or 1.0
 
     def _transmitted(self) -> tuple[FloatArray, BoolArray]:
         """Return a basis (6 closures, k) of what the closures transmit, and which columns are forces."""
@@ -284,46 +304,57 @@ class ReactionSolver:
             is_force += [True] * 3 + [False] * moments.shape[1]
         return np.hstack(blocks), np.array(is_force, dtype=bool)
 
-    def _smallest(
-        self, point: ClosurePoint, A: FloatArray, b: FloatArray, size: float
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return the smallest wrenches w with A w = b, and a basis of the changes that A does not see.
+    def _solutions(self, point: ClosurePoint, A: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return wrenches w with A w = b, and a basis of the changes that A does not see.
 
-        The basis is orthonormal if moments are measured in newtons at the arm `size`.
+        The basis is orthonormal if moments are measured in newtons at the longest arm.
         """
         E, is_force = self._transmitted()
-        E = E * np.where(is_force, 1.0, size)
+        E = E * np.where(is_force, 1.0, self._size)
         turns = np.linalg.norm(self._motions()[3:], axis=0) > 0
-        row = np.where(turns, 1.0 / size, 1.0)
+        row = np.where(turns, 1.0 / self._size, 1.0)
         svd = Decomposition.of(row[:, None] * (A @ E), point.rank_tolerance)
         if svd.rank != point.svd.rank:
             raise ModelError(
                 f"joints: they leave {len(A) - svd.rank} free motions, the loops have "
                 f"{len(A) - point.svd.rank}"
             )
-        x, Z = svd.solve(row * b), svd.null_space
-        # x is orthogonal to Z, so the shortest step to the smallest forces leaves the smallest moments.
-        x = x - Z @ Decomposition.of(Z[is_force], _UNIQUE, 1.0).solve(x[is_force])
-        return E @ x, E @ Z
+        return E @ svd.solve(row * b), E @ svd.null_space
 
-    def _result(
-        self, tree: FloatArray, wrenches: FloatArray, null: FloatArray, size: float, residual: float
-    ) -> JointReactions:
+    def _smallest(self, tree: FloatArray, T: FloatArray, some: FloatArray, null: FloatArray) -> FloatArray:
+        """Return the wrenches that make (2) smallest, from some that solve (1) and the open changes."""
+        weight = np.tile([1.0] * 3 + [1.0 / self.length] * 3, len(self.names))
+        change = weight[:, None] * _all_of(np.zeros_like(tree), T, null)
+        steps = np.linalg.lstsq(change, weight * _all_of(tree, T, some), rcond=None)[0]
+        return np.asarray(some - null @ steps)
+
+    def _to_joints(self) -> FloatArray:
+        """Return what the closures' wrenches, unit by unit, add to each joint of the tree."""
         joints, ends = list(self._kinematics.data.oMi)[1:], self._places()
-        T = np.zeros((6 * len(joints), len(wrenches)))
+        T = np.zeros((6 * len(joints), 6 * len(ends)))
         for c, i in np.argwhere(self._signs[:, 1:]):
             block = joints[i].actInv(ends[c]).toDualActionMatrix()
             T[6 * i : 6 * i + 6, 6 * c : 6 * c + 6] = self._signs[c, i + 1] * block
-        total = np.concatenate([tree.ravel() + T @ wrenches, wrenches]).reshape(-1, 2, 3)
-        change = np.linalg.norm(np.concatenate([T @ null, null]), axis=1).reshape(-1, 2, 3)
+        return T
+
+    def _result(self, total: FloatArray, change: FloatArray, residual: float) -> JointReactions:
+        """Return named reactions from all of them, and from their open changes as columns."""
+        places = (*list(self._kinematics.data.oMi)[1:], *self._places())
+        wrenches, moves = total.reshape(-1, 2, 3), np.linalg.norm(change, axis=1).reshape(-1, 2, 3)
         return JointReactions(
             self.names,
-            forces=total[:, 0],
-            moments=total[:, 1],
-            determined_forces=change[:, 0] <= _UNIQUE,
-            determined_moments=change[:, 1] <= _UNIQUE * size,
-            rotations=np.array([M.rotation for M in (*joints, *ends)]).reshape(-1, 3, 3),
-            positions=np.array([M.translation for M in (*joints, *ends)]).reshape(-1, 3),
-            undetermined=null.shape[1],
+            forces=wrenches[:, 0],
+            moments=wrenches[:, 1],
+            determined_forces=moves[:, 0] <= _UNIQUE,
+            determined_moments=moves[:, 1] <= _UNIQUE * self._size,
+            rotations=np.array([M.rotation for M in places]).reshape(-1, 3, 3),
+            positions=np.array([M.translation for M in places]).reshape(-1, 3),
+            undetermined=change.shape[1],
             residual=residual,
         )
+
+
+def _all_of(tree: FloatArray, T: FloatArray, wrenches: FloatArray) -> FloatArray:
+    """Return the components of all joints, then of all closures, for wrenches of the closures."""
+    alone = tree.reshape(-1, *[1] * (wrenches.ndim - 1))
+    return np.concatenate([alone + T @ wrenches, wrenches])

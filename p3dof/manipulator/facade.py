@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,7 +27,15 @@ from p3dof.methods import (
 )
 from p3dof.motion import Motion
 from p3dof.parameters import PAPER, Parameters, read_parameters
-from p3dof.reactions import Idealisation, Reactions, over_motion
+from p3dof.reactions import (
+    BOTH,
+    AnyReactions,
+    Choice,
+    Idealisation,
+    Reactions,
+    ReactionsComparison,
+    over_motion,
+)
 from p3dof.samples import OnInvalid, finite_states, wrench_like
 from p3dof.simulation import ControllerLike, Noise, Simulation, WrenchLike
 
@@ -190,22 +198,50 @@ class Manipulator(DifferentialMachine):
             solution = virtual_power.solve(self.parameters, *states, wrench=loads, known=known)
         return with_evidence(method, motion, solution, loads)
 
+    @overload
     def reactions(
         self,
         motion: Motion,
-        joints: Idealisation = "paper",
+        joints: Literal["both"] = ...,
+        wrench: WrenchOverTime = ...,
+        on_invalid: OnInvalid = ...,
+        progress: Progress | None = ...,
+    ) -> ReactionsComparison: ...
+    @overload
+    def reactions(
+        self,
+        motion: Motion,
+        joints: Idealisation,
+        wrench: WrenchOverTime = ...,
+        on_invalid: OnInvalid = ...,
+        progress: Progress | None = ...,
+    ) -> Reactions: ...
+    @overload
+    def reactions(
+        self,
+        motion: Motion,
+        joints: Choice,
+        wrench: WrenchOverTime = ...,
+        on_invalid: OnInvalid = ...,
+        progress: Progress | None = ...,
+    ) -> AnyReactions: ...
+    def reactions(
+        self,
+        motion: Motion,
+        joints: Choice = BOTH,
         wrench: WrenchOverTime = None,
         on_invalid: OnInvalid = "raise",
         progress: Progress | None = None,
-    ) -> Reactions:
+    ) -> AnyReactions:
         """Return the force and moment in every joint over a motion; see `p3dof.reactions`.
 
         Parameters
         ----------
         motion : Motion
             The motion of the platform.
-        joints : {"paper", "points"}
-            How the cuts of the loops are built: universal joints and a hinge, or balls.
+        joints : {"both", "paper", "points"}
+            How the cuts of the loops are built: universal joints and a hinge, or balls; in both ways by
+            default, since rigid bodies leave some loads open (see `p3dof.ReactionsComparison`).
         wrench : array-like, shape (6,) or (N, 6), or callable, optional
             External force and moment on the platform at P, in the fixed frame [N, N m]; or a function of
             the times.
@@ -216,7 +252,8 @@ class Manipulator(DifferentialMachine):
 
         Returns
         -------
-        Reactions
+        ReactionsComparison or Reactions
+            By both idealisations, or by the one that was asked for.
 
         Raises
         ------

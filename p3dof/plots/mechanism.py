@@ -16,6 +16,7 @@ from p3dof.motion import Motion
 from p3dof.plots.common import new_figure
 from p3dof.plots.sheet import Sheet, between
 from p3dof.plots.views import Ball, Prism, View, link_frames, solids_of
+from p3dof.reactions import JOINTS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,22 +33,19 @@ VIEWS = {
 }
 """The views in the order of the figure's axes, with their titles."""
 
-HINGES = {
-    "A_2": "leg_a",
-    "B_2": "leg_b",
-    "C_2": "crossbar_upper",
-    "C_3": "rod_left",
-    "C_4": "crossbar_lower",
-    "C_5": "platform",
-    "C_6": "rod_right",
-    "": "rod_right_tip",
-}
-"""The paper's names of the hinges: they are at the origins of these links. It names the last one not."""
 
-UNIVERSAL = {"A_3": "platform_a", "B_3": "platform_b"}
-SLIDES = {"A_1": "slider_a", "B_1": "slider_b", "C_1": "slider_c"}
+def _frames(*names: str) -> dict[str, str]:
+    """Return where joints are drawn, by their labels as formulas: at the origins of these frames."""
+    return {f"{joint.label[0]}_{joint.label[1:]}": joint.frame for joint in JOINTS if joint.name in names}
 
-_TRIANGLE, _PARALLELOGRAM = ("A_3", "B_3", "C_5", "A_3"), ("C_3", "C_4", "", "C_6", "C_3")
+
+UNIVERSAL = _frames("loop_a", "loop_b")
+SLIDES = _frames(*(joint.name for joint in JOINTS if joint.axis == "z"))
+HINGES = _frames(
+    *(joint.name for joint in JOINTS if joint.axis == "y" and joint.name not in ("loop_a", "loop_b"))
+)
+
+_TRIANGLE, _PARALLELOGRAM = ("A_3", "B_3", "C_5", "A_3"), ("C_3", "C_4", "C_7", "C_6", "C_3")
 _LINES = (("A_2", "A_3"), ("B_2", "B_3"), *pairwise(_TRIANGLE), *pairwise(_PARALLELOGRAM))
 _TRACE = "#aa3377"
 
@@ -79,8 +77,8 @@ def mechanism_figure(
 ) -> Figure:
     """Draw the mechanism from the front, the side and the top at one scale, and at an angle.
 
-    The joints have the paper's names. Guide-ways and their beams are drawn behind everything else, so that
-    they hide nothing.
+    The joints have the labels of `p3dof.reactions.JOINTS`: the paper's names, but for C7, which the paper
+    does not name. Guide-ways and their beams are drawn behind everything else, so that they hide nothing.
 
     Parameters
     ----------
@@ -265,7 +263,5 @@ def _label(axis: Axes, sheet: Sheet, scene: Scene, view: View) -> None:
         for one, other in _LINES
     ]
     obstacles += [sheet.dense(solid.silhouette(view)) for base, solid in scene.solids if not base]
-    names = {
-        place: ", ".join(f"${name}$" for name in sorted(found) if name) for place, found in places.items()
-    }
-    sheet.labels(axis, {place: text for place, text in names.items() if text}, obstacles)
+    names = {place: ", ".join(f"${name}$" for name in sorted(found)) for place, found in places.items()}
+    sheet.labels(axis, names, obstacles)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from p3dof.plots.common import COLOURS, new_figure
-from p3dof.reactions import Reactions
+from p3dof.reactions import JOINTS, AnyReactions
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,17 +22,22 @@ _ROWS = (
 )
 """The panels: leg A, leg B, leg C from its slider to the platform."""
 
+_LABELS = {joint.name: joint.label for joint in JOINTS}
+_STYLES = {"paper": (0, (4, 2)), "points": (0, (1, 1.2))}
+"""Of open loads, by idealisation: dashes and dots."""
+
 _NOTHING = 1e-9
 """Moments that are rounding, of a joint that bears none [N m]."""
 
 
-def reactions_figure(result: Reactions) -> Figure:
+def reactions_figure(result: AnyReactions) -> Figure:
     """Draw the resultant force and moment in every joint over the motion.
 
     Parameters
     ----------
-    result : Reactions
-        The reactions. What rigid bodies do not determine is drawn dashed.
+    result : Reactions or ReactionsComparison
+        The reactions. What rigid bodies determine is drawn solid; of what they leave open, dashes stand for
+        ``"paper"`` and dots for ``"points"``. Panels have the names of the tables and of the drawing.
 
     Returns
     -------
@@ -49,7 +54,7 @@ def reactions_figure(result: Reactions) -> Figure:
         for axis in row[len(names) :]:
             axis.set_axis_off()
         for axis, name in zip(row, names, strict=False):
-            axis.set_title(name, fontsize=9)
+            axis.set_title(f"{name} ({_LABELS[name]})", fontsize=9)
             for side, (kind, _, colour) in zip((axis, axis.twinx()), _KINDS, strict=True):
                 _draw(side, result, name, kind, colour)
             axis.grid(color="0.9", lw=0.6)
@@ -60,24 +65,33 @@ def reactions_figure(result: Reactions) -> Figure:
     from matplotlib.lines import Line2D
 
     handles = [Line2D([], [], lw=1.2, color=colour, label=label) for _, label, colour in _KINDS]
-    handles.append(Line2D([], [], lw=1.2, color="0.3", ls="--", label="not determined\nby rigid bodies"))
+    handles.append(Line2D([], [], lw=1.2, color="0.3", label="determined"))
+    handles += [
+        Line2D([], [], lw=1.2, color="0.3", ls=_STYLES[kind], label=f"open, joints as {kind!r}")
+        for kind in result.idealisations
+    ]
     axes[0, 3].legend(handles=handles, loc="center", frameon=False, fontsize=9)
-    figure.suptitle(f"resultants in the joints, cuts as {result.idealisation}", fontsize=10)
+    note = "Rigid bodies cannot decide\nopen loads: each curve is one\nof many, and none is a bound."
+    axes[1, 3].text(0.5, 0.5, note, fontsize=9, ha="center", va="center", transform=axes[1, 3].transAxes)
+    figure.suptitle("resultants in the joints", fontsize=10)
     return figure
 
 
-def _draw(axis: Axes, result: Reactions, name: str, kind: str, colour: str) -> None:
+def _draw(axis: Axes, result: AnyReactions, name: str, kind: str, colour: str) -> None:
     """Draw the size of a joint's force or moment against its own scale, in its colour."""
-    joint = result[name]
-    determined = getattr(joint, f"determined_{kind}")[result.valid].all()
-    size = np.linalg.norm(getattr(joint, kind), axis=-1)
+    each = {one.idealisation: one[name] for one in result.each}
+    determined = all(getattr(one, f"determined_{kind}")[result.valid].all() for one in each.values())
+    sizes = {name: np.linalg.norm(getattr(one, kind), axis=-1) for name, one in each.items()}
+    if determined:  # the same in all
+        sizes = {"": next(iter(sizes.values()))}
     axis.spines["top"].set_visible(False)
     axis.margins(x=0.01)
-    largest = np.nanmax(size, initial=0.0)
+    largest = max(np.nanmax(size, initial=0.0) for size in sizes.values())
     if kind == "moments" and largest <= _NOTHING:
         axis.set_yticks([])
         axis.spines["right"].set_visible(False)
         return
-    axis.plot(result.time, size, color=colour, lw=1.2, ls="-" if determined else "--")
+    for idealisation, size in sizes.items():
+        axis.plot(result.time, size, color=colour, lw=1.2, ls=_STYLES.get(idealisation, "-"))
     axis.set_ylim(0, 1.05 * largest or 1.0)
     axis.tick_params(axis="y", labelsize=7, colors=colour)

@@ -10,27 +10,37 @@ which moments they transmit:
     The cuts are ball joints, as they are in the model. 9 components on 7 constraints: 2 are left open.
 
 What is left open, rigid bodies do not tell: it depends on stiffness, play and assembly. Such components are
-marked in every sample, and have the values that belong to the smallest forces at the cuts (see
-`p3dof.closed_loop.reactions`). That is a choice, not an estimate: with ``"paper"``, for example, it lets the
-left rod bear nearly all of the parallelogram's axial load, since only the right one ends in a cut. A bearing
-that is sized by a marked number needs a look at what else its joint could bear.
+marked in every sample. Of all possible reactions those are taken that have the smallest sum of squares over
+all joints, moments taken as forces on an arm of L/20 (20 mm in the paper's machine, the diameter of its
+rods): what joints that are all equally stiff would bear (see `p3dof.closed_loop.reactions`). With ``"paper"``
+it treats left and right alike, as the machine does. It is a choice, not an estimate, and neither idealisation
+is a bound: other stiffnesses lead to loads outside both. So `Reactions.peaks`, what to size joints for,
+leaves open loads out; `Reactions.open_peaks` has them.
 
 Friction of the joints is part of their reactions, and lies along their freedoms.
 """
 
+from p3dof.reactions.comparison import UNDECIDED, AnyReactions, ReactionsComparison, how_chosen
 from p3dof.reactions.evaluation import of_solution, over_motion
-from p3dof.reactions.joints import IDEALISATIONS, JOINTS, Idealisation, Joint
-from p3dof.reactions.one_joint import JointReaction, Peak
+from p3dof.reactions.joints import BOTH, IDEALISATIONS, JOINTS, Choice, Idealisation, Joint
+from p3dof.reactions.one_joint import JointReaction, OpenPeak, Peak
 from p3dof.reactions.results import Reactions
 
 __all__ = [
+    "BOTH",
     "IDEALISATIONS",
     "JOINTS",
+    "UNDECIDED",
+    "AnyReactions",
+    "Choice",
     "Idealisation",
     "Joint",
     "JointReaction",
+    "OpenPeak",
     "Peak",
     "Reactions",
+    "ReactionsComparison",
+    "how_chosen",
     "of_solution",
     "over_motion",
 ]

@@ -4,33 +4,64 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal, overload
 
 import numpy as np
 
 from p3dof.checks import FloatArray
 from p3dof.closed_loop import ClosedLoopModel
-from p3dof.closed_loop.reactions import JointReactions, ReactionSolver
+from p3dof.closed_loop.reactions import LENGTH_SHARE, JointReactions, ReactionSolver
 from p3dof.errors import DynamicsError, InputError, SampleError
 from p3dof.methods import Solution, WrenchOverTime, pinocchio, wrenches_at
 from p3dof.methods.pinocchio_friction import FrictionForces
 from p3dof.motion import Motion
 from p3dof.parameters import Parameters
-from p3dof.reactions.joints import JOINTS, Idealisation, cuts
+from p3dof.reactions.comparison import AnyReactions, ReactionsComparison
+from p3dof.reactions.joints import BOTH, IDEALISATIONS, JOINTS, Choice, Idealisation, cuts
 from p3dof.reactions.newton_euler import in_fixed_axes, residual
 from p3dof.reactions.results import Reactions
 from p3dof.samples import OnInvalid, finite_states
 
 
+@overload
 def over_motion(
     loop: ClosedLoopModel,
     parameters: Parameters,
     motion: Motion,
-    joints: Idealisation = "paper",
+    joints: Literal["both"] = ...,
+    wrench: WrenchOverTime = ...,
+    on_invalid: OnInvalid = ...,
+    progress: Callable[[int, int], None] | None = ...,
+) -> ReactionsComparison: ...
+@overload
+def over_motion(
+    loop: ClosedLoopModel,
+    parameters: Parameters,
+    motion: Motion,
+    joints: Idealisation,
+    wrench: WrenchOverTime = ...,
+    on_invalid: OnInvalid = ...,
+    progress: Callable[[int, int], None] | None = ...,
+) -> Reactions: ...
+@overload
+def over_motion(
+    loop: ClosedLoopModel,
+    parameters: Parameters,
+    motion: Motion,
+    joints: Choice,
+    wrench: WrenchOverTime = ...,
+    on_invalid: OnInvalid = ...,
+    progress: Callable[[int, int], None] | None = ...,
+) -> AnyReactions: ...
+def over_motion(
+    loop: ClosedLoopModel,
+    parameters: Parameters,
+    motion: Motion,
+    joints: Choice = BOTH,
     wrench: WrenchOverTime = None,
     on_invalid: OnInvalid = "raise",
     progress: Callable[[int, int], None] | None = None,
-) -> Reactions:
+) -> AnyReactions:
     """Return the reactions of all joints over a motion.
 
     Parameters
@@ -41,8 +72,8 @@ def over_motion(
         The machine that it is a model of.
     motion : Motion
         The motion of the platform.
-    joints : {"paper", "points"}
-        How the cuts of the loops are built; see the module.
+    joints : {"both", "paper", "points"}
+        How the cuts of the loops are built, see the module; in both ways by default.
     wrench : array-like, shape (6,) or (N, 6), or callable, optional
         External force and moment on the platform at P, in the fixed frame [N, N m]; or a function of time.
     on_invalid : {"raise", "nan"}
@@ -52,7 +83,8 @@ def over_motion(
 
     Returns
     -------
-    Reactions
+    ReactionsComparison or Reactions
+        By both idealisations, or by the one that was asked for.
 
     Raises
     ------
@@ -61,7 +93,9 @@ def over_motion(
     InputError
         If the wrench does not fit, the idealisation is unknown, or `motion` is not a `Motion`.
     """
-    cuts(joints)  # before the long part
+    kinds = IDEALISATIONS if joints == BOTH else (joints,)
+    for kind in kinds:
+        cuts(kind)  # before the long part
     if not isinstance(motion, Motion):
         raise InputError(f"motion: expected a Motion, got {type(motion).__name__}")
     states = finite_states(motion.pose, motion.velocity, motion.acceleration, on_invalid)
@@ -69,7 +103,8 @@ def over_motion(
     solution = pinocchio.solve(
         loop, parameters.geometry.h, *states, loads, parameters.friction, on_invalid, progress
     )
-    return of_solution(loop, parameters, motion, solution, joints, loads, on_invalid)
+    found = [of_solution(loop, parameters, motion, solution, kind, loads, on_invalid) for kind in kinds]
+    return ReactionsComparison(*found) if joints == BOTH else found[0]
 
 
 def of_solution(
@@ -103,7 +138,8 @@ def of_solution(
     InputError
         If the idealisation is unknown.
     """
-    solver, friction = ReactionSolver(loop, cuts(joints)), FrictionForces(loop, parameters.friction)
+    solver = ReactionSolver(loop, cuts(joints), LENGTH_SHARE * parameters.geometry.L)
+    friction = FrictionForces(loop, parameters.friction)
     states = solution.joints
     known = np.isfinite(solution.forces).all(axis=1) & np.isfinite(states.q).all(axis=1)
     arrays = _no_reactions(len(solution.forces))
@@ -122,7 +158,7 @@ def of_solution(
             array[i] = getattr(one, name)
     forces, moments = (in_fixed_axes(arrays["rotations"], arrays[name]) for name in ("forces", "moments"))
     errors = residual(parameters, motion, wrench, forces, moments, arrays["positions"])
-    return Reactions(joints, motion, **arrays, residual=errors)
+    return Reactions(joints, solver.length, motion, **arrays, residual=errors)
 
 
 def _with_friction_in_cuts(

@@ -13,7 +13,10 @@ from p3dof.errors import InputError
 
 Idealisation: TypeAlias = Literal["paper", "points"]
 """How the cuts of the loops are built."""
-IDEALISATIONS: tuple[str, ...] = get_args(Idealisation)
+IDEALISATIONS: tuple[Idealisation, ...] = get_args(Idealisation)
+Choice: TypeAlias = Literal["both", "paper", "points"]
+"""One of them, or both."""
+BOTH: Literal["both"] = "both"
 
 _Y = (0.0, 1.0, 0.0)
 _AXES = {"y": _Y, "z": (0.0, 0.0, 1.0)}
@@ -28,7 +31,11 @@ class Joint:
     Parameters
     ----------
     name : str
-        Its name.
+        Its name, in tables and files.
+    label : str
+        Its name in the drawing: the paper's, but for C7, which the paper does not name.
+    meaning : str
+        What it is.
     predecessor, successor : str
         Links that it joins; the reaction is what the predecessor exerts on the successor.
     frame : str
@@ -39,6 +46,8 @@ class Joint:
     """
 
     name: str
+    label: str
+    meaning: str
     predecessor: str
     successor: str
     frame: str
@@ -46,19 +55,53 @@ class Joint:
 
 
 JOINTS = (
-    Joint("slide_a", "base_link", "slider_a", "slider_a", "z"),
-    Joint("hinge_a", "slider_a", "leg_a", "leg_a", "y"),
-    Joint("slide_b", "base_link", "slider_b", "slider_b", "z"),
-    Joint("hinge_b", "slider_b", "leg_b", "leg_b", "y"),
-    Joint("slide_c", "base_link", "slider_c", "slider_c", "z"),
-    Joint("hinge_c", "slider_c", "crossbar_upper", "crossbar_upper", "y"),
-    Joint("hinge_left", "crossbar_upper", "rod_left", "rod_left", "y"),
-    Joint("hinge_lower", "rod_left", "crossbar_lower", "crossbar_lower", "y"),
-    Joint("hinge_platform", "crossbar_lower", "platform", "platform", "y"),
-    Joint("hinge_right", "crossbar_upper", "rod_right", "rod_right", "y"),
-    Joint("loop_a", "leg_a", "platform", "leg_a_tip", "y"),
-    Joint("loop_b", "leg_b", "platform", "leg_b_tip", "y"),
-    Joint("loop_c", "rod_right", "crossbar_lower", "rod_right_tip", "y"),
+    Joint("slide_a", "A1", "guide of slider A", "base_link", "slider_a", "slider_a", "z"),
+    Joint("hinge_a", "A2", "leg A on its slider", "slider_a", "leg_a", "leg_a", "y"),
+    Joint("slide_b", "B1", "guide of slider B", "base_link", "slider_b", "slider_b", "z"),
+    Joint("hinge_b", "B2", "leg B on its slider", "slider_b", "leg_b", "leg_b", "y"),
+    Joint("slide_c", "C1", "guide of slider C", "base_link", "slider_c", "slider_c", "z"),
+    Joint(
+        "hinge_c", "C2", "upper cross-bar on slider C", "slider_c", "crossbar_upper", "crossbar_upper", "y"
+    ),
+    Joint("hinge_left", "C3", "left rod, upper end", "crossbar_upper", "rod_left", "rod_left", "y"),
+    Joint("hinge_lower", "C4", "left rod, lower end", "rod_left", "crossbar_lower", "crossbar_lower", "y"),
+    Joint(
+        "hinge_platform",
+        "C5",
+        "platform on the lower cross-bar",
+        "crossbar_lower",
+        "platform",
+        "platform",
+        "y",
+    ),
+    Joint("hinge_right", "C6", "right rod, upper end", "crossbar_upper", "rod_right", "rod_right", "y"),
+    Joint(
+        "loop_a",
+        "A3",
+        "leg A on the platform (its friction: universal_a)",
+        "leg_a",
+        "platform",
+        "leg_a_tip",
+        "y",
+    ),
+    Joint(
+        "loop_b",
+        "B3",
+        "leg B on the platform (its friction: universal_b)",
+        "leg_b",
+        "platform",
+        "leg_b_tip",
+        "y",
+    ),
+    Joint(
+        "loop_c",
+        "C7",
+        "right rod, lower end (its friction: hinge_lower_right)",
+        "rod_right",
+        "crossbar_lower",
+        "rod_right_tip",
+        "y",
+    ),
 )
 """The joints of the tree in Pinocchio's order, then the cuts."""
 
@@ -81,7 +124,7 @@ def cuts(idealisation: str) -> tuple[ClosureJoint, ...]:
         If there is no such idealisation.
     """
     if idealisation not in IDEALISATIONS:
-        expected = " or ".join(map(repr, IDEALISATIONS))
+        expected = " or ".join(map(repr, (*IDEALISATIONS, BOTH)))
         raise InputError(f"joints: expected {expected}, got {idealisation!r}")
     return _CUTS[idealisation]
 

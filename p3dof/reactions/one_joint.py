@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,7 +39,10 @@ class JointReaction:
 
 @dataclass(frozen=True)
 class Peak:
-    """The largest loads of one joint over the valid samples of a motion; NaN where it has no axis.
+    """The largest loads of one joint that rigid bodies determine, over the valid samples of a motion.
+
+    NaN stands for a load that has an undetermined part, and for one that the joint has not: without an axis
+    nothing is along or across it.
 
     Parameters
     ----------
@@ -51,7 +55,7 @@ class Peak:
     rms_force, rms_moment : float
         Root mean squares over time of the resultants [N, N m].
     undetermined : tuple of str
-        Which of these fields contain a component that rigid bodies do not determine.
+        Which of these fields are NaN since they contain a component that rigid bodies do not determine.
     """
 
     joint: str
@@ -65,8 +69,45 @@ class Peak:
     undetermined: tuple[str, ...]
 
 
-def peak_of(one: JointReaction, time: FloatArray, valid: BoolArray) -> Peak:
-    """Return the largest loads of a joint.
+@dataclass(frozen=True)
+class OpenPeak:
+    """The largest value of a load that rigid bodies do not determine, by idealisations.
+
+    Its values are some of many possible ones, and bound nothing.
+
+    Parameters
+    ----------
+    joint : str
+        Name of the joint.
+    load : str
+        Which of the fields of a `Peak`.
+    values : mapping of str to float
+        By the name of the idealisation [N or N m]; NaN where the joint has no such load.
+    """
+
+    joint: str
+    load: str
+    values: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Load:
+    """The largest value of one load of a joint, and whether it contains an undetermined component.
+
+    Parameters
+    ----------
+    value : float
+        NaN if there is none [N or N m].
+    undetermined : bool
+        Whether rigid bodies leave it open.
+    """
+
+    value: float
+    undetermined: bool
+
+
+def loads_of(one: JointReaction, time: FloatArray, valid: BoolArray) -> dict[str, Load]:
+    """Return the largest loads of a joint, by the fields of a `Peak`.
 
     Parameters
     ----------
@@ -79,7 +120,7 @@ def peak_of(one: JointReaction, time: FloatArray, valid: BoolArray) -> Peak:
 
     Returns
     -------
-    Peak
+    dict of str to Load
         NaN if no sample is valid.
     """
     time, axis = time[valid], one.axis
@@ -96,8 +137,35 @@ def peak_of(one: JointReaction, time: FloatArray, valid: BoolArray) -> Peak:
         "rms_force": (_rms(time, _length(force)), open_force.any()),
         "rms_moment": (_rms(time, _length(moment)), open_moment.any()),
     }
-    marked = tuple(name for name, (value, mark) in loads.items() if mark and np.isfinite(value))
-    return Peak(one.joint.name, **{name: value for name, (value, _) in loads.items()}, undetermined=marked)
+    return {name: Load(value, bool(mark and np.isfinite(value))) for name, (value, mark) in loads.items()}
+
+
+def peaks_of(joint: str, loads: Mapping[str, dict[str, Load]]) -> tuple[Peak, tuple[OpenPeak, ...]]:
+    """Return what all idealisations determine of a joint's loads, and apart from it the rest.
+
+    Parameters
+    ----------
+    joint : str
+        Its name.
+    loads : mapping of str to dict
+        What `loads_of` tells, by the name of the idealisation.
+
+    Returns
+    -------
+    peak : Peak
+        What is determined in each of them; there they agree.
+    open_peaks : tuple of OpenPeak
+        What is open in one of them or more.
+    """
+    names = tuple(next(iter(loads.values())))
+    each = {name: {kind: one[name] for kind, one in loads.items()} for name in names}
+    marked = tuple(name for name in names if any(load.undetermined for load in each[name].values()))
+    known = {}
+    for name in names:
+        values = [load.value for load in each[name].values() if np.isfinite(load.value)]
+        known[name] = values[0] if values and name not in marked else float("nan")
+    rest = (OpenPeak(joint, name, {kind: load.value for kind, load in each[name].items()}) for name in marked)
+    return Peak(joint, **known, undetermined=marked), tuple(rest)
 
 
 def _length(vectors: FloatArray) -> FloatArray:

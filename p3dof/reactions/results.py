@@ -16,7 +16,7 @@ from p3dof.methods import write_table
 from p3dof.motion import Motion
 from p3dof.reactions.joints import JOINTS, joint_axes
 from p3dof.reactions.newton_euler import in_fixed_axes
-from p3dof.reactions.one_joint import JointReaction, Peak, largest, peak_of
+from p3dof.reactions.one_joint import JointReaction, Load, OpenPeak, Peak, largest, loads_of, peaks_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +27,8 @@ class Reactions:
     ----------
     idealisation : str
         How the cuts are built, ``"paper"`` or ``"points"``.
+    length : float
+        What compares moments with forces where rigid bodies leave a choice [m]; see `p3dof.reactions`.
     motion : Motion
         The motion of the platform.
     forces, moments : ndarray, shape (N, 13, 3)
@@ -47,6 +49,7 @@ class Reactions:
     """
 
     idealisation: str
+    length: float
     motion: Motion
     forces: FloatArray
     moments: FloatArray
@@ -73,6 +76,16 @@ class Reactions:
             self.determined_forces[:, i],
             self.determined_moments[:, i],
         )
+
+    @property
+    def idealisations(self) -> tuple[str, ...]:
+        """The one idealisation, as of a comparison."""
+        return (self.idealisation,)
+
+    @property
+    def each(self) -> tuple[Reactions, ...]:
+        """Itself alone, as of a comparison."""
+        return (self,)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -106,15 +119,47 @@ class Reactions:
         """
         return in_fixed_axes(self.rotations, self.forces), in_fixed_axes(self.rotations, self.moments)
 
+    def loads(self, name: str) -> dict[str, Load]:
+        """Return the largest loads of a joint and which of them are open, by the fields of a `Peak`.
+
+        Parameters
+        ----------
+        name : str
+            Of the joint.
+
+        Returns
+        -------
+        dict of str to Load
+
+        Raises
+        ------
+        InputError
+            If there is no such joint.
+        """
+        return loads_of(self[name], self.time, self.valid)
+
     def peaks(self) -> tuple[Peak, ...]:
-        """Return the largest loads of every joint, for sizing its bearings.
+        """Return the largest loads of every joint that rigid bodies determine, for sizing its bearings.
 
         Returns
         -------
         tuple of Peak
-            One for each of `JOINTS`.
+            One for each of `JOINTS`; NaN where `open_peaks` tells.
         """
-        return tuple(peak_of(self[name], self.time, self.valid) for name in self.joints)
+        return tuple(peaks_of(name, {self.idealisation: self.loads(name)})[0] for name in self.joints)
+
+    def open_peaks(self) -> tuple[OpenPeak, ...]:
+        """Return the largest values here of the loads that rigid bodies leave open.
+
+        Each is one of many possible values, and no bound.
+
+        Returns
+        -------
+        tuple of OpenPeak
+            In the order of `JOINTS`.
+        """
+        found = (peaks_of(name, {self.idealisation: self.loads(name)})[1] for name in self.joints)
+        return tuple(peak for peaks in found for peak in peaks)
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write time, all reactions and the residual to a CSV file, 17 significant digits.

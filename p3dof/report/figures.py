@@ -15,7 +15,7 @@ from p3dof.manipulator import Manipulator
 from p3dof.methods import LEGS, InverseDynamics
 from p3dof.plots.joints import joints_figure
 from p3dof.plots.mechanism import mechanism_figure
-from p3dof.reactions import Reactions
+from p3dof.reactions import AnyReactions
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -65,7 +65,7 @@ def pictures_of(
     robot: Manipulator,
     results: tuple[InverseDynamics, InverseDynamics],
     energy: Energy,
-    reactions: Reactions,
+    reactions: AnyReactions,
 ) -> Pictures:
     """Draw the figures of a report.
 
@@ -77,7 +77,7 @@ def pictures_of(
         The forces by both methods; the mechanism is drawn at the first valid sample.
     energy : Energy
         Over the motion.
-    reactions : Reactions
+    reactions : Reactions or ReactionsComparison
         Likewise.
 
     Returns
@@ -94,9 +94,9 @@ def pictures_of(
         mechanism=picture(
             mechanism_figure(robot, motion.pose[row], motion),
             "Drawing of the mechanism from the front, the side, the top and at an angle, with the joints "
-            f"A1 to C6, at y = {y:.4g} m, z = {z:.4g} m, θ = {theta:.4g} rad.",
+            f"A1 to C7, at y = {y:.4g} m, z = {z:.4g} m, θ = {theta:.4g} rad.",
             f"The mechanism at t = {motion.time[row]:g} s, from the front, the side and the top at one "
-            "scale, and the path of P. The joints have the paper's names; guide-ways are drawn behind all.",
+            "scale, and the path of P. Guide-ways are drawn behind all.",
         ),
         joints=picture(
             joints_figure(first),
@@ -117,7 +117,7 @@ def pictures_of(
         reactions=picture(
             plots.reactions_figure(reactions),
             f"Resultant force and moment in each of the thirteen joints {span}.",
-            "Resultant forces and moments in the joints; dashed where rigid bodies do not determine them.",
+            "Resultant forces and moments in the joints; dashed and dotted what rigid bodies leave open.",
         ),
     )
 

@@ -21,7 +21,7 @@ from p3dof.files import write_atomic
 from p3dof.manipulator import Manipulator
 from p3dof.methods import LEGS, InverseDynamics, WrenchOverTime
 from p3dof.motion import Motion
-from p3dof.reactions import Reactions
+from p3dof.reactions import BOTH, UNDECIDED, AnyReactions, Choice, how_chosen
 from p3dof.report import tables
 from p3dof.report.figures import Pictures, pictures_of
 from p3dof.samples import OnInvalid
@@ -47,7 +47,7 @@ class Findings:
         The forces by Pinocchio, and by virtual powers.
     energy : Energy
         Of the first.
-    reactions : Reactions
+    reactions : Reactions or ReactionsComparison
         In all joints.
     """
 
@@ -56,7 +56,7 @@ class Findings:
     first: InverseDynamics
     second: InverseDynamics
     energy: Energy
-    reactions: Reactions
+    reactions: AnyReactions
 
     @property
     def difference(self) -> float:
@@ -94,6 +94,7 @@ def render(
     no_animation: str = "",
     date: datetime | None = None,
     progress: Callable[[int, int], None] | None = None,
+    joints: Choice = BOTH,
 ) -> str:
     """Return the report on a motion as one HTML page that loads nothing from elsewhere.
 
@@ -121,6 +122,8 @@ def render(
         When it was made; now by default.
     progress : callable, optional
         Called with (done, total) while Pinocchio solves, and again while it finds the reactions.
+    joints : {"both", "paper", "points"}
+        How the cuts of the loops are built; see `p3dof.reactions`.
 
     Returns
     -------
@@ -144,7 +147,7 @@ def render(
     second = robot.inverse_dynamics(motion, "virtual-power", wrench, on_invalid)
     if not (first.valid.any() and second.valid.any()):
         raise InputError(f"no sample of the motion is within what the machine can do ({len(motion)} samples)")
-    reactions = robot.reactions(motion, "paper", wrench, on_invalid, progress)
+    reactions = robot.reactions(motion, joints, wrench, on_invalid, progress)
     findings = Findings(robot, motion, first, second, robot.energy(first), reactions)
     when = datetime.now().astimezone() if date is None else date
     words: dict[str, Any] = {
@@ -238,7 +241,10 @@ def _content(findings: Findings) -> dict[str, Any]:
         "evidence": tables.evidence_table(first, second),
         "drives": tables.drives_table(energy),
         "kinetic": tables.bodies_table(energy),
+        "names": tables.names_table(),
         "reactions": tables.reactions_table(findings.reactions),
+        "open": tables.open_tables(findings.reactions),
+        "undecided": f"{UNDECIDED} {how_chosen(findings.reactions)}",
         "pictures": pictures,
     }
 
