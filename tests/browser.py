@@ -39,6 +39,14 @@ window.placeOf = (path) => {  // 4x4 in rows, relative to the fixed frame of the
     const place = root.object.matrixWorld.clone().invert().multiply(node.object.matrixWorld);
     return place.transpose().toArray();
 };
+window.tipsOf = (paths) => paths.map((path) => {  // of arrows, in the picture: from -1 to 1
+    const node = nodeOf(path + "/head");
+    node.object.updateWorldMatrix(true, false);
+    viewer.camera.updateWorldMatrix(true, false);
+    const tip = viewer.camera.position.clone().set(0, 0, 1).applyMatrix4(node.object.matrixWorld);
+    const seen = tip.project(viewer.camera);
+    return [seen.x, seen.y];
+});
 """
 
 
@@ -59,6 +67,11 @@ class Watched:
     def places(self, paths: list[str]) -> np.ndarray:
         """Those of several at one instant, (len(paths), 4, 4)."""
         return np.reshape(self.page.evaluate("paths => paths.map(placeOf)", paths), (-1, 4, 4))
+
+    def tips(self) -> np.ndarray:
+        """Where the tips of the arrows are in the picture, that of the legend too, (4, 2)."""
+        arrows = ["meshcat/forces/a", "meshcat/forces/b", "meshcat/forces/c", "meshcat/legend/arrow"]
+        return np.array(self.page.evaluate("paths => tipsOf(paths)", arrows))
 
     def wait(self, condition: str, argument: Any = None, timeout: float = 20.0) -> None:
         """Wait until a JavaScript condition holds: an expression, or a function of the argument."""

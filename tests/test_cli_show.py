@@ -202,13 +202,14 @@ def test_pictures(tmp_path, capsys, monkeypatch):
     code, out, _ = run(capsys, *arguments, "--screenshot", picture, "--video", film)
     assert code == 0
     assert out.splitlines()[-2:] == [f"wrote {picture}", f"wrote {film}"]
-    path, robot, pose, forces, trace, _ = made["save_screenshot"]
+    path, robot, pose, forces, trace, how = made["save_screenshot"]
     motion = p3dof.paper_motion(11)
     assert path == picture
     np.testing.assert_allclose(pose, motion.pose[5], atol=1e-15)
     expected = robot.forces(motion.pose[5], motion.velocity[5], motion.acceleration[5])
     np.testing.assert_allclose(forces, expected, atol=1e-11)
     assert trace.shape == (11, 3)
+    assert how["scale"].newtons == np.abs(robot.inverse_dynamics(motion, "virtual-power").forces).max()
     path, _, result, fps, options = made["save_video"]
     assert (path, fps, options["speed"], len(result.time)) == (film, 4.0, 0.5, 11)
 

@@ -22,6 +22,7 @@ from browser import chromium, find_chromium, opened
 from PIL import Image
 
 from p3dof.viewer import (
+    ArrowScale,
     Scene,
     animation_html,
     joints_of,
@@ -113,21 +114,38 @@ def test_between_frames_it_goes_straight(page, robot, result):
 
 
 def test_arrows_and_numbers_follow_the_forces(page, robot, result):
-    scene = Scene(robot)
-    for time in (0.1, 0.5, 0.85):
+    scale = ArrowScale.of_motion(robot, result)
+    for time in (0.1, 0.5, 0.85, 1.0):
         at(page, time)
         forces = [np.interp(time, result.time, column) for column in result.forces.T]
         for leg, force in zip("abc", forces, strict=True):
             shaft, head = (page.place(f"meshcat/forces/{leg}/{part}") for part in ("shaft", "head"))
             np.testing.assert_allclose(
                 (head @ [0, 0, 1, 1] - shaft @ [0, 0, 0, 1])[:3],
-                [0, 0, scene.arrow_length(force)],
+                [0, 0, scale.length(force)],
                 rtol=0,
                 atol=1e-6,
             )
             shown = page.page.inner_text(f"#force_{leg.upper()}")
             assert float(shown.removesuffix(" N")) == pytest.approx(force, abs=0.0501)
         assert page.page.inner_text("#time") == f"t = {time:.3f} s"
+
+
+def test_every_arrow_stays_in_sight_and_the_legend_says_how_long_they_are(browser, robot, result, tmp_path):
+    """Also of a motion with five times the forces, and in a window that is higher than wide."""
+    strong = dataclasses.replace(result, forces=5 * result.forces)
+    path = save_animation(tmp_path / "strong.html", robot, strong, fps=20)
+    with opened(browser, path.as_uri(), 800, 600) as watched:
+        assert watched.page.inner_text("#legend").startswith(
+            "The grey arrow is 500 N; the longest is 592.5 N"
+        )
+        for width, height in ((800, 600), (300, 420), (900, 300)):
+            watched.page.set_viewport_size({"width": width, "height": height})
+            watched.wait("([w, h]) => Math.abs(viewer.camera.aspect - w / h) < 1e-3", [width, height])
+            for time in (0.0, 0.3, 0.6, 1.0):
+                at(watched, time)
+                assert np.abs(watched.tips()).max() < 1
+        watched.healthy()
 
 
 def pixels(watched):
@@ -190,7 +208,7 @@ def test_arrows_flip_and_vanish_and_the_last_pose_within_reach_stays(browser, ro
         held = watched.place(platform)
         at(watched, 0.4)
         np.testing.assert_allclose(watched.place(platform), held, rtol=0, atol=1e-7)
-        assert watched.page.inner_text("#force_A") == "none"
+        assert watched.page.inner_text("#force_A") == "not determined"
         assert not watched.page.evaluate("nodeOf('meshcat/forces/a').object.visible")
         for moment, sign in ((0.6, 1), (0.9, -1)):
             at(watched, moment)
@@ -237,16 +255,18 @@ def test_a_picture_shows_the_machine(robot, result, tmp_path):
     vivid = colours[..., 0][colours[..., 1] > 140] * 360 / 255
     for hue in (54, 203, 26, 163):  # platform and the three legs
         assert np.mean(np.abs(vivid - hue) < 8) > 0.03
-    bare = bare_picture(robot, result.motion.pose[600], tmp_path / "bare.png")
+    bare = bare_picture(robot, result, 600, tmp_path / "bare.png")
     changed = np.asarray(image.convert("RGB")) != np.asarray(bare.convert("RGB"))
     assert 0.001 < changed.any(axis=-1).mean() < 0.1
 
 
-def bare_picture(robot, pose, path):
-    """Without arrows and trace, and as from a notebook's cell, where an event loop runs."""
+def bare_picture(robot, result, sample, path):
+    """Without arrows, legend and trace, and as from a notebook's cell, where an event loop runs."""
 
     async def cell():
-        return save_screenshot(path, robot, pose, size=(640, 480))
+        pose, forces = result.motion.pose[sample], result.forces[sample]
+        scale = ArrowScale.of_forces(robot, forces, result.sliders[sample])  # the camera is the same
+        return save_screenshot(path, robot, pose, size=(640, 480), scale=scale)
 
     with ThreadPoolExecutor(1) as elsewhere:  # playwright's own loop runs in the main thread
         written = elsewhere.submit(lambda: asyncio.run(cell())).result()

@@ -180,12 +180,57 @@ def test_numbers_and_arrows_follow_the_forces(page, live, robot, result):
                 wait_for_number(page, f"slider-{name}", result.sliders[sample, leg], 4)
             for leg, name in enumerate("abc"):
                 drawn = arrow(page, name)
-                assert drawn == pytest.approx(live.scene.arrow_length(forces[leg]), abs=1e-9)
+                assert drawn == pytest.approx(live.scene.scale.length(forces[leg]), abs=1e-9)
                 assert drawn * forces[leg] >= 0
                 signs.add(np.sign(drawn))
             assert page.page.get_attribute(f"#case button[value={case}]", "aria-pressed") == "true"
     assert {-1.0, 1.0} <= signs
     assert page.page.locator("#chart .curve").count() == 3
+
+
+def test_the_arrows_stay_in_sight_and_the_legend_says_how_long_they_are(page, live, result):
+    assert page.page.inner_text("#legend") == (
+        "The grey arrow is 100 N; the longest is 118.5 N, the largest force of the motion."
+    )
+    drawn = page.place("meshcat/legend/arrow/head") @ [0, 0, 1, 1] - page.place("meshcat/legend")[:, 3]
+    assert drawn[2] == pytest.approx(live.scene.scale.length(100.0), abs=1e-9)
+    for sample in (0, 40, 100):
+        live.seek(result.time[sample])
+        wait_for_number(page, "force-a", result.forces[sample, 0], 2)
+        assert np.abs(page.tips()).max() < 1
+    live.move_to([0.1, 0.15, 0.2])  # high up
+    wait_for_number(page, "z-value", 0.15, 4)
+    assert np.abs(page.tips()).max() < 1
+
+
+def test_a_force_beyond_the_scale_is_said_and_by_hand_there_is_another_scale(browser, robot):
+    time = np.linspace(0, 1, 11)
+    motion = p3dof.Motion.from_poses(time, np.stack((0.01 * time, 0 * time, 0 * time), axis=-1))
+    gentle = robot.inverse_dynamics(motion)
+    with (
+        LiveViewer(robot, gentle, port=0, playing=False) as live,
+        opened(browser, live.url, ready=READY) as page,
+    ):
+        page.wait("document.getElementById('legend').textContent.startsWith('The grey arrow is 50 N; ')")
+        assert page.page.is_hidden("#off-scale")
+        live.move_to([0.2, 0.0, 0.3])
+        page.wait("document.getElementById('legend').textContent.startsWith('The grey arrow is 100 N; ')")
+        assert "holds the platform at rest" in page.page.inner_text("#legend")
+        assert page.page.is_hidden("#off-scale")
+        live.seek(0.5)
+        live._result.forces.flags.writeable = True
+        live._result.forces[:] *= [1.0, 10.0, np.nan]  # what no scale has foreseen
+        live.seek(1.0)
+        page.wait("document.getElementById('off-scale').textContent.includes('none for C')")
+        words = (
+            f"B is cut off: its {gentle.forces[-1, 1]:.4g} N are beyond the longest arrow, "
+            f"{live.scene.scale.newtons:.4g} N"
+        )
+        assert words in page.page.inner_text("#off-scale")
+        assert page.page.evaluate("nodeOf('meshcat/cut/b').object.visible")
+        assert not page.page.evaluate("nodeOf('meshcat/forces/c').object.visible")
+        assert page.page.inner_text("#force-c") == "not determined"
+        page.healthy()
 
 
 def test_a_mouse_drag_moves_the_platform_and_the_numbers(page, live, robot):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import subprocess
 import sys
 import threading
@@ -17,7 +18,7 @@ pytest.importorskip("meshcat", reason="meshcat is not installed")
 import umsgpack
 
 from p3dof.parameters.machine import LINKS
-from p3dof.viewer import Scene, SceneWindow, joints_of, trace_of
+from p3dof.viewer import ArrowScale, Scene, SceneWindow, joints_of, trace_of
 from p3dof.viewer.scene import LINKS_OF_LEGS, MARK, ROOT
 
 VISUALS = f"/meshcat/{ROOT}/visuals/"
@@ -134,25 +135,91 @@ def test_arrows_follow_the_forces(result, scene):
             found = commands(scene.window)
             for leg, force, slider in zip("abc", signed, sliders, strict=True):
                 start, joint, neck, tip = arrow(found, leg)
-                np.testing.assert_allclose(tip - start, [0, 0, scene.arrow_length(force)], rtol=0, atol=1e-12)
+                np.testing.assert_allclose(tip - start, [0, 0, scene.scale.length(force)], rtol=0, atol=1e-12)
                 np.testing.assert_allclose(joint, neck, rtol=0, atol=2e-6)  # of a shaft of no length
                 assert start[2] == pytest.approx(slider, abs=1e-12)
                 assert visible(found, f"/meshcat/forces/{leg}")
                 assert np.sign(tip[2] - start[2]) == np.sign(force)
 
 
-def test_arrow_lengths_are_in_proportion_and_bounded(robot, scene):
-    metre = scene.arrow_length(1.0)
-    assert metre > 0
-    for force in (-117.3, -1e-9, 0.0, 3.0, 88.0):
-        assert scene.arrow_length(force) == pytest.approx(force * metre, rel=1e-14)
-    home = np.zeros(3)
-    largest = np.abs(robot.forces(home, home, home)).max()
-    assert scene.arrow_length(largest) == pytest.approx(robot.parameters.geometry.R / 2)
-    assert (
-        scene.arrow_length(1e9) == -scene.arrow_length(-1e9) == pytest.approx(4 * scene.arrow_length(largest))
-    )
-    assert scene.arrow_length(np.inf) == scene.arrow_length(1e9)
+def scaled(result, largest):
+    """A result whose largest force is so many newtons."""
+    return dataclasses.replace(result, forces=result.forces * (largest / np.abs(result.forces).max()))
+
+
+def drawn_length(found, leg):
+    start, _, _, tip = arrow(found, leg)
+    return tip[2] - start[2]
+
+
+def text_of(found, path):
+    return found["set_object", path, None]["object"]["textures"][0]["text"]
+
+
+def test_arrows_are_in_proportion_to_the_largest_force_of_the_motion(robot, result):
+    strong = scaled(result, 599.0)
+    scene = Scene(robot, scale=ArrowScale.of_motion(robot, strong))
+    scene.display(np.zeros(10), [599.0, 300.0, -150.0])
+    found = commands(scene.window)
+    lengths = np.array([drawn_length(found, leg) for leg in "abc"])
+    np.testing.assert_allclose(lengths / lengths[0], [1.0, 300 / 599, -150 / 599], rtol=1e-12)
+    assert lengths[0] == pytest.approx(robot.parameters.geometry.R)
+    assert not any(visible(found, f"/meshcat/cut/{leg}") for leg in "abc")
+    assert scene.scale.newtons == pytest.approx(599.0)
+
+
+@pytest.mark.parametrize(
+    ("largest", "reference", "text"),
+    [(599.0, 500.0, "500 N"), (118.5, 100.0, "100 N"), (0.0199, 0.01, "0.01 N"), (2.5e4, 2e4, "20000 N")],
+)
+def test_the_legend_states_the_scale(robot, result, largest, reference, text):
+    scene = Scene(robot, scale=ArrowScale.of_motion(robot, scaled(result, largest)))
+    found = commands(scene.window)
+    assert scene.scale.reference == pytest.approx(reference)
+    assert text_of(found, "/meshcat/legend/text") == text
+    head = matrix(found, "/meshcat/legend/arrow/head")
+    length = moved(head, (0, 0, 1))[2]
+    scene.display(np.zeros(10), [reference, 0, 0])
+    assert length == pytest.approx(drawn_length(commands(scene.window), "a"))
+    assert f"The grey arrow is {text}; the longest is " in scene.scale.legend
+    assert scene.scale.legend.endswith("N, the largest force of the motion.")
+
+
+def test_a_force_beyond_the_scale_is_said_to_be(robot, result):
+    scale = ArrowScale.of_motion(robot, result)
+    scene = Scene(robot, scale=scale)
+    for forces, cut in (([2 * scale.newtons, 1, -5 * scale.newtons], "ac"), ([1, np.inf, np.nan], "b")):
+        scene.display(np.zeros(10), forces)
+        found = commands(scene.window)
+        assert {leg for leg in "abc" if visible(found, f"/meshcat/cut/{leg}")} == set(cut)
+        for leg in cut:
+            assert text_of(found, f"/meshcat/cut/{leg}/text") == "off scale"
+            assert abs(drawn_length(found, leg)) == pytest.approx(1.01 * robot.parameters.geometry.R)
+    scene.display(np.zeros(10), [scale.newtons, -scale.newtons, 0])
+    assert not any(visible(commands(scene.window), f"/meshcat/cut/{leg}") for leg in "abc")
+
+
+def test_the_scale_at_rest_holds_the_poses_of_the_sliders(robot):
+    scale = ArrowScale.at_rest(robot)
+    rng, rest = np.random.default_rng(5), np.zeros(3)
+    poses = rng.uniform([-0.25, -0.2, -0.78], [0.25, 0.2, 0.78], (4000, 3))
+    forces = np.abs(robot.forces(poses, rest, rest, "virtual-power", on_invalid="nan")).max(axis=1)
+    forces = forces[np.isfinite(forces)]
+    assert 0.9 * forces.max() < scale.newtons < 1.1 * forces.max()
+    assert "at rest" in scale.legend
+    light = p3dof.load(dataclasses.replace(robot.parameters, gravity=np.zeros(3)))
+    assert ArrowScale.at_rest(light).newtons == light.parameters.limits.force  # no force at all
+    assert "the limit of the drives" in ArrowScale.at_rest(light).legend
+
+
+def test_samples_without_forces_do_not_count_for_the_scale(robot, result):
+    gap = result.forces.copy()
+    gap[5:9] = np.nan
+    scale = ArrowScale.of_motion(robot, dataclasses.replace(result, forces=gap))
+    assert scale.newtons == np.nanmax(np.abs(gap))
+    assert np.isfinite([scale.low, scale.high]).all()
+    lost = ArrowScale.of_motion(robot, dataclasses.replace(result, forces=np.full_like(gap, np.nan)))
+    assert lost.newtons == robot.parameters.limits.force
 
 
 def test_arrows_vanish_without_a_force(scene):
@@ -161,6 +228,7 @@ def test_arrows_vanish_without_a_force(scene):
         scene.display(np.zeros(10), forces)
         found = commands(scene.window)
         assert not any(visible(found, f"/meshcat/forces/{leg}") for leg in "abc")
+        assert visible(found, "/meshcat/legend") == (forces is not None)
     scene.display(np.zeros(10), [5, np.nan, -5])
     found = commands(scene.window)
     assert [visible(found, f"/meshcat/forces/{leg}") for leg in "abc"] == [True, False, True]
@@ -168,7 +236,7 @@ def test_arrows_vanish_without_a_force(scene):
 
 def test_a_short_arrow_is_all_head(scene):
     short = 0.5 * scene._radius
-    force = short / scene.arrow_length(1.0)
+    force = short / scene.scale.length(1.0)
     scene.display(np.zeros(10), [force, -force, force])
     start, _, _, tip = arrow(commands(scene.window), "b")
     assert tip[2] - start[2] == pytest.approx(-short)
@@ -251,33 +319,76 @@ def test_guide_ways_floor_axes_and_letters_are_there(robot, scene):
     assert (grid[:, 2] < lowest).all()
 
 
+class Eye:
+    """The camera of a scene, as the page has it: heights and widths in a picture of 4:3 run from -1 to 1."""
+
+    def __init__(self, window):
+        found = commands(window)
+        camera = "/Cameras/default/rotated/<object>"
+        x, z, minus_y = found["set_property", camera, "position"]["value"]
+        self.shift = matrix(found, "/meshcat")
+        self.eye = np.array([x, -minus_y, z])
+        self.forward = -self.eye / np.linalg.norm(self.eye)
+        self.right = np.cross(self.forward, [0, 0, 1])
+        self.right /= np.linalg.norm(self.right)
+        self.sight = np.tan(np.radians(75 / 2)) / found["set_property", camera, "zoom"]["value"]
+        self.near, self.far = (found["set_property", camera, name]["value"] for name in ("near", "far"))
+
+    def sees(self, point):
+        """Where a point of the scene is in the picture: to the right, and up."""
+        seen = moved(self.shift, point) - self.eye
+        depth = seen @ self.forward
+        assert self.near < depth < self.far
+        up = np.cross(self.right, self.forward)
+        return np.array([seen @ self.right / (4 / 3), seen @ up]) / depth / self.sight
+
+
 @pytest.mark.parametrize("scale", [0.01, 1.0, 100.0])
 def test_machines_of_any_size_fill_the_picture(scale):
     """The eye sees the whole frame: its corners and the floor under it are inside the picture."""
     g = p3dof.Geometry(scale * 0.1, scale * 0.25, scale * 0.4, scale * 0.05)
     limits = p3dof.Limits(travel=(-0.2 * scale, 0.2 * scale))
     robot = p3dof.load(p3dof.Parameters(g, p3dof.PAPER.bodies, limits))
-    found = commands(Scene(robot).window)
-    shift = matrix(found, "/meshcat")
-    camera = "/Cameras/default/rotated/<object>"
-    x, z, minus_y = found["set_property", camera, "position"]["value"]
-    zoom = found["set_property", camera, "zoom"]["value"]
-    eye = np.array([x, -minus_y, z])
-    forward = -eye / np.linalg.norm(eye)
-    right = np.cross(forward, [0, 0, 1]) / np.linalg.norm(np.cross(forward, [0, 0, 1]))
-    up = np.cross(right, forward)
-    sight = np.tan(np.radians(75 / 2)) / zoom
-    heights = []
-    for px, py in ((0, -g.R), (0, g.R), (-g.R, 0)):
-        for pz in (-0.2 * scale - g.h, 0.3 * scale):
-            seen = moved(shift, (px, py, pz)) - eye
-            depth = seen @ forward
-            heights.append((seen @ up) / depth / sight)
-            assert abs(seen @ right) / depth / sight < 4 / 3  # in a picture of 4:3
-            assert found["set_property", camera, "near"]["value"] < depth
-            assert depth < found["set_property", camera, "far"]["value"]
-    assert -1 < min(heights) < -0.4
-    assert 0.6 < max(heights) < 1
+    eye = Eye(Scene(robot).window)
+    places = np.array(
+        [
+            eye.sees((px, py, pz))
+            for px, py in ((0, -g.R), (0, g.R), (-g.R, 0))
+            for pz in (-0.2 * scale - g.h, 0.3 * scale)
+        ]
+    )
+    assert np.abs(places).max() < 1
+    assert places[:, 1].min() < -0.4
+    assert places[:, 1].max() > 0.4
+
+
+@pytest.mark.parametrize("largest", [0.3, 118.0, 599.0])
+@pytest.mark.parametrize("seed", [None, 3, 11])
+def test_the_camera_sees_every_arrow_of_a_motion(seed, largest):
+    parameters = p3dof.PAPER if seed is None else random_machine(seed)
+    robot, g = p3dof.load(parameters), parameters.geometry
+    way = np.linspace(0, 1, 31)
+    reach = g.L - (g.R - g.r)
+    y, z, theta = 0.5 * reach * np.sin(7 * way), parameters.limits.travel[1] * np.sin(4 * way), 0.3 * way
+    motion = p3dof.Motion.from_poses(way, np.stack((y, z, theta), axis=-1))
+    solved = scaled(robot.inverse_dynamics(motion, "virtual-power", on_invalid="nan"), 1.0)
+    assert solved.valid.any()
+    solved = dataclasses.replace(solved, forces=largest * np.where(way > 0.6, -1, 1)[:, None] * solved.forces)
+    scale = ArrowScale.of_motion(robot, solved)
+    assert scale.newtons == pytest.approx(largest, rel=0.2)
+    scene = Scene(robot, scale=scale)
+    eye = Eye(scene.window)
+    for q, forces in zip(
+        joints_of(robot, motion.pose[solved.valid]), solved.forces[solved.valid], strict=True
+    ):
+        scene.display(q, forces)
+        found = commands(scene.window)
+        for leg in "abc":
+            for end in arrow(found, leg):
+                assert np.abs(eye.sees(end)).max() < 1
+    legend = matrix(found, "/meshcat/legend")
+    for end in ((0, 0, 0), (0, 0, scale.metres)):
+        assert np.abs(eye.sees(moved(legend, end))).max() < 1
 
 
 def test_the_visualizer_is_a_plain_one_to_go_on_from(robot, scene):
@@ -359,6 +470,7 @@ def test_bad_input_is_one_clear_error(robot, scene):
     cases = [
         (lambda: Scene("p3dof"), "robot: expected a Manipulator, got str"),
         (lambda: Scene(robot, 3), "window: expected a SceneWindow, got int"),
+        (lambda: Scene(robot, scale=3), "scale: expected an ArrowScale, got int"),
         (lambda: scene.display(np.zeros(9)), r"q: expected shape \(10,\), got \(9,\)"),
         (lambda: scene.display(np.full(10, np.nan)), "q: expected finite"),
         (lambda: scene.display(np.zeros(10), [1, 2]), r"forces: expected shape \(3,\), got \(2,\)"),

@@ -42,7 +42,7 @@ from p3dof.viewer.server import PORT, Server
 from p3dof.viewer.states import States
 from p3dof.viewer.window import SceneWindow
 
-FILES = ("", "panel.js", "panel.css", "meshcat.js")
+FILES = ("", "pane.js", "fit.js", "panel.js", "panel.css", "meshcat.js")
 
 
 @pytest.fixture
@@ -166,7 +166,7 @@ def test_files(server):
         assert status == 200
         assert headers["Cache-Control"] == "no-store"
         assert "default-src 'none'" in headers["Content-Security-Policy"]
-        assert len(content) > 500
+        assert len(content) > 200
     for name in ("server.py", "../server.py", "%2e%2e/server.py", "meshcat.js/x"):
         assert get(at(server, name))[0] == 404
     assert re.fullmatch(rf"http://127\.0\.0\.1:{server.port}/\?token=[\w-]{{32}}", server.url)

@@ -111,6 +111,7 @@ def _files(
 ) -> Iterator[Path]:
     """Write what was asked for."""
     from p3dof.viewer.animation import save_animation
+    from p3dof.viewer.scale import ArrowScale
     from p3dof.viewer.scene import trace_of
     from p3dof.viewer.states import States
     from p3dof.viewer.video import save_screenshot, save_video
@@ -121,7 +122,14 @@ def _files(
         moment = float(result.time[0]) if at is None else at
         shown = States(case.robot, result).of_time(moment, "total")
         trace = trace_of(case.robot, result.motion.pose[result.valid])
-        yield save_screenshot(screenshot, case.robot, shown.pose, shown.forces, trace)
+        yield save_screenshot(
+            screenshot,
+            case.robot,
+            shown.pose,
+            shown.forces,
+            trace,
+            scale=ArrowScale.of_motion(case.robot, result),
+        )
     if video is not None:
         with progress_bar("film", 1) as progress:
             yield save_video(video, case.robot, result, fps or 25.0, speed=speed, progress=progress)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from p3dof.manipulator import InverseDynamics, Manipulator
 from p3dof.motion import Motion
 from p3dof.viewer.animation import animation_html, save_animation
+from p3dof.viewer.scale import ArrowScale
 from p3dof.viewer.scene import Scene, joints_of, trace_of
 from p3dof.viewer.video import save_screenshot, save_video
 from p3dof.viewer.window import SceneWindow
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from p3dof.viewer.live import LiveViewer
 
 __all__ = [
+    "ArrowScale",
     "LiveViewer",
     "Scene",
     "SceneWindow",

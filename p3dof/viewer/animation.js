@@ -33,6 +33,7 @@ const cells = motion.names.map((name, i) => {
 const clock = element("span", "", heading);
 clock.id = "time";
 element("small", ` \u2003 lines of the floor every ${motion.mesh} m`, heading);
+element("p", motion.legend, heading).id = "legend";
 element("h1", motion.title, heading);
 
 /* Between frames the forces are interpolated, as the arrows are. */
@@ -51,7 +52,7 @@ function show() {
   shown = animator.time;
   clock.textContent = `t = ${(motion.start + shown).toFixed(3)} s`;
   forcesAt(shown).forEach((force, i) => {
-    cells[i].textContent = force === null ? "none" : `${force.toFixed(1)} N`;
+    cells[i].textContent = force === null ? "not determined" : `${force.toFixed(1)} N`;
   });
 }
 

@@ -18,6 +18,7 @@ from p3dof.files import write_atomic
 from p3dof.kinematics.states import reachable_poses
 from p3dof.manipulator import InverseDynamics, Manipulator
 from p3dof.viewer.pages import as_script, filled, resource, standalone
+from p3dof.viewer.scale import ArrowScale
 from p3dof.viewer.scene import Scene, joints_of, trace_of
 from p3dof.viewer.scenery import COLOURS, LEGS, Room
 from p3dof.viewer.window import Command, SceneWindow
@@ -92,7 +93,8 @@ def animation_html(
         raise InputError(f"title: expected text, got {shown(title)}")
     frames = frames_of(robot, result, speed, fps)
     window = _Recorder()
-    scene = Scene(robot, window)
+    scale = ArrowScale.of_motion(robot, result)
+    scene = Scene(robot, window, scale)
     scene.draw_trace(trace_of(robot, result.motion.pose[result.valid]))
     for joints, forces in zip(frames.joints, frames.forces, strict=True):
         window.next_frame()
@@ -103,6 +105,7 @@ def animation_html(
         "speed": float(speed),
         "rate": frames.rate,
         "mesh": round(Room.around(robot.parameters).mesh, 12),
+        "legend": scale.legend,
         "names": [leg.upper() for leg in LEGS],
         "colours": [_web_colour(COLOURS[leg]) for leg in LEGS],
         "forces": [[_plain(force) for force in row] for row in frames.forces],

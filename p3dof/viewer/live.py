@@ -16,7 +16,7 @@ from p3dof.manipulator import Manipulator
 from p3dof.methods import InverseDynamics, WrenchOverTime
 from p3dof.motion import Motion
 from p3dof.viewer.connections import Message
-from p3dof.viewer.panel import AXES, plain, setup_message, slider_ranges
+from p3dof.viewer.panel import AXES, arrow_scales, off_scale, plain, setup_message, slider_ranges
 from p3dof.viewer.player import FASTEST, SLOWEST, Frames, Player, within
 from p3dof.viewer.scene import Scene, trace_of
 from p3dof.viewer.server import ServedWindow, Server
@@ -96,7 +96,8 @@ class LiveViewer:
         self._shown = self._states.of_pose(_HOME, self._player.time, _HOME, self._case)
         self._ranges = slider_ranges(robot)
         self._setup = setup_message(robot, self._result, self._states)
-        self.scene = Scene(robot)
+        self._scales = arrow_scales(robot, self._result, self._states)
+        self.scene = Scene(robot, scale=self._scales[0])
         if self._result is not None:
             self.scene.draw_trace(_trace(robot, self._result.motion))
         self._step()
@@ -329,6 +330,7 @@ class LiveViewer:
         if leg != self._marked:
             self.scene.mark_leg(leg)
             self._marked = leg
+        self.scene.set_scale(self._scales[self._by_hand is not None])
         self.scene.display(self._shown.q, self._shown.forces)
         self._state = self._report(time)
 
@@ -348,6 +350,8 @@ class LiveViewer:
             "leg": leg,
             "message": message,
             "limits": list(self._shown.limits),
+            "legend": self.scene.scale.legend,
+            "off_scale": off_scale(self.scene.scale, self._shown.forces),
         }
 
 

@@ -41,6 +41,7 @@ def standalone(messages: Iterable[bytes], title: str = "p3dof", script: str = ""
         resource("standalone.html"),
         TITLE=html.escape(title),
         MESHCAT=meshcat_script(),
+        FIT=resource("page/fit.js"),
         COMMANDS=as_script(commands),
         SCRIPT=script,
     )

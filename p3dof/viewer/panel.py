@@ -9,6 +9,7 @@ from p3dof.manipulator import Manipulator
 from p3dof.methods import InverseDynamics
 from p3dof.viewer.connections import Message
 from p3dof.viewer.player import FASTEST, SLOWEST
+from p3dof.viewer.scale import ArrowScale, number
 from p3dof.viewer.scenery import COLOURS, LEGS
 from p3dof.viewer.states import States
 
@@ -52,6 +53,61 @@ def setup_message(robot: Manipulator, result: InverseDynamics | None, states: St
         "time": time.tolist(),
         "curves": {case: [plain(column) for column in rows.T] for case, rows in curves.items()},
     }
+
+
+def arrow_scales(
+    robot: Manipulator, result: InverseDynamics | None, states: States
+) -> tuple[ArrowScale, ArrowScale]:
+    """Return the scales of the arrows in a motion, for all load cases, and for a platform moved by hand.
+
+    They are the same unless the motion takes less than holding the platform at rest where it can be moved to.
+
+    Parameters
+    ----------
+    robot : Manipulator
+        The machine.
+    result : InverseDynamics, optional
+        The motion that can be played.
+    states : States
+        Of both.
+
+    Returns
+    -------
+    tuple of ArrowScale
+    """
+    at_rest = ArrowScale.at_rest(robot)
+    if result is None:
+        return at_rest, at_rest
+    _, cases = states.curves(len(result.time))
+    more = [forces for case, forces in cases.items() if case != "total"]
+    moving = ArrowScale.of_motion(robot, result, *more).by_hand(robot)
+    return moving, max(moving, at_rest, key=lambda scale: scale.newtons)
+
+
+def off_scale(scale: ArrowScale, forces: FloatArray) -> list[str]:
+    """Return in words which arrows do not tell their force: what is cut off, and what is missing.
+
+    Parameters
+    ----------
+    scale : ArrowScale
+        Of the arrows.
+    forces : ndarray, shape (3,)
+        Of the actuators [N].
+
+    Returns
+    -------
+    list of str
+    """
+    longest = number(scale.newtons)
+    words = [
+        f"{leg.upper()} is cut off: its {number(float(force))} N are beyond the longest arrow, {longest} N"
+        for leg, force in zip(LEGS, forces, strict=True)
+        if scale.beyond(float(force))
+    ]
+    if np.isnan(forces).any():
+        missing = ", ".join(leg.upper() for leg, force in zip(LEGS, forces, strict=True) if np.isnan(force))
+        words.append(f"none for {missing}: the forces are not determined here")
+    return words
 
 
 def slider_ranges(robot: Manipulator) -> list[tuple[float, float]]:

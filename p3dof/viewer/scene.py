@@ -15,7 +15,17 @@ from p3dof.errors import InputError, MissingExtraError
 from p3dof.manipulator import Manipulator
 from p3dof.parameters import Dimensions
 from p3dof.viewer.arrows import draw_arrow, set_length
-from p3dof.viewer.scenery import COLOURS, LEGS, Room, above, draw_scenery, set_stage
+from p3dof.viewer.scale import ArrowScale, number
+from p3dof.viewer.scenery import (
+    COLOURS,
+    LEGS,
+    Room,
+    above,
+    draw_scenery,
+    set_stage,
+    sideways,
+    write_text,
+)
 from p3dof.viewer.window import SceneWindow
 
 ROOT = "p3dof"
@@ -32,6 +42,8 @@ GLASS = (0.62, 0.66, 0.70, 0.45)
 """Colour of the frame, which stands between the eye and the legs."""
 TRACE = 0x7B1FA2
 """Colour of P and its path."""
+LEGEND = 0x4A545E
+"""Colour of the arrow that tells the scale of the others."""
 _PROUD = 1.04
 """How much larger the platform's skin is than its solids."""
 
@@ -47,9 +59,14 @@ class Scene:
         The machine.
     window : SceneWindow, optional
         What to draw into; a new one by default.
+    scale : ArrowScale, optional
+        How long the arrows are, and where they reach; for a machine at rest by default. A grey arrow
+        beside the machine tells it.
 
     Attributes
     ----------
+    scale : ArrowScale
+        How long the arrows are.
     visualizer : pinocchio.visualize.MeshcatVisualizer
         The plain visualizer of the machine, to go on from.
     window : SceneWindow
@@ -63,20 +80,24 @@ class Scene:
         If `robot` is no Manipulator or `window` no SceneWindow.
     """
 
-    def __init__(self, robot: Manipulator, window: SceneWindow | None = None) -> None:
+    def __init__(
+        self, robot: Manipulator, window: SceneWindow | None = None, scale: ArrowScale | None = None
+    ) -> None:
         if not isinstance(robot, Manipulator):
             raise InputError(f"robot: expected a Manipulator, got {type(robot).__name__}")
         if not isinstance(window, SceneWindow | None):
             raise InputError(f"window: expected a SceneWindow, got {type(window).__name__}")
+        if not isinstance(scale, ArrowScale | None):
+            raise InputError(f"scale: expected an ArrowScale, got {type(scale).__name__}")
         self.robot = robot
         self.window = SceneWindow() if window is None else window
         self.visualizer = _visualizer(robot, self.window)
         self._viewer = self.visualizer.viewer
         self._room = Room.around(robot.parameters)
         self._radius = 0.7 * self._room.size.rod_radius
-        self._scale = _arrow_scale(robot, self._room)
+        self.scale = ArrowScale.at_rest(robot) if scale is None else scale
         self._columns = [robot.model.names[1:].tolist().index(f"slide_{leg}") for leg in LEGS]
-        set_stage(self._viewer, self._room)
+        set_stage(self._viewer, self._room, self._arrows_reach())
         draw_scenery(self._viewer["scenery"], self._room)
         self._draw_arrows()
         self._draw_platform()
@@ -91,7 +112,8 @@ class Scene:
         q : array-like, shape (10,)
             Joints in Pinocchio's order, as of `joints_of` [m, rad].
         forces : array-like, shape (3,), optional
-            Of the actuators A, B, C [N]; the arrow of a NaN is hidden, and all are without.
+            Of the actuators A, B, C [N]; the arrow of a NaN is hidden, and all are without. One beyond
+            the scale is cut off, and "off scale" stands at its tip.
 
         Raises
         ------
@@ -99,35 +121,33 @@ class Scene:
             If a shape does not fit, or a joint is not finite.
         """
         joints = frozen_array("q", q, (self.robot.model.nq,))
-        newtons = as_floats("forces", [np.nan] * 3 if forces is None else forces)
-        if newtons.shape != (3,):
-            raise InputError(f"forces: expected shape (3,), got {newtons.shape}")
+        newtons = three_forces([np.nan] * 3 if forces is None else forces)
         self.visualizer.display(joints)
+        self._viewer["legend"].set_property("visible", forces is not None)
         self._viewer["platform"].set_transform(self._frame("platform_center"))
         for leg, column, force in zip(LEGS, self._columns, newtons, strict=True):
             node = self._viewer["forces"][leg]
-            place = np.eye(4)
-            place[:3, 3] = above(self._arrow_place(leg), joints[column])
+            place = _at(above(self._arrow_place(leg), joints[column]))
             node.set_transform(place)
-            set_length(node, self.arrow_length(float(force)), self._radius)
+            length = self.scale.length(float(force))
+            set_length(node, length, self._radius)
+            cut = self.scale.beyond(float(force))
+            self._viewer["cut"][leg].set_property("visible", cut)
+            if cut:
+                text = above(place[:3, 3], length + np.copysign(0.7, length) * self._room.letter)
+                self._viewer["cut"][leg].set_transform(_at(text))
 
-    def arrow_length(self, force: float) -> float:
-        """Return how long the arrow of a force is drawn [m], negative for one that points down.
-
-        It is in proportion to the force up to four times the largest force that holds the machine at home,
-        and no longer beyond.
+    def set_scale(self, scale: ArrowScale) -> None:
+        """Draw the arrows in another scale from the next `display` on; the camera stays where it is.
 
         Parameters
         ----------
-        force : float
-            Force [N].
-
-        Returns
-        -------
-        float
+        scale : ArrowScale
+            The scale.
         """
-        newtons, metres = self._scale
-        return float(metres * np.clip(force / newtons, -4.0, 4.0))
+        if scale != self.scale:
+            self.scale = scale
+            self._draw_legend()
 
     def draw_trace(self, points: ArrayLike) -> None:
         """Draw the path of P; it replaces the one before.
@@ -177,11 +197,39 @@ class Scene:
                     self._solid(solid.name).set_property("color", list(colour))
 
     def _draw_arrows(self) -> None:
+        """Draw the arrows of the forces, the text beside one that is cut off, and the one of the legend."""
         import meshcat.geometry as mg
 
         for leg in LEGS:
             material = mg.MeshLambertMaterial(color=_number(COLOURS[leg]))
             draw_arrow(self._viewer["forces"][leg], self._radius, material)
+            cut = self._viewer["cut"][leg]
+            write_text(cut["text"], "off scale", np.zeros(3), 2 * self._room.letter)
+            cut.set_property("visible", False)
+        material = mg.MeshLambertMaterial(color=LEGEND)
+        draw_arrow(self._viewer["legend/arrow"], self._radius, material)
+        self._viewer["legend"].set_transform(_at(self._legend_place()))
+        self._draw_legend()
+
+    def _draw_legend(self) -> None:
+        length, letter = self.scale.length(self.scale.reference), self._room.letter
+        set_length(self._viewer["legend/arrow"], length, self._radius)
+        text = above(np.zeros(3), length + 0.5 * letter)
+        write_text(self._viewer["legend/text"], f"{number(self.scale.reference)} N", text, 1.4 * letter)
+
+    def _arrows_reach(self) -> FloatArray:
+        """Return the ends of all arrows, and of what is written about the legend's, shape (N, 3)."""
+        letter = self._room.letter
+        places = [self._arrow_place(leg) for leg in LEGS]
+        ends = [above(place, end) for place in places for end in (self.scale.low, self.scale.high)]
+        foot = self._legend_place()
+        text = above(foot, self.scale.metres + 1.5 * letter)
+        return np.stack((*ends, foot, text, text + letter * sideways(), text - letter * sideways()))
+
+    def _legend_place(self) -> FloatArray:
+        """Return where the arrow of the legend starts: left of the machine, about as far away."""
+        low, high = self._room.travel
+        return above(-1.7 * self._room.radius * sideways(), (low + high) / 2 - 0.5 * self.scale.metres)
 
     def _draw_platform(self) -> None:
         """Draw the platform's skin, which hides the seams of its solids, and P, which nothing hides."""
@@ -214,6 +262,20 @@ class Scene:
         edge, b = self._room.size.slider_edge, self.robot.parameters.geometry.b
         along_y = {"a": -1.2 * edge, "b": 1.2 * edge, "c": b + 0.7 * edge}
         return np.asarray(self._room.pivots[leg] + np.array([0.0, along_y[leg], 0.0]))
+
+
+def three_forces(forces: ArrayLike) -> FloatArray:
+    """Return the forces of the actuators, shape (3,), which may be NaN [N].
+
+    Raises
+    ------
+    InputError
+        If they are something else.
+    """
+    newtons = as_floats("forces", forces)
+    if newtons.shape != (3,):
+        raise InputError(f"forces: expected shape (3,), got {newtons.shape}")
+    return newtons
 
 
 def joints_of(robot: Manipulator, pose: ArrayLike) -> FloatArray:
@@ -280,12 +342,11 @@ def _visualizer(robot: Manipulator, window: SceneWindow) -> Any:
     return visualizer
 
 
-def _arrow_scale(robot: Manipulator, room: Room) -> tuple[float, float]:
-    """Return a force that the machine needs at home [N], and how long its arrow is [m]."""
-    home = np.zeros(3)
-    static = float(np.abs(robot.forces(home, home, home, method="virtual-power", on_invalid="nan")).max())
-    metres = 0.5 * room.radius
-    return (static, metres) if static > 0 else (robot.parameters.limits.force, metres)
+def _at(place: FloatArray) -> FloatArray:
+    """Return a place (3,) as a matrix."""
+    matrix = np.eye(4)
+    matrix[:3, 3] = place
+    return matrix
 
 
 def _skin(r: float, size: Dimensions) -> tuple[FloatArray, NDArray[np.int64]]:

@@ -17,10 +17,14 @@ COLOURS = {"a": LEG_A.rgba, "b": LEG_B.rgba, "c": LEG_C.rgba}
 """Red, green, blue and opacity of what belongs to a leg."""
 TOP, BOTTOM = (1.0, 1.0, 1.0), (0.86, 0.89, 0.92)
 """Colours of the background."""
+ASPECT = 4 / 3
+"""Width of what the camera surely sees, in heights; a page draws it smaller where the window is narrower."""
 ZOOM = 2.4
 """Of MeshCat's camera, which sees 75° without: a longer lens distorts less."""
 VIEW = (0.85, -0.45, 0.36)
 """Direction from the machine to the eye in the fixed frame: from the front, the right and above."""
+_FILLED = 0.94
+"""How much of the picture is filled."""
 _USUAL = (0.25, 1.5)
 """Sizes of machines that are drawn as they are [m]: MeshCat's lights and near plane are made for metres."""
 
@@ -56,13 +60,20 @@ class Room:
         return cls(size, geometry.R, bottom, high + 2.6 * size.slider_edge, (low, high))
 
     @property
-    def target(self) -> FloatArray:
-        """What the camera looks at."""
-        return np.array([0.0, 0.0, 0.44 * self.bottom + 0.56 * self.top])
+    def corners(self) -> FloatArray:
+        """What the camera must see of the machine, shape (N, 3)."""
+        feet = [above(0.6 * pivot, self.bottom) for pivot in self.pivots.values()]
+        heads = [above(pivot, self.top + self.letter / 2) for pivot in self.pivots.values()]
+        return np.stack((*feet, *heads))
+
+    @property
+    def letter(self) -> float:
+        """Height of the letters of the legs."""
+        return max(self.size.slider_edge, 0.08 * self.half)
 
     @property
     def half(self) -> float:
-        """Half the height of what it sees."""
+        """Half the height of the machine, more or less."""
         return max((self.top - self.bottom) / 2, 1.3 * self.radius)
 
     @property
@@ -87,7 +98,7 @@ class Room:
         return power * max(step for step in (1, 2, 5) if step * power <= self.half / 4)
 
 
-def set_stage(viewer: Any, room: Room) -> None:
+def set_stage(viewer: Any, room: Room, more: FloatArray) -> None:
     """Set background and camera, and move the scene so that the camera looks at the machine.
 
     Parameters
@@ -96,22 +107,47 @@ def set_stage(viewer: Any, room: Room) -> None:
         The root of what is drawn.
     room : Room
         Its measures.
+    more : ndarray, shape (N, 3)
+        What must be in the picture besides the machine [m].
     """
     viewer["/Background"].set_property("top_color", list(TOP))
     viewer["/Background"].set_property("bottom_color", list(BOTTOM))
     viewer["/Grid"].set_property("visible", False)
     viewer["/Axes"].set_property("visible", False)
+    height, distance = _view(np.concatenate((room.corners, more)))
     scale = room.scale
     shift = np.diag((scale, scale, scale, 1.0))
-    shift[:3, 3] = -scale * room.target
+    shift[2, 3] = -scale * height
     viewer.set_transform(shift)
-    sight = math.tan(math.radians(75 / 2)) / ZOOM  # half the height that is seen at a distance of 1
-    x, y, z = np.array(VIEW) / np.linalg.norm(VIEW) * (0.92 * room.half / sight + room.radius) * scale
+    x, y, z = _towards_eye() * distance * scale
     camera = viewer["/Cameras/default/rotated/<object>"]
     camera.set_property("zoom", ZOOM)
     camera.set_property("near", 0.1)  # precise depths: solids that touch do not flicker
     camera.set_property("far", 20.0)
     camera.set_property("position", [float(x), float(z), float(-y)])  # the page's second axis points up
+
+
+def sideways() -> FloatArray:
+    """Return the direction that is to the right in the picture, shape (3,)."""
+    x, y, _ = VIEW
+    return np.array([-y, x, 0.0]) / math.hypot(x, y)
+
+
+def _towards_eye() -> FloatArray:
+    return np.asarray(np.array(VIEW) / np.linalg.norm(VIEW))
+
+
+def _view(points: FloatArray) -> tuple[float, float]:
+    """Return how high over O the camera looks, and from how far, so that it just sees all points (N, 3)."""
+    eye, right = _towards_eye(), sideways()
+    up = np.cross(eye, right)
+    sight = _FILLED * math.tan(math.radians(75 / 2)) / ZOOM  # half the height that is seen at a distance of 1
+    heights = np.linspace(points[:, 2].min(), points[:, 2].max(), 201)
+    seen = points - heights[:, None, None] * [0.0, 0.0, 1.0]  # (201, N, 3)
+    spread = np.maximum(np.abs(seen @ up), np.abs(seen @ right) / ASPECT) / sight
+    distances = (seen @ eye + spread).max(axis=1)
+    best = int(distances.argmin())
+    return float(heights[best]), float(distances[best])
 
 
 def draw_scenery(viewer: Any, room: Room) -> None:
@@ -162,7 +198,7 @@ def _draw_axes(node: Any, room: Room) -> None:
         node[name].set_transform(turned)
         draw_arrow(node[name], radius, mg.MeshLambertMaterial(color=colour))
         set_length(node[name], length, radius)
-        _letter(node[f"{name}_name"], f"{name}0", turned[:3, 2] * 1.25 * length, 0.25 * length)
+        write_text(node[f"{name}_name"], f"{name}0", turned[:3, 2] * 1.25 * length, 0.25 * length)
 
 
 def _draw_guides(node: Any, room: Room) -> None:
@@ -172,7 +208,6 @@ def _draw_guides(node: Any, room: Room) -> None:
     low, high = room.travel
     edge = room.size.slider_edge
     bottom, top = low - 0.7 * edge, high + edge
-    letter = max(edge, 0.08 * room.half)
     for leg, pivot in room.pivots.items():
         matrix = np.eye(4)
         matrix[:3, :3] = [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
@@ -180,7 +215,9 @@ def _draw_guides(node: Any, room: Room) -> None:
         rod = mg.Cylinder(top - bottom, 0.35 * room.size.rod_radius)
         node[leg].set_object(rod, mg.MeshLambertMaterial(color=0x5F6B76))
         node[leg].set_transform(matrix)
-        _letter(node[f"{leg}_name"], leg.upper(), above(pivot, room.top - edge + letter / 2), letter)
+        write_text(
+            node[f"{leg}_name"], leg.upper(), above(pivot, room.top - edge + room.letter / 2), room.letter
+        )
 
 
 def _lines(points: FloatArray, colour: int) -> Any:
@@ -189,7 +226,7 @@ def _lines(points: FloatArray, colour: int) -> Any:
     return mg.LineSegments(mg.PointsGeometry(points.T.astype(np.float32)), mg.LineBasicMaterial(color=colour))
 
 
-def _letter(node: Any, text: str, place: FloatArray, height: float) -> None:
+def write_text(node: Any, text: str, place: FloatArray, height: float) -> None:
     """Write a text that always faces the eye."""
     import meshcat.geometry as mg
 

@@ -40,6 +40,8 @@ _GATHERING = 0.003
 _PORTS_TRIED = 100
 _FILES = {
     "/": ("index.html", "text/html"),
+    "/pane.js": ("pane.js", "text/javascript"),
+    "/fit.js": ("fit.js", "text/javascript"),
     "/panel.js": ("panel.js", "text/javascript"),
     "/panel.css": ("panel.css", "text/css"),
     "/meshcat.js": ("main.min.js", "text/javascript"),

@@ -13,14 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from p3dof.checks import FloatArray, frozen_array, positive
+from p3dof.checks import FloatArray, frozen_array, positive, shown
 from p3dof.errors import FileError, InputError, MissingExtraError
 from p3dof.files import scratch_folder, write_atomic
 from p3dof.manipulator import InverseDynamics, Manipulator
 from p3dof.viewer.animation import TITLE, animation_html, frames_of
 from p3dof.viewer.headless import as_image, aside, checked_size, opened, picture_of
 from p3dof.viewer.pages import standalone
-from p3dof.viewer.scene import Scene, joints_of
+from p3dof.viewer.scale import ArrowScale
+from p3dof.viewer.scene import Scene, joints_of, three_forces
 
 SIZE = (960, 720)
 """Width and height of pictures and films [pixels]."""
@@ -35,6 +36,7 @@ def save_screenshot(
     forces: ArrayLike | None = None,
     trace: ArrayLike | None = None,
     size: tuple[int, int] = SIZE,
+    scale: ArrowScale | None = None,
 ) -> Path:
     """Write a picture of the machine at a pose, as PNG.
 
@@ -52,6 +54,8 @@ def save_screenshot(
         A path of P in the fixed frame [m]; see `p3dof.viewer.trace_of`.
     size : tuple of int
         Width and height [pixels].
+    scale : ArrowScale, optional
+        Of the arrows, such as that of a whole motion; for the largest of the forces by default.
 
     Returns
     -------
@@ -71,8 +75,15 @@ def save_screenshot(
     """
     _ending(path, ".png")
     checked_size(size)
-    scene = Scene(robot)
-    scene.display(joints_of(robot, frozen_array("pose", pose, (3,))), forces)
+    if not isinstance(robot, Manipulator):
+        raise InputError(f"robot: expected a Manipulator, got {shown(robot)}")
+    place = frozen_array("pose", pose, (3,))
+    joints = joints_of(robot, place)
+    if scale is None and forces is not None:
+        sliders = robot.inverse_kinematics(place).sliders
+        scale = ArrowScale.of_forces(robot, three_forces(forces), sliders)
+    scene = Scene(robot, scale=scale)
+    scene.display(joints, forces)
     if trace is not None:
         scene.draw_trace(trace)
     return write_atomic(path, picture_of(standalone(scene.window.messages()), size))

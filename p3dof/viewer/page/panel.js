@@ -11,10 +11,6 @@ const at = (path) => `ws://${location.host}/${path}${location.search}`;  // the 
 
 /* ---- scene ---- */
 
-const pane = $("pane");
-window.viewer = new MeshCat.Viewer(pane);
-const resize = viewer.set_3d_pane_size.bind(viewer);
-viewer.set_3d_pane_size = () => resize(pane.clientWidth, Math.max(pane.clientHeight, 1));
 new ResizeObserver(() => viewer.set_3d_pane_size()).observe(pane);
 viewer.connect(at("scene"));
 viewer.connection.onclose = (event) => lost(event);
@@ -103,7 +99,7 @@ function show(message) {
   if (setup.motion) showMotion();
   LEGS.forEach((leg, i) => {
     const force = state.forces[i], slider = state.sliders[i];
-    text(`force-${leg}`, force === null ? "–" : `${fixed(force, 2)} N`);
+    text(`force-${leg}`, force === null ? "not determined" : `${fixed(force, 2)} N`);
     text(`slider-${leg}`, `${fixed(slider, 4)} m`);
     const [low, high] = setup.limits.travel;
     $(`force-${leg}`).classList.toggle("over", Math.abs(force) > setup.limits.force);
@@ -113,6 +109,8 @@ function show(message) {
   for (const button of $("case").children) button.setAttribute("aria-pressed", button.value === state.case);
   note("message", state.message && `${state.message[0].toUpperCase()}${state.message.slice(1)}.\nThe last reachable pose is kept.`);
   note("limits", state.limits.length ? `Beyond a limit: ${state.limits.join("; ")}` : "");
+  text("legend", state.legend);
+  note("off-scale", state.off_scale.length ? `Arrows: ${state.off_scale.join("; ")}` : "");
   $("rest").hidden = state.source !== "pose";
   if (other) drawChart();
   moveCursor();
