@@ -16,7 +16,9 @@ DEV := $(VENV)/.dev$(EXTRAS)
 SOURCES := setup.py MANIFEST.in $(wildcard p3dof/compiled/extension/*.[ch] p3dof/compiled/extension/generated/*.h)
 DEBIAN := liburdfdom-tools libsdformat-dev pkg-config g++ chromium
 
-.PHONY: demo test lint types layers generated pytest fuzz benchmark export pictures clean
+LOWEST := .venv-lowest
+
+.PHONY: demo test lint types layers generated pytest fuzz lowest benchmark export pictures clean
 
 demo: $(VENV)/.demo
 	$(BIN)/p3dof compare --out $(OUT)
@@ -45,6 +47,13 @@ fuzz: $(DEV)
 	@echo "repeat with: make fuzz SEED=$(SEED)"
 	$(BIN)/pytest -n auto -m "fuzz or hypothesis" --hypothesis-profile=fuzz --hypothesis-seed=$(SEED) tests
 
+# A quick part of the tests with the lowest versions that pyproject.toml declares. Their own deprecated calls of
+# newer libraries beneath them are none of ours.
+lowest: $(LOWEST)/.ready
+	$(LOWEST)/bin/pytest -n auto -m "not fuzz" -W ignore::DeprecationWarning \
+		$(addprefix tests/test_,$(addsuffix .py,checks parameters files motion kinematics manipulator closed_loop \
+		description tracing plots cli cli_machine viewer_scene))
+
 benchmark: $(DEV)
 	$(BIN)/python tests/benchmarks/kernels.py --out $(OUT)/benchmark
 	$(BIN)/python tests/benchmarks/simulation.py
@@ -57,13 +66,19 @@ pictures: $(DEV)
 	$(BIN)/p3dof forces --figure pictures/forces.png
 
 clean:
-	rm -rf $(VENV) $(OUT) build p3dof.egg-info p3dof/compiled/extension/_compiled*.so
+	rm -rf $(VENV) $(LOWEST) $(OUT) build p3dof.egg-info p3dof/compiled/extension/_compiled*.so
 
 $(VENV)/pyvenv.cfg:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || \
 		{ echo "p3dof needs Python 3.10 or newer; name one with: make PYTHON=python3.x"; exit 1; }
 	@$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); \
 		echo "$(PYTHON) cannot make a virtual environment; on Debian: apt-get install python3-venv"; exit 1; }
+
+$(LOWEST)/.ready: $(DEV) tests/lowest.py
+	@rm -rf $(LOWEST) && $(PYTHON) -m venv $(LOWEST)
+	$(BIN)/python tests/lowest.py plot report viz test > $(LOWEST)/lowest.txt
+	$(LOWEST)/bin/python -m pip install --quiet --disable-pip-version-check -r $(LOWEST)/lowest.txt -e .
+	@touch $@
 
 $(VENV)/.demo: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt $(SOURCES)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[plot,report,viz]'

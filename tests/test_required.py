@@ -6,6 +6,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+from lowest import lowest, read_project
+
 TESTS = Path(__file__).parent
 ROOT = TESTS.parent
 SKIPPED = {
@@ -87,3 +90,22 @@ def test_make_prints_the_seed_that_repeats_it():
     out = said("SEED=123")
     assert "repeat with: make fuzz SEED=123" in out
     assert "--hypothesis-seed=123 " in out
+
+
+def test_lowest_versions_are_those_that_are_declared():
+    project = {
+        "name": "it",
+        "dependencies": ["one>=1.2,<5", "two~=2.0"],
+        "optional-dependencies": {
+            "a": ["it[b]", "three>=3; python_version >= '3.11'"],
+            "b": ["four==4", "one>=1.2,<5"],
+            "c": ["five<6"],
+        },
+    }
+    pins = ["four==4", "one==1.2", 'three==3; python_version >= "3.11"', "two==2.0"]
+    assert lowest(project, ["a"]) == pins
+    assert lowest(project, []) == ["one==1.2", "two==2.0"]
+    with pytest.raises(SystemExit, match="five<6: expected one lower bound"):
+        lowest(project, ["c"])
+    own = read_project()
+    assert len(lowest(own, list(own["optional-dependencies"]))) > 30

@@ -314,7 +314,8 @@ def _quaternion(rotation: FloatArray) -> tuple[float, float, float, float]:
     """Return the quaternion w, x, y, z of a rotation; its first part that is not zero is positive."""
     from scipy.spatial.transform import Rotation  # not at start-up: it takes as long as Pinocchio
 
-    x, y, z, w = Rotation.from_matrix(rotation).as_quat().tolist()
+    writable = np.array(rotation)  # SciPy 1.15 takes no other
+    x, y, z, w = Rotation.from_matrix(writable).as_quat().tolist()
     parts = np.array([w, x, y, z])
     parts[np.abs(parts) < _QUATERNION] = 0.0
     parts *= math.copysign(1.0, parts[np.flatnonzero(parts)[0]])

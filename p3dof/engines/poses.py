@@ -164,7 +164,8 @@ def quaternion_of(rotation: FloatArray) -> FloatArray:
     """Return the Euler parameters of a rotation matrix, the scalar first and not negative, shape (4,)."""
     from scipy.spatial.transform import Rotation
 
-    x, y, z, w = (float(value) for value in Rotation.from_matrix(rotation).as_quat())
+    writable = np.array(rotation)  # SciPy 1.15 takes no other
+    x, y, z, w = (float(value) for value in Rotation.from_matrix(writable).as_quat())
     found = np.array([w, x, y, z])
     return np.asarray(found if w >= 0 else -found)
 
