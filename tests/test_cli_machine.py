@@ -61,6 +61,43 @@ def test_bad_loads(capsys, tmp_path, monkeypatch, command, arguments, words):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("command", ["compare", "forces", "energy", "reactions", "plots"])
+def test_every_command_says_what_is_carried(tmp_path, capsys, command):
+    file = tmp_path / "m.yaml"
+    p3dof.write_parameters(PAPER.carrying(Body(5, [0, 0, -0.1], [0.02] * 3)), file)
+    arguments = ["--samples", 3, "--parameters", file]
+    if command in ("compare", "plots"):
+        arguments += ["--out", tmp_path / "out"]
+    if command == "plots":
+        arguments += ["--only", "forces", "--format", "svg"]
+    _, out, _ = run(capsys, command, *arguments, "--payload", 2)
+    words = f"5 kg at (0, 0, -0.1) m ({file}) + 2 kg at (0, 0, 0) m (--payload) = 7 kg"
+    assert f"payload: {words}; platform 8.1573 kg, with payload 15.1573 kg\n" in out
+    _, out, _ = run(capsys, command, *arguments)
+    assert f"payload: 5 kg at (0, 0, -0.1) m ({file}); platform 8.1573 kg, with payload 13.1573 kg\n" in out
+    arguments[2:4] = []
+    assert "payload" not in run(capsys, command, *arguments)[1]
+
+
+@pytest.mark.parametrize("command", ["forces", "energy"])
+def test_peaks_stand_beside_limits(capsys, command, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "120")
+    _, out, _ = run(capsys, command, "--samples", 101)
+    cells = next(line.split("│") for line in out.splitlines() if "force A [N]" in line)
+    assert [cell.strip() for cell in cells[2:-1]] == ["118.498", "1", "500", "23.7%"]
+
+
+def test_generated_files_say_what_is_carried(tmp_path, capsys):
+    file = tmp_path / "m.yaml"
+    p3dof.write_parameters(PAPER.carrying(Body(5, [0, 0, -0.1], [0.02] * 3)), file)
+    for arguments in (
+        ("urdf", "--out", tmp_path / "u"),
+        ("codegen", "--out", tmp_path / "c", "--payload", 2),
+    ):
+        _, out, _ = run(capsys, *arguments, "--parameters", file)
+        assert f"payload: 5 kg at (0, 0, -0.1) m ({file})" in out
+
+
 def test_engines_add_a_column_each(tmp_path, capsys, wrench_file):
     for name in ("mujoco", "pydrake", "exudyn"):
         pytest.importorskip(name)

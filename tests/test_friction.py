@@ -241,6 +241,31 @@ def test_carrying_nothing_changes_nothing_and_only_bodies_are_carried():
         PAPER.carrying(5)
 
 
+def test_what_is_carried_stays_known(tmp_path):
+    loads = [Body(5.0, [0, 0, -0.1], np.full(3, 0.02)), Body(2.0, [0.1, 0.03, 0], np.zeros(3))]
+    machine = PAPER
+    assert machine.payloads == ()
+    assert machine.unladen is machine
+    for load in loads:
+        machine = machine.carrying(load)
+    assert list(machine.payloads) == loads
+    assert machine.unladen.bodies.platform is PAPER.bodies.platform
+    assert machine.carrying(Body.massless()).payloads == machine.payloads
+    for laden in (machine, PAPER.carrying(loads[0])):
+        p3dof.write_parameters(laden, tmp_path / "m.yaml")
+        again = p3dof.read_parameters(tmp_path / "m.yaml")
+        assert [body.to_dict() for body in again.payloads] == [body.to_dict() for body in laden.payloads]
+        for (name, one), (_, other) in zip(again.bodies.items(), laden.bodies.items(), strict=True):
+            assert one.to_dict() == other.to_dict(), name  # to the last bit
+        assert again.unladen.bodies.platform.to_dict() == PAPER.bodies.platform.to_dict()
+    copy = pickle.loads(pickle.dumps(machine))  # noqa: S301
+    assert [body.mass for body in copy.payloads] == [5, 2]
+    # Another platform is empty again; other changes keep the load.
+    emptied = replace(machine, bodies=replace(machine.bodies, platform=PAPER.bodies.platform))
+    assert emptied.payloads == ()
+    assert len(replace(machine, gravity=np.zeros(3)).payloads) == 2
+
+
 def test_a_scaled_machine_takes_scaled_forces():
     heavy = replace(PAPER, bodies=PAPER.bodies.scaled(1.1))
     motion = p3dof.paper_motion(11)

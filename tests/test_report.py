@@ -26,7 +26,7 @@ from p3dof.cli import main
 from p3dof.errors import FileError, InputError, MissingExtraError, ReachError
 from p3dof.reactions import JOINTS
 from p3dof.report.figures import Picture, Pictures
-from p3dof.report.tables import number
+from p3dof.report.table import number
 
 NOON = datetime(2024, 5, 6, 12, 0, tzinfo=timezone.utc)
 HOSTILE = "<script>alert(1)</script>&\"'--{{ 7 * 7 }}"
@@ -218,6 +218,55 @@ def test_one_key_ties_the_drawing_to_the_tables(page):
     readme = Path(__file__).parents[1].joinpath("README.md").read_text(encoding="utf-8")
     for label, name, meaning in rows:
         assert f"| {label} | `{name}` | {meaning} |" in readme
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_every_payload_is_shown(tmp_path, capsys):
+    """That of the file and that of the command line: both are on, and both are told, with what they weigh."""
+    file = tmp_path / "m.yaml"
+    in_file = p3dof.Body(5.0, [0.01, 0, -0.1], [0.02, 0.03, 0.04])
+    p3dof.write_parameters(p3dof.PAPER.carrying(in_file), file)
+    arguments = ("--parameters", file, "--payload", "2,0,0.03,0", "--samples", 5, "--no-animation")
+    code, text, _ = run(capsys, "report", *arguments, "--out", tmp_path / "r.html")
+    assert code == 0
+    words = (
+        f"5 kg at (0.01, 0, -0.1) m ({file}) + 2 kg at (0, 0.03, 0) m (--payload) = 7 kg; platform 8.1573 kg"
+    )
+    assert f"payload: {words}, with payload 15.1573 kg" in text
+    page = Page((tmp_path / "r.html").read_text(encoding="utf-8"))
+    assert words in page.text
+    rows = page.tables["Platform and payload"]
+    assert [row[0] for row in rows[1:]] == ["platform", "payload 1", "payload 2", "together"]
+    alone, first, second, together = (np.array([float(cell) for cell in row[1:]]) for row in rows[1:])
+    platform = p3dof.PAPER.bodies.platform
+    np.testing.assert_allclose(alone[:4], [platform.mass, *platform.com], rtol=5.1e-6, atol=1e-15)
+    np.testing.assert_allclose(first[:7], [5, 0.01, 0, -0.1, 0.02, 0.03, 0.04])
+    np.testing.assert_allclose(second, [2, 0, 0.03, 0, 0, 0, 0, 0, 0, 0])
+    assert together[0] == pytest.approx(alone[0] + 7, rel=1e-5)
+    centre = sum(row[0] * row[1:4] for row in (alone, first, second)) / together[0]
+    np.testing.assert_allclose(together[1:4], centre, atol=2e-6)
+    bodies = {row[0]: row[1] for row in page.tables["Bodies"]}
+    assert bodies["platform + payload"] == "15.1573"
+    assert "platform" not in bodies
+
+
+def test_each_limit_has_its_peak_time_and_share(robot, motion, page):
+    wrench = (1.0, 2.0, -30.0, 0.0, 0.4, 0.0)
+    result = robot.inverse_dynamics(motion, "virtual-power", wrench=wrench)
+    rows = {row[0]: row[1:] for row in page.tables["How much of the limits is used"][1:]}
+    assert len(rows) == 10
+    columns = {f"force {leg} [N]": (result.forces[:, k], 500.0) for k, leg in enumerate("ABC")} | {
+        f"speed {leg} [m/s]": (result.slider_velocities[:, k], 0.5) for k, leg in enumerate("ABC")
+    }
+    for name, (values, limit) in columns.items():
+        peak, time, shown, used = rows[name]
+        most = int(np.argmax(np.abs(values)))
+        assert float(peak) == pytest.approx(values[most], rel=5.1e-6)
+        assert float(time) == pytest.approx(result.time[most], rel=5.1e-6)
+        assert abs(float(shown)) == limit
+        assert float(used.rstrip("%")) == pytest.approx(100 * abs(values[most]) / limit, abs=0.051)
+    assert rows["tilt platform [rad]"][2] == "0.785398"
+    assert float(rows["speed C [m/s]"][3].rstrip("%")) > 100  # an exceeded one is more than all of it
 
 
 def test_parameters_are_complete(robot, page):

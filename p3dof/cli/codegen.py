@@ -12,6 +12,7 @@ from p3dof.cli.app import app
 from p3dof.cli.export import CHECK, FORCE, print_differences
 from p3dof.cli.options import PARAMETERS, Payload, protect
 from p3dof.cli.output import print_plain
+from p3dof.cli.payloads import say_payloads
 from p3dof.cli.terminal import print_table
 from p3dof.codegen.batch import DIRECTORY, batch_files
 from p3dof.codegen.controller import MARK, controller_files
@@ -31,7 +32,8 @@ parameters that matters is more, other last bits on another processor are less."
 @click.option(
     "--payload",
     type=Payload(),
-    help="Point mass on the platform [kg], at P or at x,y,z in its frame [m].",
+    help="Point mass on the platform [kg], at P or at x,y,z in its frame [m]; besides the payload of the "
+    "parameter file.",
 )
 @click.option("--out", "out_text", type=click.Path(), help="Folder of the C for a controller.")
 @click.option(
@@ -75,6 +77,8 @@ def codegen(
         return _check(jobs)
     protect((parameters,), [folder / name for texts, folder, _ in jobs for name in texts])
     console = Console()
+    if out is not None:
+        say_payloads(console, machine, parameters, payload)
     with together():
         written = [path for texts, folder, _ in jobs for path in write_generated(texts, folder, MARK, force)]
     for path in written:

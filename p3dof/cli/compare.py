@@ -25,6 +25,7 @@ from p3dof.cli.output import (
     progress_bar,
     time_text,
 )
+from p3dof.cli.payloads import print_payloads
 from p3dof.cli.terminal import print_table
 from p3dof.errors import InputError, MissingExtraError, SampleError
 from p3dof.manipulator import InverseDynamics
@@ -99,6 +100,7 @@ def compare(
         raise click.BadParameter(f"expected a finite number, got {tolerance:g}", param_hint="--tolerance")
     case.protect(*(out / name for name in FILES))
     console = Console()
+    print_payloads(console, case)
     (first, first_seconds), (second, second_seconds) = _solve_both(case)
     same_rows = _print_verdicts(console, first, second)
     if not (first.valid & second.valid).any():

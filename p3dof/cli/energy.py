@@ -12,7 +12,8 @@ from rich.table import Table
 
 from p3dof.cli.app import app
 from p3dof.cli.options import FIGURE, METHOD, Case, with_case
-from p3dof.cli.output import print_plain, print_warnings
+from p3dof.cli.output import limits_table, print_plain, print_warnings
+from p3dof.cli.payloads import print_payloads
 from p3dof.cli.terminal import print_table
 from p3dof.energy import Energy
 from p3dof.manipulator import InverseDynamics
@@ -45,7 +46,9 @@ def energy(case: Case, method: str, out: Path | None, figure: Path | None) -> No
 
         written.append(plots.save(plots.energy_figure(found), figure))
     console = Console()
-    for table in (bodies_table(found), drives_table(found), balance_table(found, result)):
+    print_payloads(console, case)
+    limits = limits_table(result, case.robot.parameters.limits)
+    for table in (bodies_table(found), drives_table(found), limits, balance_table(found, result)):
         print_table(console, table)
     print_warnings(console, case.robot, result)
     print_doubts(console, found)

@@ -15,6 +15,7 @@ from p3dof import description
 from p3dof.cli.app import app
 from p3dof.cli.options import PARAMETERS, protect
 from p3dof.cli.output import print_plain
+from p3dof.cli.payloads import say_payloads
 from p3dof.errors import MissingExtraError
 from p3dof.files import together
 from p3dof.manipulator import load
@@ -137,6 +138,7 @@ def _write_or_check(job: Job, check: bool) -> int:
         return 1 if found else 0
     protect((job.parameters,), [folder / file for name in job.formats for file in description.FORMATS[name]])
     machine = load(job.parameters).parameters
+    say_payloads(console, machine, job.parameters)
     with together():
         written = job.of_each(lambda name: description.write(machine, folder, (name,), job.exact, job.force))
     for path in written:

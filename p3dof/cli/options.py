@@ -86,7 +86,8 @@ _CASE = (
     click.option(
         "--payload",
         type=Payload(),
-        help="Point mass on the platform [kg], at P or at x,y,z in its frame [m].",
+        help="Point mass on the platform [kg], at P or at x,y,z in its frame [m]; besides the payload of the "
+        "parameter file.",
     ),
     click.option(
         "--wrench",

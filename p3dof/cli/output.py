@@ -14,6 +14,7 @@ from rich.table import Table
 from p3dof.checks import FloatArray
 from p3dof.manipulator import InverseDynamics, Manipulator
 from p3dof.methods.results import LEGS
+from p3dof.parameters import Limits
 
 
 @contextmanager
@@ -103,6 +104,31 @@ def time_text(seconds: float) -> str:
         if float(digits) >= 1 or unit == "ns":
             break
     return f"{float(digits):.15g} {unit}"
+
+
+def limits_table(result: InverseDynamics, limits: Limits) -> Table:
+    """Return how much of each limit a motion uses, and when it uses most of it.
+
+    Parameters
+    ----------
+    result : InverseDynamics
+        Over the motion.
+    limits : Limits
+        What the actuators can do.
+
+    Returns
+    -------
+    rich.table.Table
+    """
+    table = Table(
+        "limit of", "peak", escape("at t [s]"), "limit", "used", title="how much of the limits is used"
+    )
+    for one in result.utilisations(limits):
+        known = not np.isnan(one.share)
+        cells = (f"{one.value:.6g}", f"{one.time:.4g}") if known else ("-", "-")
+        share = f"{one.share:.1%}" if known else "-"
+        table.add_row(escape(f"{one.quantity} {one.leg} [{one.unit}]"), *cells, f"{one.limit:.6g}", share)
+    return table
 
 
 def print_warnings(console: Console, robot: Manipulator, result: InverseDynamics) -> None:

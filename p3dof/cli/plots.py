@@ -13,6 +13,7 @@ from rich.console import Console
 from p3dof.cli.app import app
 from p3dof.cli.options import Case, with_case
 from p3dof.cli.output import print_plain, print_warnings
+from p3dof.cli.payloads import print_payloads
 from p3dof.manipulator import InverseDynamics
 
 if TYPE_CHECKING:
@@ -128,6 +129,7 @@ def draw(case: Case, out: Path, formats: tuple[str, ...], only: tuple[str, ...],
     new_figure((1.0, 1.0))  # says that matplotlib is missing before the work begins
     drawings = Drawings(case, at)
     console = Console()
+    print_payloads(console, case)
     for name, files in paths.items():
         figure = drawings.figure(name)
         for path in files:

@@ -13,6 +13,7 @@ from rich.table import Table
 from p3dof.cli.app import app
 from p3dof.cli.options import FIGURE, JOINTS, Case, with_case
 from p3dof.cli.output import print_plain, print_warnings
+from p3dof.cli.payloads import print_payloads
 from p3dof.cli.terminal import print_table
 from p3dof.reactions import JOINTS as ALL_JOINTS
 from p3dof.reactions import UNDECIDED, AnyReactions, Choice, how_chosen
@@ -56,6 +57,7 @@ def reactions(case: Case, joints: Choice, out: Path | None, figure: Path | None)
 
         written.append(plots.save(plots.reactions_figure(result), figure))
     console = Console()
+    print_payloads(console, case)
     print_table(console, peaks_table(result))
     print_plain(
         console,

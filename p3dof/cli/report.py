@@ -11,6 +11,7 @@ from rich.console import Console
 from p3dof.cli.app import app
 from p3dof.cli.options import JOINTS, Case, with_case
 from p3dof.cli.output import print_plain, print_warnings, progress_bar
+from p3dof.cli.payloads import payloads_in_words, print_payloads
 from p3dof.errors import InputError, MissingExtraError
 from p3dof.manipulator import InverseDynamics
 from p3dof.reactions import BOTH, Choice
@@ -51,6 +52,7 @@ def make(case: Case, joints: Choice, out: Path, title: str | None, animation: bo
             joints=joints,
         )
     console = Console()
+    print_payloads(console, case)
     print_warnings(console, case.robot, result)
     if reason:
         print_plain(console, f"no animation: {reason}")
@@ -73,9 +75,9 @@ def _about(case: Case) -> dict[str, str]:
         "machine": "the paper's" if case.parameters is None else str(case.parameters),
         "motion": "the paper's" if case.motion_file is None else str(case.motion_file),
     }
-    if case.payload is not None:
-        x, y, z = case.payload.com
-        found["payload"] = f"{case.payload.mass:g} kg at ({x:g}, {y:g}, {z:g}) m of the platform's frame"
+    words = payloads_in_words(case.robot.parameters, case.parameters, case.payload)
+    if words:
+        found["payload"] = words.removeprefix("payload: ")
     if case.wrench_file is not None:
         found["external load"] = str(case.wrench_file)
     return found

@@ -17,6 +17,7 @@ from rich.console import Console
 from p3dof.cli.app import app
 from p3dof.cli.options import Case, with_case
 from p3dof.cli.output import print_plain, print_warnings, progress_bar
+from p3dof.cli.payloads import print_payloads
 from p3dof.manipulator import InverseDynamics
 from p3dof.viewer.player import FASTEST, SLOWEST
 
@@ -80,6 +81,7 @@ def show(
     from p3dof.viewer.live import LiveViewer
 
     console = Console()
+    print_payloads(console, case)
     result, _ = case.solve("virtual-power")
     print_warnings(console, case.robot, result)
     if out or video or screenshot:

@@ -15,6 +15,7 @@ from rich.table import Table
 from p3dof.cli.app import app
 from p3dof.cli.options import Case, with_load
 from p3dof.cli.output import print_plain, progress_bar
+from p3dof.cli.payloads import print_payloads
 from p3dof.cli.terminal import print_table
 from p3dof.errors import MissingExtraError
 from p3dof.manipulator import METHODS
@@ -137,6 +138,7 @@ def simulate(
     if plot:
         written += _draw(figures, runs)
     console = Console()
+    print_payloads(console, case)
     print_table(console, errors_table(runs))
     _print_ratio(console, runs)
     _print_limits(console, case.robot.parameters.limits, runs)

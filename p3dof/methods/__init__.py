@@ -12,6 +12,7 @@ from p3dof.methods.results import (
     exceedances_of,
     write_table,
 )
+from p3dof.methods.utilisation import Utilisation, utilisations
 
 __all__ = [
     "LEGS",
@@ -20,8 +21,10 @@ __all__ = [
     "InverseDynamics",
     "JointStates",
     "Solution",
+    "Utilisation",
     "WrenchOverTime",
     "exceedances_of",
+    "utilisations",
     "with_evidence",
     "wrenches_at",
     "write_table",

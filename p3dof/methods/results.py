@@ -14,6 +14,7 @@ import numpy as np
 from p3dof.checks import FloatArray
 from p3dof.errors import InputError
 from p3dof.files import write_atomic
+from p3dof.methods.utilisation import Utilisation, utilisations
 from p3dof.motion import Motion
 from p3dof.parameters import Limits
 
@@ -245,6 +246,26 @@ class InverseDynamics:
             If `limits` is not a `Limits`.
         """
         return exceedances_of(limits, self.motion, self.sliders, self.slider_velocities, self.forces)
+
+    def utilisations(self, limits: Limits) -> tuple[Utilisation, ...]:
+        """Return how much of each limit the motion uses, and when it uses most of it.
+
+        Parameters
+        ----------
+        limits : Limits
+            What the actuators can do.
+
+        Returns
+        -------
+        tuple of Utilisation
+            Forces, speeds and travel of A, B and C, and the tilt of the platform.
+
+        Raises
+        ------
+        InputError
+            If `limits` is not a `Limits`.
+        """
+        return utilisations(self, limits)
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write time, forces, pose, sliders, closure error and power to a CSV file, 17 significant digits.

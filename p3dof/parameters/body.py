@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,11 @@ class Body(FrozenArrays):
     inertia : array-like, shape (3, 3) or (3,)
         Inertia about the mass centre, in the axes of the body frame [kg m²]; three numbers are a diagonal.
 
+    Attributes
+    ----------
+    parts : tuple of Body
+        The bodies that `joined` made it of, in their order; empty otherwise.
+
     Raises
     ------
     ParameterError
@@ -45,6 +50,7 @@ class Body(FrozenArrays):
     mass: float
     com: FloatArray
     inertia: FloatArray
+    parts: tuple[Body, ...] = field(default=(), init=False, repr=False)
 
     def __post_init__(self) -> None:
         mass = float(frozen_array("mass", self.mass, (), ParameterError))
@@ -106,12 +112,16 @@ class Body(FrozenArrays):
         Returns
         -------
         Body
+            It remembers its `parts`, unless one of them has no mass.
         """
         mass = self.mass + other.mass
         if mass == 0:
             return Body.massless()
         com = (self.mass * self.com + other.mass * other.com) / mass
-        return Body(mass, com, self.inertia_about(com) + other.inertia_about(com))
+        body = Body(mass, com, self.inertia_about(com) + other.inertia_about(com))
+        parts = (*(self.parts or (self,)), other) if self.mass > 0 else ()
+        object.__setattr__(body, "parts", parts if other.mass > 0 else self.parts)
+        return body
 
     def inertia_about(self, point: ArrayLike) -> FloatArray:
         """Return the inertia about a point of the body frame.

@@ -229,7 +229,7 @@ class Parameters(FrozenArrays):
         object.__setattr__(self, "gravity", frozen_array("gravity", self.gravity, (3,), ParameterError))
 
     def carrying(self, payload: Body) -> Parameters:
-        """Return the machine with a payload fixed to its platform.
+        """Return the machine with a payload fixed to its platform, besides what it carries already.
 
         Parameters
         ----------
@@ -249,3 +249,15 @@ class Parameters(FrozenArrays):
             raise ParameterError(f"payload: expected a Body, got {type(payload).__name__}")
         platform = self.bodies.platform.joined(payload)
         return replace(self, bodies=replace(self.bodies, platform=platform))
+
+    @property
+    def payloads(self) -> tuple[Body, ...]:
+        """What the platform carries, in its frame, one after the other as `carrying` joined them."""
+        return self.bodies.platform.parts[1:]
+
+    @property
+    def unladen(self) -> Parameters:
+        """The machine without its payloads."""
+        if not self.payloads:
+            return self
+        return replace(self, bodies=replace(self.bodies, platform=self.bodies.platform.parts[0]))

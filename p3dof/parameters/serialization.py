@@ -14,7 +14,8 @@ The form::
       viscous: {sliders: 20, joints: 0.01}                                          # N s/m, N m s/rad
       coulomb: {sliders: 5, hinge_platform: 0.05}                                   # N, N m
       smoothing: 0.001                                                              # m/s, rad/s
-    payload: {mass: 5, com: [0, 0, -0.1], inertia: [0.02, 0.02, 0.02]}    # optional, fixed to the platform
+    payload: {mass: 5, com: [0, 0, -0.1], inertia: [0.02, 0.02, 0.02]}    # optional, fixed to the platform;
+                                                                          # or a list of several
 
 ``bodies`` names either these four kinds or all ten links, each on its own. An inertia is a diagonal or a full
 matrix, about the mass centre; with ``about: [x, y, z]`` it is about that point instead.
@@ -118,7 +119,9 @@ def parse(text: str, source: str = "parameters") -> Parameters:
     if "friction" in data:
         rest["friction"] = _friction(data["friction"], f"{source}: friction")
     machine = _named(source, lambda: Parameters(geometry, bodies, **rest))
-    return machine.carrying(_body(data["payload"], f"{source}: payload")) if "payload" in data else machine
+    for payload in _payloads(data.get("payload", []), f"{source}: payload"):
+        machine = machine.carrying(payload)
+    return machine
 
 
 def dump(parameters: Parameters) -> str:
@@ -141,10 +144,13 @@ def dump(parameters: Parameters) -> str:
         "geometry": asdict(parameters.geometry),
         "gravity": parameters.gravity.tolist(),
         "limits": limits,
-        "bodies": {name: body.to_dict() for name, body in parameters.bodies.items()},
+        "bodies": {name: body.to_dict() for name, body in parameters.unladen.bodies.items()},
     }
     if parameters.friction:
         data["friction"] = parameters.friction.to_dict()
+    payloads = [body.to_dict() for body in parameters.payloads]
+    if payloads:
+        data["payload"] = payloads[0] if len(payloads) == 1 else payloads
     header = "# p3dof parameters: m, kg, kg m² about the mass centre, m/s, N, rad, m/s²\n"
     return header + yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=110)
 
@@ -162,6 +168,13 @@ def _body(data: Any, where: str) -> Body:
     values = {key: _number(value, f"{where}.{key}") for key, value in data.items()}
     point = values.pop("about", None)
     return _named(where, lambda: Body(**values) if point is None else Body.about(point, **values))
+
+
+def _payloads(data: Any, where: str) -> list[Body]:
+    """Read one payload, or a list of them."""
+    if isinstance(data, list):
+        return [_body(item, f"{where}[{i}]") for i, item in enumerate(data)]
+    return [_body(data, where)]
 
 
 def _friction(data: Any, where: str) -> Friction:

@@ -22,7 +22,7 @@ from p3dof.manipulator import Manipulator
 from p3dof.methods import LEGS, InverseDynamics, WrenchOverTime
 from p3dof.motion import Motion
 from p3dof.reactions import BOTH, UNDECIDED, AnyReactions, Choice, how_chosen
-from p3dof.report import tables
+from p3dof.report import joint_tables, tables
 from p3dof.report.figures import Pictures, pictures_of
 from p3dof.samples import OnInvalid
 
@@ -241,9 +241,11 @@ def _content(findings: Findings) -> dict[str, Any]:
         "evidence": tables.evidence_table(first, second),
         "drives": tables.drives_table(energy),
         "kinetic": tables.bodies_table(energy),
-        "names": tables.names_table(),
-        "reactions": tables.reactions_table(findings.reactions),
-        "open": tables.open_tables(findings.reactions),
+        "limits": tables.limits_table(second, parameters.limits),
+        "payload": tables.payload_table(parameters),
+        "names": joint_tables.names_table(),
+        "reactions": joint_tables.reactions_table(findings.reactions),
+        "open": joint_tables.open_tables(findings.reactions),
         "undecided": f"{UNDECIDED} {how_chosen(findings.reactions)}",
         "pictures": pictures,
     }

@@ -2,57 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-
 import numpy as np
 
 from p3dof.checks import FloatArray
 from p3dof.energy import Energy
 from p3dof.methods import LEGS, InverseDynamics
 from p3dof.motion import Motion
-from p3dof.parameters import Bodies, Friction, Geometry, Limits, Parameters
-from p3dof.reactions import JOINTS, AnyReactions, Joint
-
-_NOTHING = 1e-9
-"""Reactions that are rounding, of a joint that bears none [N, N m]."""
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table of texts.
-
-    Parameters
-    ----------
-    title : str
-        What it shows.
-    header : tuple of str
-        Names of the columns.
-    rows : tuple of tuple of str
-        The first cell of each is its name.
-    note : str
-        What a reader must know besides.
-    """
-
-    title: str
-    header: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    note: str = ""
-
-
-def number(value: float) -> str:
-    """Return a number with six digits; a dash for what does not exist."""
-    return "–" if np.isnan(value) else f"{value + 0.0:.6g}"
-
-
-def _table(
-    title: str, header: Sequence[str], rows: Mapping[str, Sequence[float | str]], note: str = ""
-) -> Table:
-    cells = (
-        (name, *(value if isinstance(value, str) else number(value) for value in values))
-        for name, values in rows.items()
-    )
-    return Table(title, tuple(header), tuple(cells), note)
+from p3dof.parameters import Body, Friction, Geometry, Limits, Parameters
+from p3dof.report.table import Table, number, table_of
 
 
 def parameter_tables(parameters: Parameters) -> list[Table]:
@@ -70,7 +27,7 @@ def parameter_tables(parameters: Parameters) -> list[Table]:
     return [
         _geometry(parameters.geometry),
         _limits(parameters.limits, parameters.gravity),
-        _bodies(parameters.bodies),
+        _bodies(parameters),
         _friction(parameters.friction),
     ]
 
@@ -83,7 +40,7 @@ def _geometry(geometry: Geometry) -> Table:
         "b, half the width of the parallelogram": geometry.b,
         "h, from the sliders down to the platform at home": geometry.h,
     }
-    return _table("Geometry", ("length", "[m]"), {name: (value,) for name, value in rows.items()})
+    return table_of("Geometry", ("length", "[m]"), {name: (value,) for name, value in rows.items()})
 
 
 def _limits(limits: Limits, gravity: FloatArray) -> Table:
@@ -94,22 +51,67 @@ def _limits(limits: Limits, gravity: FloatArray) -> Table:
         "platform tilt θ [rad]": f"{number(limits.tilt[0])} to {number(limits.tilt[1])}",
         "gravity x₀, y₀, z₀ [m/s²]": ", ".join(number(part) for part in gravity),
     }
-    return _table("Limits and gravity", ("quantity", "value"), {name: (text,) for name, text in rows.items()})
+    return table_of(
+        "Limits and gravity", ("quantity", "value"), {name: (text,) for name, text in rows.items()}
+    )
 
 
-def _bodies(bodies: Bodies) -> Table:
-    header = ["body", "mass [kg]", "x [m]", "y [m]", "z [m]"]
-    header += ["Ixx [kg m²]", "Iyy [kg m²]", "Izz [kg m²]", "Ixy [kg m²]", "Ixz [kg m²]", "Iyz [kg m²]"]
-    rows = {}
-    for name, body in bodies.items():
-        inertia = body.inertia
-        products = (inertia[0, 1], inertia[0, 2], inertia[1, 2])
-        rows[name] = (body.mass, *body.com, *np.diag(inertia), *products)
+_DUST = 1e-14
+"""Share of the largest of some numbers below which one of them is rounding."""
+_BODY = (
+    *("mass [kg]", "x [m]", "y [m]", "z [m]"),
+    *("Ixx [kg m²]", "Iyy [kg m²]", "Izz [kg m²]", "Ixy [kg m²]", "Ixz [kg m²]", "Iyz [kg m²]"),
+)
+
+
+def _numbers(body: Body) -> tuple[float, ...]:
+    """Return mass, mass centre and inertia of a body in the order of the columns."""
+    inertia = body.inertia
+    moments = np.array([*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]])
+    return (body.mass, *_without_dust(body.com), *_without_dust(moments))
+
+
+def _without_dust(values: FloatArray) -> FloatArray:
+    """Return numbers with those that are rounding beside the largest one as zero."""
+    return np.where(np.abs(values) < _DUST * np.abs(values).max(), 0.0, values)
+
+
+def _bodies(parameters: Parameters) -> Table:
+    bodies = parameters.bodies
+    laden = {"platform": "platform + payload"} if parameters.payloads else {}
+    rows = {laden.get(name, name): _numbers(body) for name, body in bodies.items()}
     note = (
         f"{number(bodies.mass)} kg move. Mass centres (x, y, z) and inertias about them, in the bodies' own "
         "frames: leg or rod from its upper joint, x down the rod; platform from P; all others from the pivot."
     )
-    return _table("Bodies", header, rows, note)
+    return table_of("Bodies", ("body", *_BODY), rows, note)
+
+
+def payload_table(parameters: Parameters) -> Table | None:
+    """Return what the platform carries: the platform alone, each payload, and all together.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine.
+
+    Returns
+    -------
+    Table or None
+        None if it carries nothing.
+    """
+    payloads = parameters.payloads
+    if not payloads:
+        return None
+    rows = {"platform": _numbers(parameters.unladen.bodies.platform)}
+    for i, body in enumerate(payloads, 1):
+        rows["payload" if len(payloads) == 1 else f"payload {i}"] = _numbers(body)
+    rows["together"] = _numbers(parameters.bodies.platform)
+    note = (
+        f"The platform carries {number(sum(body.mass for body in payloads))} kg. Mass centres from P, in the "
+        "platform's axes; inertias about each one's own mass centre."
+    )
+    return table_of("Platform and payload", ("body", *_BODY), rows, note)
 
 
 def _friction(friction: Friction) -> Table:
@@ -118,7 +120,7 @@ def _friction(friction: Friction) -> Table:
     }
     note = f"Coulomb friction turns around over {number(friction.smoothing)} m/s or rad/s."
     header = ("joint", "viscous [N s/m, N m s/rad]", "Coulomb [N, N m]")
-    return _table("Friction", header, rows, note if rows else "None.")
+    return table_of("Friction", header, rows, note if rows else "None.")
 
 
 def motion_table(motion: Motion, wrench: FloatArray) -> Table:
@@ -155,7 +157,7 @@ def motion_table(motion: Motion, wrench: FloatArray) -> Table:
     )
     note = f"{len(motion)} samples over {number(motion.duration)} s. {loads}"
     header = ("platform", "lowest", "highest", "largest speed", "largest acceleration")
-    return _table("Motion", header, rows, note)
+    return table_of("Motion", header, rows, note)
 
 
 def agreement_table(first: InverseDynamics, second: InverseDynamics) -> Table:
@@ -182,7 +184,7 @@ def agreement_table(first: InverseDynamics, second: InverseDynamics) -> Table:
         for k, leg in enumerate(LEGS)
     }
     header = ("", "largest force [N]", "RMS force [N]", "largest difference [N]", "of its largest force")
-    return _table(f"Forces by {first.method} and by {second.method}", header, rows)
+    return table_of(f"Forces by {first.method} and by {second.method}", header, rows)
 
 
 def evidence_table(*results: InverseDynamics) -> Table:
@@ -206,7 +208,7 @@ def evidence_table(*results: InverseDynamics) -> Table:
         for result in results
     }
     header = ("method", "largest gap of the loops [m]", "power residual [W]", "largest power [W]")
-    return _table("Evidence", header, rows)
+    return table_of("Evidence", header, rows)
 
 
 def drives_table(energy: Energy) -> Table:
@@ -233,7 +235,33 @@ def drives_table(energy: Energy) -> Table:
         "work taken back [J]": drives.negative_work,
     }
     values = {name: tuple(float(value) for value in each) for name, each in rows.items()}
-    return _table("What the drives must do", ("", *(f"actuator {leg}" for leg in LEGS)), values)
+    return table_of("What the drives must do", ("", *(f"actuator {leg}" for leg in LEGS)), values)
+
+
+def limits_table(result: InverseDynamics, limits: Limits) -> Table:
+    """Return how much of each limit the motion uses, and when.
+
+    Parameters
+    ----------
+    result : InverseDynamics
+        The forces.
+    limits : Limits
+        What the actuators can do.
+
+    Returns
+    -------
+    Table
+    """
+    rows = {
+        f"{one.quantity} {one.leg} [{one.unit}]": (
+            one.value,
+            one.time,
+            one.limit,
+            "–" if np.isnan(one.share) else f"{one.share:.1%}",
+        )
+        for one in result.utilisations(limits)
+    }
+    return table_of("How much of the limits is used", ("", "peak", "at t [s]", "limit", "used"), rows)
 
 
 def bodies_table(energy: Energy) -> Table:
@@ -263,93 +291,4 @@ def bodies_table(energy: Energy) -> Table:
         f"All bodies at most {number(total)} J. Work done on the mechanism: {number(done)} J; "
         f"it misses the change of the energy by {missed:.1e} J."
     )
-    return _table("Kinetic energy", header, rows, note)
-
-
-def names_table() -> Table:
-    """Return the key that ties the names in the drawing to those in tables, files and the parameter file.
-
-    Returns
-    -------
-    Table
-    """
-    rows = tuple((joint.label, joint.name, joint.meaning) for joint in sorted(JOINTS, key=_by_label))
-    note = "The labels are the paper's, but for C7, which the paper does not name."
-    return Table("Names of the joints", ("in the drawing", "in tables and files", "what it is"), rows, note)
-
-
-def _by_label(joint: Joint) -> str:
-    return joint.label
-
-
-_LOADS = {
-    "force": "force [N]",
-    "axial": "axial [N]",
-    "radial": "radial [N]",
-    "rms_force": "RMS force [N]",
-    "moment": "moment [N m]",
-    "across": "across [N m]",
-    "rms_moment": "RMS moment [N m]",
-}
-_NAMES = {joint.name: f"{joint.name} ({joint.label})" for joint in JOINTS}
-
-
-def reactions_table(result: AnyReactions) -> Table:
-    """Return the largest loads of every joint that rigid bodies determine.
-
-    Parameters
-    ----------
-    result : Reactions or ReactionsComparison
-        Over a motion.
-
-    Returns
-    -------
-    Table
-    """
-    rows = {
-        _NAMES[peak.joint]: tuple(
-            "open" if name in peak.undetermined else _load(getattr(peak, name)) for name in _LOADS
-        )
-        for peak in result.peaks()
-    }
-    residual = result.residual[result.valid].max()
-    note = (
-        "Axial and radial: along and across the joint's axis; moment and across: all, and across the axis; "
-        "open: rigid bodies do not determine it, see below. "
-        f"Largest error of Newton's and Euler's equations: {residual:.1e} N or N m."
-    )
-    title = "Largest reactions that rigid bodies determine: to size joints for"
-    return _table(title, ("joint", *_LOADS.values()), rows, note)
-
-
-def open_tables(result: AnyReactions) -> list[Table]:
-    """Return the loads that rigid bodies leave open, by idealisations: of forces and of moments.
-
-    Parameters
-    ----------
-    result : Reactions or ReactionsComparison
-        Over a motion.
-
-    Returns
-    -------
-    list of Table
-    """
-    values = {(peak.joint, peak.load): peak.values for peak in result.open_peaks()}
-    tables = []
-    for what, unit in (("forces", "[N]"), ("moments", "[N m]")):
-        loads = [name for name, title in _LOADS.items() if title.endswith(unit)]
-        columns = [(name, kind) for name in loads for kind in result.idealisations]
-        rows = {
-            _NAMES[joint]: tuple(
-                _load(values[joint, name][kind]) if (joint, name) in values else "" for name, kind in columns
-            )
-            for joint in result.joints
-            if any((joint, name) in values for name in loads)
-        }
-        header = ("joint", *(f"{_LOADS[name]} {kind}" for name, kind in columns))
-        tables.append(_table(f"Open {what}: not to size joints for", header, rows))
-    return tables
-
-
-def _load(value: float) -> str:
-    return "0" if abs(value) < _NOTHING else number(value)
+    return table_of("Kinetic energy", header, rows, note)

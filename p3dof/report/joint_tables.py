@@ -1,0 +1,98 @@
+"""Tables of a report about the joints: their names, and what they bear."""
+
+from __future__ import annotations
+
+from p3dof.reactions import JOINTS, AnyReactions, Joint
+from p3dof.report.table import Table, number, table_of
+
+_NOTHING = 1e-9
+"""Reactions that are rounding, of a joint that bears none [N, N m]."""
+
+
+def names_table() -> Table:
+    """Return the key that ties the names in the drawing to those in tables, files and the parameter file.
+
+    Returns
+    -------
+    Table
+    """
+    rows = tuple((joint.label, joint.name, joint.meaning) for joint in sorted(JOINTS, key=_by_label))
+    note = "The labels are the paper's, but for C7, which the paper does not name."
+    return Table("Names of the joints", ("in the drawing", "in tables and files", "what it is"), rows, note)
+
+
+def _by_label(joint: Joint) -> str:
+    return joint.label
+
+
+_LOADS = {
+    "force": "force [N]",
+    "axial": "axial [N]",
+    "radial": "radial [N]",
+    "rms_force": "RMS force [N]",
+    "moment": "moment [N m]",
+    "across": "across [N m]",
+    "rms_moment": "RMS moment [N m]",
+}
+_NAMES = {joint.name: f"{joint.name} ({joint.label})" for joint in JOINTS}
+
+
+def reactions_table(result: AnyReactions) -> Table:
+    """Return the largest loads of every joint that rigid bodies determine.
+
+    Parameters
+    ----------
+    result : Reactions or ReactionsComparison
+        Over a motion.
+
+    Returns
+    -------
+    Table
+    """
+    rows = {
+        _NAMES[peak.joint]: tuple(
+            "open" if name in peak.undetermined else _load(getattr(peak, name)) for name in _LOADS
+        )
+        for peak in result.peaks()
+    }
+    residual = result.residual[result.valid].max()
+    note = (
+        "Axial and radial: along and across the joint's axis; moment and across: all, and across the axis; "
+        "open: rigid bodies do not determine it, see below. "
+        f"Largest error of Newton's and Euler's equations: {residual:.1e} N or N m."
+    )
+    title = "Largest reactions that rigid bodies determine: to size joints for"
+    return table_of(title, ("joint", *_LOADS.values()), rows, note)
+
+
+def open_tables(result: AnyReactions) -> list[Table]:
+    """Return the loads that rigid bodies leave open, by idealisations: of forces and of moments.
+
+    Parameters
+    ----------
+    result : Reactions or ReactionsComparison
+        Over a motion.
+
+    Returns
+    -------
+    list of Table
+    """
+    values = {(peak.joint, peak.load): peak.values for peak in result.open_peaks()}
+    tables = []
+    for what, unit in (("forces", "[N]"), ("moments", "[N m]")):
+        loads = [name for name, title in _LOADS.items() if title.endswith(unit)]
+        columns = [(name, kind) for name in loads for kind in result.idealisations]
+        rows = {
+            _NAMES[joint]: tuple(
+                _load(values[joint, name][kind]) if (joint, name) in values else "" for name, kind in columns
+            )
+            for joint in result.joints
+            if any((joint, name) in values for name in loads)
+        }
+        header = ("joint", *(f"{_LOADS[name]} {kind}" for name, kind in columns))
+        tables.append(table_of(f"Open {what}: not to size joints for", header, rows))
+    return tables
+
+
+def _load(value: float) -> str:
+    return "0" if abs(value) < _NOTHING else number(value)
