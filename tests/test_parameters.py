@@ -577,7 +577,8 @@ def test_yaml_round_trip_keeps_every_bit(tmp_path, parameters):
 )
 def test_any_numbers_survive_the_file(positive, any_sign):
     r, gap, reach, b, speed, force, mass, size = positive
-    geometry = Geometry(r, r * (1.001 + gap), r * (1.001 + gap) + reach, b)
+    R = r * (1.001 + gap)
+    geometry = Geometry(r, R, R * (1 + min(reach, 99.0)), b)
     body = Body(mass, any_sign[:3], size * np.array([1.0, 1.1, 1.2]))
     bodies = dataclasses.replace(
         PAPER.bodies, platform=body, crossbar_lower=Body(mass, any_sign[3:6], np.zeros(3))

@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from p3dof.checks import FloatArray
+from p3dof.closed_loop.coordinates import length_coordinates
 from p3dof.closed_loop.linear import RANK_TOLERANCE, Decomposition
 from p3dof.closed_loop.sidecar import Closure, Sidecar, suggestion
 from p3dof.errors import ModelError, P3dofError
@@ -93,6 +94,8 @@ class LoopKinematics:
         self._pairs = [(constraint, data, data.extract()) for constraint, data in pairs]
         self._ends = [_ends(constraint.extract()) for constraint in self.constraint_models]
         self.size = start
+        self.lengths = length_coordinates(model)[1]
+        """Which of v are rates of lengths."""
         self._zero = np.zeros(model.nv)
         self._last: ClosurePoint | None = None
         self._key = b""

@@ -14,8 +14,7 @@ RANK_TOLERANCE = 1e-9
 An assembled configuration closes its loops to 1e-12 or better, which is also the size of the singular values
 that should be zero; the smallest that matter in a working machine are above 1e-4. The rows of a closure's
 Jacobian mix metres and radians, so the fraction has no exact meaning: the room on either side makes that
-harmless for machines whose links are between a few millimetres and a few tens of metres long. Model others in
-a larger or smaller unit of length.
+harmless for machines of about the size of the unit of length; see `p3dof.closed_loop.units`.
 """
 
 

@@ -18,6 +18,7 @@ from p3dof.closed_loop.dynamics import Dynamics, ForwardDynamics, InverseDynamic
 from p3dof.closed_loop.energy import energy_rate
 from p3dof.closed_loop.sidecar import Sidecar, suggestion
 from p3dof.closed_loop.targets import BoundFrameTarget, FrameTarget, JointTarget, NoTarget, Target
+from p3dof.closed_loop.units import scaled
 from p3dof.closed_loop.urdf import build_tree
 from p3dof.errors import InputError, ModelError
 
@@ -56,6 +57,10 @@ class LoopModel:
     -----
     An instance owns workspaces that every method writes to: it is not thread-safe. Give each thread a `copy`.
     Arrays in results are read-only copies.
+
+    A model much larger or smaller than a metre is computed in a unit of length of its own, see
+    `p3dof.closed_loop.units`: tolerances that are said here in metres are in that unit then, and so are ranks
+    and the conditioning.
     """
 
     def __init__(self, model: pin.Model, sidecar: Sidecar) -> None:
@@ -72,6 +77,7 @@ class LoopModel:
         self._assembler = Assembler(self._kinematics)
         self._dynamics = Dynamics(self._kinematics, self.actuated_v)
         self._data = model.createData()
+        self._scaled = scaled(model, sidecar, lambda tree: type(self)(tree, sidecar))
 
     @classmethod
     def from_urdf(
@@ -150,7 +156,7 @@ class LoopModel:
     @property
     def generic_rank(self) -> int | None:
         """Rank of the closures around the neutral configuration; None if the loops do not close there."""
-        return self._assembler.generic_rank
+        return self._assembler.generic_rank if self._scaled is None else self._scaled.core.generic_rank
 
     def closure_error(self, q: ArrayLike) -> FloatArray:
         """Return how far each closure is open.
@@ -193,6 +199,8 @@ class LoopModel:
 
     def rank(self, q: ArrayLike) -> int:
         """Return the rank of the closures' Jacobian at `q` (nq,), whose loops should be closed."""
+        if self._scaled is not None:
+            return self._scaled.core.rank(self._scaled.q(self._configuration("q", q)))
         return self._at(q).svd.rank
 
     def mobility(self, q: ArrayLike) -> int:
@@ -228,9 +236,10 @@ class LoopModel:
             If an argument has the wrong shape, is not finite, or names a frame that does not exist.
         """
         start = None if guess is None else self._configuration("guess", guess)
-        return self._assembler.assemble(
-            self._target(target), start, positive("tolerance", tolerance, InputError)
-        )
+        bound, tolerance = self._target(target), positive("tolerance", tolerance, InputError)
+        if self._scaled is not None:
+            return self._scaled.assemble(_goal(target, bound), start, tolerance)
+        return self._assembler.assemble(bound, start, tolerance)
 
     def complete(
         self, target: TargetLike, velocity: ArrayLike, acceleration: ArrayLike, guess: ArrayLike | None = None
@@ -262,6 +271,8 @@ class LoopModel:
         v = frozen_array("velocity", velocity, (bound.size,))
         a = frozen_array("acceleration", acceleration, (bound.size,))
         start = None if guess is None else self._configuration("guess", guess)
+        if self._scaled is not None:
+            return self._scaled.complete(_goal(target, bound), v, a, start)
         return self._assembler.complete(bound, self._assembler.assemble(bound, start, TOLERANCE), v, a)
 
     def inverse_dynamics(
@@ -299,9 +310,13 @@ class LoopModel:
             If an argument has the wrong shape or is not finite, the loops are open by more than 1e-5, or the
             motion would open them.
         """
-        point = self._at(q, CLOSED)
         v = frozen_array("v", v, (self.model.nv,))
         a = frozen_array("a", a, (self.model.nv,))
+        if self._scaled is not None:
+            q = self._at(q).q
+            self._external(external, joint_forces)
+            return self._scaled.inverse_dynamics(q, v, a, external, joint_forces)
+        point = self._at(q, CLOSED)
         self._check_motion(point, v, a)
         return self._dynamics.inverse(point, v, a, self._external(external, joint_forces))
 
@@ -390,15 +405,18 @@ class LoopModel:
             If an argument has the wrong shape or is not finite, the loops are open by more than 1e-3, or the
             velocity opens them by more than 1e-2 of itself.
         """
-        point = self._at(q, NEARLY_CLOSED)
         v = frozen_array("v", v, (self.model.nv,))
-        if point.J.size:
-            self._check_opening("v", point.J @ v, NEARLY_CONSISTENT * max(1.0, max_abs(v)))
         beta = float(frozen_array("stabilisation", stabilisation, ()))
         if beta < 0:
             raise InputError(f"stabilisation: expected zero or more, got {beta:g}")
+        tau = frozen_array("tau", tau, (len(self.actuated),))
+        point = self._at(q, NEARLY_CLOSED if self._scaled is None else np.inf)
         force = self._external(external, joint_forces)
-        force[self.actuated_v] += frozen_array("tau", tau, (len(self.actuated),))
+        if self._scaled is not None:
+            return self._scaled.forward_dynamics(point.q, v, tau, external, joint_forces, beta)
+        if point.J.size:
+            self._check_opening("v", point.J @ v, NEARLY_CONSISTENT * max(1.0, max_abs(v)))
+        force[self.actuated_v] += tau
         return self._dynamics.forward(point, v, force, beta)
 
     def power(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> float:
@@ -494,3 +512,10 @@ class LoopModel:
         if joint_forces is not None:
             force += frozen_array("joint_forces", joint_forces, (self.model.nv,))
         return force
+
+
+def _goal(target: TargetLike, bound: Target) -> FrameTarget | FloatArray | None:
+    """Return a target that was checked: values of joints as an array."""
+    if isinstance(bound, JointTarget):
+        return bound.values
+    return target if isinstance(target, FrameTarget) else None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +14,7 @@ from p3dof.closed_loop.batch.dynamics import BatchDynamics, BatchInverseDynamics
 from p3dof.closed_loop.batch.states import BatchAssembler, BatchStates
 from p3dof.closed_loop.batch.targets import FrameGoals, FrameTargets, JointGoals
 from p3dof.closed_loop.loop_model import External, LoopModel
+from p3dof.closed_loop.units import ScaledModel
 from p3dof.errors import InputError
 
 
@@ -63,6 +65,8 @@ class ClosedLoopModel(LoopModel):
         motion = frozen_array("velocity", velocity, shape), frozen_array("acceleration", acceleration, shape)
         start = None if guess is None else self._configuration("guess", guess)
         first = None if near is None else self._configuration("near", near)
+        if self._scaled is not None:
+            return _complete_scaled(self._scaled, target, motion, start, first, stop)
         return self._batch_assembler.complete(target, goals, motion, start, first, stop)
 
     def inverse_dynamics_batch(
@@ -110,6 +114,8 @@ class ClosedLoopModel(LoopModel):
         }
         nothing = np.zeros(self.model.nv)
         forces = _rows("joint_forces", nothing if joint_forces is None else joint_forces, count, len(nothing))
+        if self._scaled is not None:
+            return _inverse_dynamics_scaled(self._scaled, states, loads, forces, stop)
         return self._batch_dynamics.inverse_dynamics(*states, loads, forces, stop)
 
     def power_batch(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> FloatArray:
@@ -148,6 +154,60 @@ class ClosedLoopModel(LoopModel):
                 self._configuration("q", row)
         shape = (len(q), self.model.nv)
         return q, frozen_array("v", v, shape), frozen_array("a", a, shape)
+
+
+def _complete_scaled(
+    scaled: ScaledModel,
+    target: FrameTargets | FloatArray,
+    motion: tuple[FloatArray, FloatArray],
+    guess: FloatArray | None,
+    near: FloatArray | None,
+    stop: bool,
+) -> BatchStates:
+    """`ClosedLoopModel.complete_batch` in the model's own unit of length."""
+    core, units = cast(ClosedLoopModel, scaled.core), scaled.units
+    goals: FrameTargets | FloatArray
+    if isinstance(target, FrameTargets):
+        factors = scaled.of_mask(target.mask)
+        goals = FrameTargets(target.frame, target.positions / units.length, target.rotations, target.mask)
+    else:
+        factors = units.motion(units.v[core.actuated_v])
+        goals = target / factors
+    velocity, acceleration = (values / factors for values in motion)
+    begin, first = (None if q is None else scaled.q(q) for q in (guess, near))
+    with scaled.in_words():
+        found = core.complete_batch(goals, velocity, acceleration, begin, first, stop)
+    return BatchStates(
+        found.q * units.motion(units.q),
+        found.v * units.motion(units.v),
+        found.a * units.motion(units.v),
+        scaled.influence(found.inverse_jacobian, units.v[core.actuated_v], factors),
+        found.same_assembly,
+        {i: scaled.told(error) for i, error in found.errors.items()},
+    )
+
+
+def _inverse_dynamics_scaled(
+    scaled: ScaledModel,
+    states: tuple[FloatArray, FloatArray, FloatArray],
+    loads: Mapping[str, FloatArray],
+    forces: FloatArray,
+    stop: bool,
+) -> BatchInverseDynamics:
+    """`ClosedLoopModel.inverse_dynamics_batch` in the model's own unit of length."""
+    core, units = cast(ClosedLoopModel, scaled.core), scaled.units
+    q, v, a = states
+    with scaled.in_words():
+        found = core.inverse_dynamics_batch(
+            scaled.q(q), scaled.v(v), scaled.v(a), scaled.wrenches(loads), scaled.forces(forces), stop
+        )
+    return BatchInverseDynamics(
+        found.tau * units.force(units.v[core.actuated_v]),
+        found.conditioning,
+        found.residual * max(units.length, units.length**2),
+        found.closure_error * units.motion(units.rows),
+        {i: scaled.told(error) for i, error in found.errors.items()},
+    )
 
 
 def _rows(name: str, value: ArrayLike, count: int, width: int) -> FloatArray:

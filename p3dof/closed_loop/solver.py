@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.closures import LoopKinematics, max_abs
+from p3dof.closed_loop.coordinates import rounding
 from p3dof.closed_loop.targets import Target
 
 _FIRST_STEP = 0.3
@@ -25,6 +26,8 @@ _MOST = 2000
 """Newton steps after which a path is given up."""
 _PATIENCE = 15
 """Steps of the fallback within which the residual must halve."""
+_FAR = 4.0
+"""Residual that can only be a length [m]: where larger, steps of lengths are in shares of it."""
 _MAX_STEP = 0.5
 """Largest step of the fallback [m or rad]."""
 
@@ -118,6 +121,13 @@ class System:
         r = np.concatenate((closures.error, error))
         return Point(closures.q, r, np.concatenate((closures.J, J)), closures.rank_tolerance)
 
+    def yardsticks(self, r0: FloatArray) -> FloatArray:
+        """Return what to measure steps (nv,) by: ones, and for lengths more where the target is far away.
+
+        A slide that is told to go a hundred metres may do so in few steps; its limits are those of angles.
+        """
+        return np.where(self.kinematics.lengths, max(1.0, max_abs(r0) / _FAR), 1.0)
+
     def moved(self, q: FloatArray, step: FloatArray) -> Point:
         """Evaluate the system at a configuration moved by a tangent step (nv,)."""
         return self.at(pin.integrate(self.kinematics.model, q, step))
@@ -151,10 +161,11 @@ def follow(system: System, q: FloatArray, tolerance: float) -> Path:
     """
     point = system.at(q)
     r0 = point.r
+    by = system.yardsticks(r0)
     s, step, count = 0.0, 1.0, 0
     while s < 1.0:
         end = min(s + step, 1.0)
-        arrived, iterations = _correct(system, point, (1.0 - end) * r0, end == 1.0, tolerance)
+        arrived, iterations = _correct(system, point, (1.0 - end) * r0, end == 1.0, tolerance, by)
         count += iterations
         if arrived is not None and point.same_branch(arrived):
             point, s, step = arrived, end, 2.0 * step
@@ -183,12 +194,13 @@ def least_squares(system: System, q: FloatArray, tolerance: float) -> Path:
         Not complete if it ends in a minimum that is not zero.
     """
     point = system.at(q)
+    by = system.yardsticks(point.r)
     count, size, history = 0, np.inf, [np.inf] * _PATIENCE
     while size > _NEGLIGIBLE and point.gap < 0.5 * history[-_PATIENCE]:
         count += 1
         history.append(point.gap)
         step = point.step_to(0.0)
-        size = max_abs(step)
+        size = max_abs(step / by)
         step *= min(1.0, _MAX_STEP / max(size, 1e-300))
         cost = point.r @ point.r
         for fraction in 0.5 ** np.arange(12):
@@ -198,22 +210,23 @@ def least_squares(system: System, q: FloatArray, tolerance: float) -> Path:
                 break
         else:
             break
-    return Path(point, point.gap <= tolerance, count)
+    return Path(point, point.gap <= max(tolerance, float(rounding(point.q[None])[0])), count)
 
 
 def _correct(
-    system: System, start: Point, goal: FloatArray, last: bool, tolerance: float
+    system: System, start: Point, goal: FloatArray, last: bool, tolerance: float, by: FloatArray
 ) -> tuple[Point | None, int]:
     """Newton's method for r = goal; None unless it contracts from the first step on."""
     enough, error = (_NEGLIGIBLE, tolerance) if last else (_ON_THE_WAY, max(_ON_THE_WAY, tolerance))
     point, limit = start, _FIRST_STEP
     for count in range(1, 11):
         step = point.step_to(goal)
-        size = max_abs(step)
+        size = max_abs(step / by)
         if not size <= max(limit, enough):  # also when it is not a number
             return None, count
         point = system.moved(point.q, step)
         if size <= enough:
+            error = max(error, float(rounding(point.q[None])[0]))
             return (point if max_abs(point.r - goal) <= error else None), count
         limit = _CONTRACTION * size
     return None, count

@@ -11,6 +11,9 @@ from p3dof.errors import ParameterError
 from p3dof.parameters.body import Body
 from p3dof.parameters.friction import Friction
 
+PARALLEL = 1e-6
+"""Least R - r, as a share of L: half the angle between the legs A and B at home [rad]."""
+
 
 @dataclass(frozen=True)
 class Geometry:
@@ -30,7 +33,8 @@ class Geometry:
     Raises
     ------
     ParameterError
-        Unless 0 < r < R, L > R - r and b > 0.
+        Unless 0 < r < R, L > R - r >= 1e-6 L and b > 0. Were R - r smaller, the legs A and B would be
+        parallel at home, and could not hold the platform sideways.
     """
 
     r: float = 0.1
@@ -45,6 +49,11 @@ class Geometry:
         if self.r >= self.R:
             raise ParameterError(
                 f"r, R: expected r < R (r = R is singular everywhere), got r = {self.r:g}, R = {self.R:g} m"
+            )
+        if not self.R - self.r >= PARALLEL * self.L:
+            raise ParameterError(
+                f"R - r: expected at least {PARALLEL:g} L = {PARALLEL * self.L:g} m, or the legs A and B are "
+                f"parallel and cannot hold the platform; got {self.R - self.r:g} m"
             )
         if not self.R - self.r < self.L:
             raise ParameterError(

@@ -44,6 +44,8 @@ _SPACINGS = (64, 8, 1)
 """Every how many samples are solved first, and then in between those."""
 _SHORTEST = 2.0**-8
 """Smallest fraction of a path that is tried."""
+_FAR = 4.0
+"""Residual that can only be a length; see `solver.System.yardsticks` [m]."""
 _ROUNDS = 40
 """Steps along the path after which a sample is given up."""
 
@@ -199,6 +201,10 @@ class BatchSystem:
         """Return the steps (n, nv) that bring the chosen rows of `r` to `goal` to first order."""
         return apply(points.K, (goal - points.r)[:, self.chosen])
 
+    def yardsticks(self, r0: FloatArray) -> FloatArray:
+        """Return what to measure steps (n, nv) by; see `solver.System.yardsticks`."""
+        return np.where(self.kinematics.lengths, np.maximum(1.0, largest(r0) / _FAR)[:, None], 1.0)
+
     def same_branch(self, one: Points, other: Points) -> BoolArray:
         """Whether the Jacobian keeps its orientation between neighbouring solutions; see `solver.Point`.
 
@@ -267,6 +273,7 @@ def _follow(system: BatchSystem, start: FloatArray, samples: IndexArray) -> tupl
     count = len(samples)
     now = system.at(start, samples)
     r0 = now.r.copy()
+    by = system.yardsticks(r0)
     s, step = np.zeros(count), np.ones(count)
     alive = np.isfinite(now.K).all(axis=(1, 2))
     for _ in range(_ROUNDS):
@@ -274,10 +281,10 @@ def _follow(system: BatchSystem, start: FloatArray, samples: IndexArray) -> tupl
         if not len(active):
             break
         here, end = now.take(active), np.minimum(s + step, 1.0)[active]
-        size = largest(system.step(here, (1.0 - end)[:, None] * r0[active]))
+        size = largest(system.step(here, (1.0 - end)[:, None] * r0[active]) / by[active])
         end = np.where(size > _FIRST_STEP, s[active] + (end - s[active]) * _CUT / size, end)
         goal = (1.0 - end)[:, None] * r0[active]
-        there, good = _correct(system, here, goal, samples[active], end == 1.0)
+        there, good = _correct(system, here, goal, samples[active], end == 1.0, by=by[active])
         good &= system.same_branch(here, there)
         taken, refused = active[good], active[~good]
         step[taken] = 2.0 * (end[good] - s[taken])
@@ -295,24 +302,27 @@ def _correct(
     samples: IndexArray,
     last: BoolArray | None = None,
     near: bool = False,
+    by: FloatArray | float = 1.0,
 ) -> tuple[Points, BoolArray]:
     """Newton's method for r = goal; false unless it contracts from the first step on.
 
-    A start that is not assembled must be `near`. All samples are at their `last` goal by default.
+    A start that is not assembled must be `near`. All samples are at their `last` goal by default. Steps are
+    measured `by` lengths and angles.
     """
     count = len(samples)
     limit = np.full(count, _NEAR if near else _FIRST_STEP)
     last = np.ones(count, dtype=bool) if last is None else last
     enough = np.where(last, _NEGLIGIBLE, _ON_THE_WAY)
+    by = np.broadcast_to(by, (count, system.sweep.model.nv))
     there, solved, todo = here.take(np.arange(count)), np.zeros(count, dtype=bool), np.arange(count)
     step = system.step(here, goal)
     for _ in range(10):
-        size = largest(step)
+        size = largest(step / by[todo])
         good = size <= np.maximum(limit, enough[todo])
         todo, step, size = todo[good], step[good], size[good]
         points = system.at(system.moved(there.q[todo], step), samples[todo])
         step = system.step(points, goal[todo])
-        next_size = largest(step)
+        next_size = largest(step / by[todo])
         done = (size <= enough[todo]) | (next_size <= _LAST)
         solved[todo[done]] = (next_size <= enough[todo])[done]
         there.put(todo, points)

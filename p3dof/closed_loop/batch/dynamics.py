@@ -30,6 +30,7 @@ from p3dof.closed_loop.batch.linear import (
     norms,
 )
 from p3dof.closed_loop.closures import LoopKinematics
+from p3dof.closed_loop.coordinates import rounding
 from p3dof.closed_loop.linear import RANK_TOLERANCE
 from p3dof.closed_loop.loop_model import LoopModel
 from p3dof.errors import InputError, P3dofError
@@ -186,7 +187,7 @@ class BatchDynamics:
     ) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return where the forces are good; forces, conditioning, residual and closure errors."""
         samples = self._sweep.moving(q, v)
-        J, errors, fits = self._closed(samples, v, a)
+        J, errors, fits = self._closed(samples, q, v, a)
         pool = pin.ModelPool(self._loop.model, 1)  # with a copy of the model as it is now
         f = np.array(pin.rneaInParallel(1, pool, q.T, v.T, a.T)).T
         f -= joint_forces + self._generalised(samples, external)
@@ -194,7 +195,7 @@ class BatchDynamics:
         return good, tau, conditioning, residual, errors
 
     def _closed(
-        self, samples: Samples, v: FloatArray, a: FloatArray
+        self, samples: Samples, q: FloatArray, v: FloatArray, a: FloatArray
     ) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Return the closures' Jacobian, their errors, and whether the motion keeps them closed."""
         frames = self._closures.frames(samples)
@@ -202,7 +203,7 @@ class BatchDynamics:
         opening = apply(J, v)
         faster = apply(J, a) + self._closures.drift(samples, frames, v)
         size = largest(v)
-        fits = largest(errors) <= _TIGHT
+        fits = largest(errors) <= np.maximum(_TIGHT, rounding(q))
         fits &= largest(opening) <= CONSISTENT * np.maximum(1.0, size)
         fits &= largest(faster) <= CONSISTENT * np.maximum(np.maximum(1.0, largest(a)), size**2)
         return J, errors, fits

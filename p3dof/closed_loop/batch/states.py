@@ -19,6 +19,7 @@ from p3dof.closed_loop.batch.kinematics import Sweep
 from p3dof.closed_loop.batch.linear import FEW, BoolArray, IndexArray, apply, blocks, largest, norms
 from p3dof.closed_loop.batch.targets import FrameTargets
 from p3dof.closed_loop.closures import LoopKinematics
+from p3dof.closed_loop.coordinates import rounding
 from p3dof.closed_loop.loop_model import LoopModel
 from p3dof.closed_loop.targets import FrameTarget, NoTarget
 from p3dof.errors import AssemblyError, P3dofError
@@ -144,7 +145,7 @@ class BatchAssembler:
         with np.errstate(all="ignore"):  # what is not a number passes no test
             q, good = settle(system, start.q, block)
             points = system.at(q, block, velocities=True)
-            good &= largest(points.r) <= TOLERANCE
+            good &= largest(points.r) <= np.maximum(TOLERANCE, rounding(q))
             J, K = points.J, points.K
             B = J[:, system.chosen]
             good &= norms(B) * norms(K) <= WELL

@@ -1,0 +1,268 @@
+"""The unit of length in which a model is computed: that of the model itself.
+
+All tolerances of this layer are lengths and angles, and the rows and columns of its matrices mix both, which
+fits machines whose links are about as long as the unit of length. `Units` finds such a unit, a power of 64 m,
+and `ScaledModel` computes a model in it. Powers of two scale exactly: tolerances change, and no rounding. The
+metre is the unit of all models of .125 to 8 m; nothing is scaled there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from p3dof.checks import FloatArray
+from p3dof.closed_loop.assembly import Assembly, State
+from p3dof.closed_loop.coordinates import length_coordinates
+from p3dof.closed_loop.dynamics import ForwardDynamics, InverseDynamics
+from p3dof.closed_loop.sidecar import Sidecar
+from p3dof.closed_loop.targets import FrameTarget
+from p3dof.errors import AssemblyError, DynamicsError, InputError, P3dofError
+
+if TYPE_CHECKING:
+    from p3dof.closed_loop.loop_model import LoopModel
+
+_STEP = 6
+"""Units are powers of 2**6 m."""
+
+
+class Units:
+    """Factors between metres and a model's unit of length, for everything that this layer takes and returns.
+
+    Parameters
+    ----------
+    model : pin.Model
+        The tree.
+    sidecar : Sidecar
+        Its closures.
+    """
+
+    def __init__(self, model: pin.Model, sidecar: Sidecar) -> None:
+        self.q, self.v, known = length_coordinates(model)
+        size = _size(model, sidecar)
+        power = round(math.log2(size) / _STEP) if known and size > 0 else 0
+        self.length = 2.0 ** (_STEP * power)
+        """The unit of length [m]."""
+        kinds = [closure.kind for closure in sidecar.closures]
+        spatial = [[True] * 3 if kind == "3d" else [True] * 3 + [False] * 3 for kind in kinds]
+        self.rows = np.array([entry for rows in spatial for entry in rows], dtype=bool)
+        """Which rows of the closures are lengths."""
+
+    def motion(self, lengths: NDArray[np.bool_]) -> FloatArray:
+        """Return the units [m, rad] of coordinates, some of which are lengths."""
+        return np.where(lengths, self.length, 1.0)
+
+    def force(self, lengths: NDArray[np.bool_]) -> FloatArray:
+        """Return the units [N, N m] of the forces along such coordinates."""
+        return np.where(lengths, self.length, self.length**2)
+
+    def scaled(self, model: pin.Model) -> pin.Model:
+        """Return a copy of the model in these units; masses and times stay."""
+        copy = model.copy()
+        for i in range(model.njoints):
+            copy.jointPlacements[i] = self._placement(model.jointPlacements[i])
+        for frame in copy.frames:
+            frame.placement = self._placement(frame.placement)
+        self.update(copy, model)
+        return copy
+
+    def update(self, copy: pin.Model, model: pin.Model) -> None:
+        """Give a scaled copy the masses and the gravity that its model has now."""
+        u = self.length
+        for i in range(model.njoints):
+            body = model.inertias[i]
+            copy.inertias[i] = pin.Inertia(body.mass, body.lever / u, body.inertia / u**2)
+        copy.gravity.linear = model.gravity.linear / u
+        copy.armature = np.asarray(model.armature) / np.where(self.v, 1.0, u**2)
+
+    def _placement(self, M: pin.SE3) -> pin.SE3:
+        return pin.SE3(M.rotation, M.translation / self.length)
+
+
+def _size(model: pin.Model, sidecar: Sidecar) -> float:
+    """Return the longest distance between a joint's origin and what the model fixes to it [m]."""
+    ends = {frame for closure in sidecar.closures for frame in (closure.frame1, closure.frame2)}
+    placements = [*model.jointPlacements, *(frame.placement for frame in model.frames if frame.name in ends)]
+    return max((float(np.linalg.norm(M.translation)) for M in placements), default=0.0)
+
+
+class ScaledModel:
+    """The methods of `LoopModel` for a model whose unit of length is not the metre.
+
+    Parameters
+    ----------
+    units : Units
+        Its units.
+    model : pin.Model
+        The model in metres.
+    core : LoopModel
+        The model in these units.
+    """
+
+    def __init__(self, units: Units, model: pin.Model, core: LoopModel) -> None:
+        self.units, self.core = units, core
+        self._model = model
+        self._u = units.length
+        self._actuated = units.v[core.actuated_v]
+
+    def q(self, q: FloatArray) -> FloatArray:
+        """Return configurations (..., nq) in these units."""
+        return q / self.units.motion(self.units.q)
+
+    def v(self, v: FloatArray) -> FloatArray:
+        """Return velocities or accelerations (..., nv) in these units."""
+        return v / self.units.motion(self.units.v)
+
+    def forces(self, forces: ArrayLike | None) -> FloatArray | None:
+        """Return generalised forces (..., nv) in these units."""
+        return None if forces is None else np.asarray(forces) / self.units.force(self.units.v)
+
+    def wrenches(self, external: Mapping[str, ArrayLike] | None) -> dict[str, FloatArray]:
+        """Return wrenches (..., 6) on frames in these units."""
+        factors = self.units.force(np.arange(6) < 3)
+        return {name: np.asarray(wrench) / factors for name, wrench in (external or {}).items()}
+
+    def target(self, target: FrameTarget | FloatArray | None) -> tuple[Any, FloatArray]:
+        """Return a target in these units, and the units [m, rad] of its components."""
+        if target is None:
+            return None, np.ones(0)
+        if isinstance(target, FrameTarget):
+            place = pin.SE3(target.placement.rotation, target.placement.translation / self._u)
+            return FrameTarget(target.frame, place, target.mask), self.of_mask(target.mask)
+        factors = self.units.motion(self._actuated)
+        return target / factors, factors
+
+    def of_mask(self, mask: Any) -> FloatArray:
+        """Return the units [m, rad] of the prescribed components of a placement."""
+        return self.units.motion((np.arange(6) < 3)[np.asarray(mask)])
+
+    def influence(self, J: FloatArray, lengths: NDArray[np.bool_], target: FloatArray) -> FloatArray:
+        """Return the matrices (..., n, size) from a target's speed to that of some joints, in SI units."""
+        return J * self.units.motion(lengths)[:, None] / target
+
+    def assemble(self, target: Any, guess: FloatArray | None, tolerance: float) -> Assembly:
+        """`LoopModel.assemble`."""
+        goal, _ = self.target(target)
+        with self.in_words():
+            found = self.core.assemble(goal, None if guess is None else self.q(guess), tolerance)
+        return replace(found, q=self._out(found.q, self.units.q), gap=found.gap * self._u)
+
+    def complete(
+        self, target: Any, velocity: FloatArray, acceleration: FloatArray, guess: FloatArray | None
+    ) -> State:
+        """`LoopModel.complete`."""
+        goal, factors = self.target(target)
+        with self.in_words():
+            found = self.core.complete(
+                goal, velocity / factors, acceleration / factors, None if guess is None else self.q(guess)
+            )
+        return replace(
+            found,
+            q=self._out(found.q, self.units.q),
+            v=self._out(found.v, self.units.v),
+            a=self._out(found.a, self.units.v),
+            gap=found.gap * self._u,
+            influence=_read_only(self.influence(found.influence, self.units.v, factors)),
+        )
+
+    def inverse_dynamics(
+        self, q: FloatArray, v: FloatArray, a: FloatArray, external: Any, forces: Any
+    ) -> InverseDynamics:
+        """`LoopModel.inverse_dynamics`."""
+        with self.in_words():
+            found = self.core.inverse_dynamics(
+                self.q(q), self.v(v), self.v(a), self.wrenches(external), self.forces(forces)
+            )
+        tau, lambda_ = (self.units.force(lengths) for lengths in (self._actuated, self.units.rows))
+        return replace(
+            found,
+            tau=_read_only(found.tau * tau),
+            lambda_=_read_only(found.lambda_ * lambda_),
+            residual=found.residual * self._largest_force(),
+            gap=found.gap * self._u,
+        )
+
+    def forward_dynamics(
+        self,
+        q: FloatArray,
+        v: FloatArray,
+        tau: FloatArray,
+        external: Any,
+        forces: Any,
+        stabilisation: float,
+    ) -> ForwardDynamics:
+        """`LoopModel.forward_dynamics`."""
+        given = tau / self.units.force(self._actuated)
+        with self.in_words():
+            found = self.core.forward_dynamics(
+                self.q(q), self.v(v), given, self.wrenches(external), self.forces(forces), stabilisation
+            )
+        return replace(
+            found,
+            a=self._out(found.a, self.units.v),
+            lambda_=_read_only(found.lambda_ * self.units.force(self.units.rows)),
+            residual=found.residual * self._largest_force(),
+            closure_residual=found.closure_residual * self._u,
+            gap=found.gap * self._u,
+        )
+
+    @contextmanager
+    def in_words(self) -> Iterator[None]:
+        """Bring the model up to date, and say in errors in which unit their numbers are."""
+        self.units.update(self.core.model, self._model)
+        try:
+            yield
+        except (AssemblyError, DynamicsError, InputError) as error:
+            raise self.told(error) from error
+
+    def told(self, error: P3dofError) -> P3dofError:
+        """Return an error whose numbers name their units."""
+        words = str(error)
+        for old, new in (
+            (" m or rad", f" x {self._u:g} m or rad"),
+            (" m/s² or rad/s²", f" x {self._u:g} m/s² or rad/s²"),
+            (" N or N m", f" x {self._u:g} N or x {self._u**2:g} N m"),
+            (" (SI units)", f" (in SI units, but of length {self._u:g} m)"),
+        ):
+            words = words.replace(old, new)
+        if isinstance(error, AssemblyError):
+            return AssemblyError(words, error.gap * self._u)
+        return type(error)(words)
+
+    def _largest_force(self) -> float:
+        return max(self._u, self._u**2)
+
+    def _out(self, array: FloatArray, lengths: NDArray[np.bool_]) -> FloatArray:
+        return _read_only(array * self.units.motion(lengths))
+
+
+def scaled(model: pin.Model, sidecar: Sidecar, build: Callable[[pin.Model], LoopModel]) -> ScaledModel | None:
+    """Return a model in its own unit of length; None if that is the metre.
+
+    Parameters
+    ----------
+    model : pin.Model
+        The model in metres.
+    sidecar : Sidecar
+        Its closures.
+    build : callable
+        Makes a `LoopModel` of the scaled tree.
+
+    Returns
+    -------
+    ScaledModel, optional
+    """
+    units = Units(model, sidecar)
+    return None if units.length == 1.0 else ScaledModel(units, model, build(units.scaled(model)))
+
+
+def _read_only(array: FloatArray) -> FloatArray:
+    array.setflags(write=False)
+    return array
