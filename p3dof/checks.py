@@ -14,6 +14,10 @@ FloatArray = NDArray[np.float64]
 """An array of double-precision numbers."""
 
 
+LARGEST = 1e30
+"""Largest number that is taken, in SI units: products and squares of a few of them still have a value."""
+
+
 class FrozenArrays:
     """Base of frozen dataclasses with read-only arrays: they stay so in deep copies and after unpickling."""
 
@@ -118,7 +122,7 @@ def as_floats(name: str, value: Any, error: type[P3dofError] = InputError) -> Fl
 def frozen_array(
     name: str, value: Any, shape: tuple[int | str, ...], error: type[P3dofError] = InputError
 ) -> FloatArray:
-    """Return a read-only copy of `value` after checking its shape and that every entry is finite.
+    """Return a read-only copy of `value` after checking its shape, and that no entry is NaN or too large.
 
     Parameters
     ----------
@@ -147,11 +151,16 @@ def frozen_array(
         isinstance(n, str) or n == m for n, m in zip(shape, array.shape, strict=True)
     )
     if not fits:
-        raise error(f"{name}: expected shape {expected}, got {array.shape}")
-    bad = np.argwhere(~np.isfinite(array))
+        wanted = f"shape {expected}, got" if shape else "a single number, got shape"
+        raise error(f"{name}: expected {wanted} {array.shape if array.ndim else 'a single number'}")
+    bad = np.argwhere(~(np.abs(array) <= LARGEST))
     if len(bad):
         index = tuple(int(i) for i in bad[0])
-        raise error(f"{name}: expected finite numbers, got {array[index]} at index {list(index)}")
+        wanted = "finite numbers" if index else "a finite number"
+        if np.isfinite(array[index]):
+            wanted = f"{'numbers' if index else 'a number'} of at most {LARGEST:g} in size"
+        where = f" at index {list(index)}" if index else ""
+        raise error(f"{name}: expected {wanted}, got {array[index]}{where}")
     array.setflags(write=False)
     return array
 
@@ -212,6 +221,10 @@ def positive(name: str, value: Any, error: type[P3dofError]) -> float:
 
 def _in_words(array: NDArray[Any]) -> str:
     """Say what an array holds instead of real numbers."""
+    if array.dtype.kind in "UT" and array.size:
+        return shown(next((item for item in array.flat if not _is_number(item)), array.flat[0]))
+    if array.dtype.kind == "b" and array.ndim == 0:
+        return str(array)
     if array.dtype.kind != "O":
         return _PLAIN_WORDS.get(array.dtype.kind, "something else")
     for item in array.flat:
@@ -219,3 +232,11 @@ def _in_words(array: NDArray[Any]) -> str:
         if isinstance(item, bool) or not isinstance(item, int | float) or words == "a huge integer":
             return words
     return "objects"
+
+
+def _is_number(text: Any) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

@@ -22,11 +22,33 @@ class ParameterError(P3dofError, ValueError):
 
 
 class MotionError(P3dofError, ValueError):
-    """A motion is malformed: shapes, times, finite values, or velocities that its poses contradict."""
+    """A motion is malformed: shapes, times, finite values, or velocities that its poses contradict.
+
+    Parameters
+    ----------
+    message : str
+        The sentence shown to the user.
+    hint : str
+        What a program in Python can do about it; not shown on the command line.
+    """
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.hint = hint
+
+    def __str__(self) -> str:
+        return f"{self.args[0]} ({self.hint})" if self.hint else str(self.args[0])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.args[0], self.hint)
 
 
 class ModelError(P3dofError, ValueError):
     """A robot description (URDF or sidecar) is malformed or names something that does not exist."""
+
+
+class ModelWarning(UserWarning):
+    """A robot description may be meant otherwise than it is read."""
 
 
 class FileError(P3dofError, OSError):

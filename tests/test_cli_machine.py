@@ -48,7 +48,7 @@ def test_payload_and_wrench_reach_the_forces(tmp_path, capsys, wrench_file):
         (("--payload", "heavy"), "expected a mass [kg], or a mass and x,y,z [m], got 'heavy'"),
         (("--payload", "5,0"), "expected a mass [kg], or a mass and x,y,z [m], got '5,0'"),
         (("--payload=-5",), "mass: expected zero or more, got -5 kg"),
-        (("--payload", "nan"), "mass: expected finite numbers, got nan"),
+        (("--payload", "nan"), "mass: expected a finite number, got nan"),
         (("--wrench", "nowhere.csv"), "nowhere.csv: cannot be read"),
     ],
 )
@@ -231,16 +231,16 @@ def test_every_option_of_simulate(tmp_path, capsys, wrench_file):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--rate", "0"), "rate: expected a positive number, got 0"),
-        (("--frequency", "-1"), "frequency: expected a positive number, got -1"),
-        (("--mass-error", "-1"), "factor: expected a positive number, got 0"),
-        (("--mass-error", "nan"), "factor: expected finite numbers"),
-        (("--saturation", "0"), "saturation: expected True, False, or one or three positive forces"),
-        (("--noise", "-1", "0"), "position: expected zero or more, got -1"),
-        (("--seed", "-1", "--noise", "0", "0"), "seed: expected a whole number of zero or more"),
+        (("--rate", "0"), "'--rate': 0.0 is not in the range x>0"),
+        (("--frequency", "-1"), "'--frequency': -1.0 is not in the range x>0"),
+        (("--mass-error", "-1"), "'--mass-error': -1.0 is not in the range x>-1"),
+        (("--mass-error", "nan"), "'--mass-error': expected a finite number"),
+        (("--saturation", "0"), "'--saturation': 0.0 is not in the range x>0"),
+        (("--noise", "-1", "0"), "'--noise': -1.0 is not in the range x>=0"),
+        (("--seed", "-1", "--noise", "0", "0"), "'--seed': -1 is not in the range x>=0"),
         (("--ramp", "5"), "ramp, stop: expected at most 2 s together, got 5 s"),
         (("--controller", "magic"), "'magic' is not one of"),
-        (("--integral-time", "0"), "integral_time: expected a positive number, got 0"),
+        (("--integral-time", "0"), "'--integral-time': 0.0 is not in the range x>0"),
     ],
 )
 def test_bad_options_of_simulate(tmp_path, capsys, arguments, words):
@@ -260,3 +260,29 @@ def test_outputs_never_replace_inputs(capsys, wrench_file):
     code, _, err = run(capsys, "energy", "--samples", 3, "--out", "same.png", "--figure", "same.png")
     assert code == 2
     assert "would be overwritten" in err
+
+
+def test_a_motion_that_starts_at_rest_gets_no_ramp(tmp_path, capsys):
+    """The runs last as long as the motion; one that starts at speed takes half the ramp longer."""
+    rest = p3dof.Motion.rest_to_rest([0, 0, 0], [0.02, 0.01, 0.1], 0.2, 41)
+    rest.to_csv(tmp_path / "rest.csv")
+    rest[10:31].to_csv(tmp_path / "moving.csv")
+    ends = {}
+    for name, options in (
+        ("rest", ()),
+        ("moving", ()),
+        ("rest", ("--ramp", "0.1")),
+        ("moving", ("--ramp", "0")),
+    ):
+        arguments = ["simulate", "--controller", "pd", "--method", "compiled", "--no-plot", "--format", "npz"]
+        arguments += ["--motion", str(tmp_path / f"{name}.csv"), "--out", str(tmp_path), *options]
+        assert run(capsys, *arguments)[0] == 0
+        found = p3dof.Simulation.load(tmp_path / "simulation_pd.npz")
+        ends[(name, *options)] = found.time[-1]
+    expected = {
+        ("rest",): 0.2,
+        ("moving",): 0.15,
+        ("rest", "--ramp", "0.1"): 0.25,
+        ("moving", "--ramp", "0"): 0.1,
+    }
+    assert ends == pytest.approx(expected, abs=1e-12)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import copy
 import pickle
+from pathlib import Path
 
 import closed_loop_robots as robots
 import numpy as np
@@ -15,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from p3dof.closed_loop import ClosedLoopModel, Closure, Sidecar
-from p3dof.errors import ModelError
+from p3dof.errors import ModelError, ModelWarning
 
 GOOD = """\
 closed_loop: [[coupler_tip, rocker_tip]]
@@ -143,7 +144,7 @@ def test_every_way_to_give_urdf_and_sidecar(tmp_path):
 
 
 def test_without_a_sidecar_every_hinge_is_actuated():
-    loop = ClosedLoopModel.from_urdf(robots.hexapod())
+    loop = ClosedLoopModel.from_urdf(robots.hexapod(), closures=())
     assert len(loop.actuated) == 18  # not the floating joint
     assert loop.mobility(pin.neutral(loop.model)) == 24
     assert loop.closure_jacobian(pin.neutral(loop.model)).shape == (0, 24)
@@ -346,3 +347,27 @@ def test_a_urdf_that_is_not_there(source):
 def test_any_text_after_robot_is_one_error(text):
     with pytest.raises(ModelError):
         ClosedLoopModel.from_urdf("<robot>" + text)
+
+
+def test_a_forgotten_sidecar_is_warned_of(tmp_path):
+    urdf = (Path(__file__).parents[1] / "urdf" / "p3dof.urdf").read_text(encoding="utf-8")
+    # Text alone: three pairs of ends coincide at home.
+    pairs = "its frames leg_a_tip and platform_a coincide and 2 more such pairs: give them as closures"
+    with pytest.warns(ModelWarning, match=pairs):
+        assert ClosedLoopModel.from_urdf(urdf).sidecar.closures == ()
+    path = tmp_path / "p3dof.urdf"
+    path.write_text(urdf, encoding="utf-8")
+    with pytest.warns(ModelWarning, match="leg_a_tip"):
+        ClosedLoopModel.from_urdf(path)
+    for ending in ("yml", "yaml"):
+        (tmp_path / f"p3dof.{ending}").write_text(
+            "closed_loop: []\ntype: []\nname_mot: []\n", encoding="utf-8"
+        )
+        with pytest.warns(ModelWarning, match=rf"p3dof\.{ending} beside it holds loop closures"):
+            ClosedLoopModel.from_urdf(path)
+    # Somebody who means it says so; warnings are errors here.
+    assert ClosedLoopModel.from_urdf(path, closures=()).sidecar.closures == ()
+    ClosedLoopModel.from_urdf(path, (tmp_path / "p3dof.yaml").read_text(encoding="utf-8"))
+    # An open chain, a four-bar that is open at the neutral configuration, a shape at the end: no sign.
+    for tree in (robots.four_bar(2.0, 0.2, 0.45, 0.35), chain(20)):
+        ClosedLoopModel.from_urdf(tree)

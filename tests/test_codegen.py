@@ -599,7 +599,7 @@ def test_generated_twice_is_the_same():
 
 
 def test_machines_that_cannot_be_written():
-    heavy = {name: Body(1e200, body.com, 1e200 * body.inertia) for name, body in SOLIDS.bodies.items()}
+    heavy = {name: Body(1e30, body.com, 1e30 * body.inertia) for name, body in SOLIDS.bodies.items()}
     huge = replace(
         SOLIDS, bodies=replace(SOLIDS.bodies, **{name: heavy[name] for name in ("leg_a", "platform")})
     )

@@ -301,7 +301,7 @@ def test_a_reference_rests_before_and_after():
         (lambda: Springs(-1), "stiffness: expected zero or more"),
         (lambda: Springs([1, 2]), r"stiffness: expected shape \(3,\), got \(2,\)"),
         (lambda: Springs(1, damping=[0, -1, 0]), "damping: expected zero or more"),
-        (lambda: Springs(np.nan), "stiffness: expected finite numbers"),
+        (lambda: Springs(np.nan), "stiffness: expected a finite number"),
         (lambda: Noise(-1), "position: expected zero or more, got -1"),
         (lambda: Noise(seed=-1), "seed: expected a whole number of zero or more, got -1"),
         (lambda: Noise(seed=1.5), "seed: expected a whole number of zero or more, got 1.5"),

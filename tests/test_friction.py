@@ -152,8 +152,8 @@ def test_groups_and_overrides():
             "viscous: unknown joint 'hinge', expected one of sliders, joints, slide_a",
         ),
         ({"coulomb": {"slide_a": -1}}, "coulomb.slide_a: expected zero or more, got -1"),
-        ({"coulomb": {"slide_a": np.nan}}, "coulomb.slide_a: expected finite numbers"),
-        ({"viscous": {"slide_a": "much"}}, "viscous.slide_a: expected real numbers, got text"),
+        ({"coulomb": {"slide_a": np.nan}}, "coulomb.slide_a: expected a finite number"),
+        ({"viscous": {"slide_a": "much"}}, "viscous.slide_a: expected real numbers, got 'much'"),
         ({"viscous": {3: 1.0}}, "viscous: unknown joint 3"),
         ({"viscous": 3}, "viscous: expected coefficients by joint, got 3"),
         ({"smoothing": 0}, "smoothing: expected a positive number, got 0"),
@@ -189,7 +189,7 @@ def test_files_hold_friction_and_payload():
     assert machine.bodies.platform.mass == PAPER.bodies.platform.mass + 5
     for bad, message in (
         ("friction: {viscous: {knee: 1}}", "file: friction: viscous: unknown joint 'knee'"),
-        ("friction: 3", "file: friction: expected the fields viscous, coulomb, smoothing, got a int"),
+        ("friction: 3", "file: friction: expected the fields viscous, coulomb, smoothing, got 3"),
         ("payload: {mass: 5}", "file: payload: the field 'com' is missing"),
         (
             "payload: {mass: -5, com: [0, 0, 0], inertia: [0, 0, 0]}",

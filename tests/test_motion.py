@@ -113,7 +113,7 @@ def test_replace_makes_a_checked_variant():
 
 BAD = {
     "time_2d": ({"time": np.zeros((4, 1))}, r"time: expected shape \(N,\), got \(4, 1\)"),
-    "time_scalar": ({"time": 1.0}, r"time: expected shape \(N,\), got \(\)"),
+    "time_scalar": ({"time": 1.0}, r"time: expected shape \(N,\), got a single number"),
     "no_samples": ({"time": []}, "time: expected at least one sample, got none"),
     "time_nan": ({"time": [0, np.nan, 2, 3]}, r"time: expected finite numbers, got nan at index \[1\]"),
     "time_falls": (
@@ -292,7 +292,7 @@ def test_uneven_and_distant_times_pass():
 def test_hopeless_times_and_numbers_are_no_crash():
     zeros = np.zeros((10, 3))
     ones = zeros + 1e308
-    Motion(np.geomspace(1e-300, 1e300, 10), zeros, zeros, zeros)
+    Motion(np.geomspace(1e-300, 1e30, 10), zeros, zeros, zeros)
     with pytest.raises(MotionError):
         Motion.from_poses(np.arange(10), ones * (-1.0) ** np.arange(10)[:, None])
 
@@ -335,10 +335,13 @@ def test_rest_to_rest_rests(start, end, duration, samples, order):
         ({"end": [0, 0, np.nan]}, "end: expected finite"),
         ({"duration": 0}, "duration: expected a positive number, got 0"),
         ({"duration": -1.0}, "duration: expected a positive"),
-        ({"duration": np.inf}, "duration: expected finite"),
+        ({"duration": np.inf}, "duration: expected a finite"),
         ({"duration": "1"}, "duration: expected real"),
         ({"duration": 1e-320}, "expected"),
-        ({"end": [1e308, -1e308, 0], "start": [-1e308, 1e308, 0]}, "expected finite numbers"),
+        (
+            {"end": [1e308, -1e308, 0], "start": [-1e308, 1e308, 0]},
+            "start: expected numbers of at most 1e.30 in size",
+        ),
         ({"order": 6}, "order: expected 5, 7 or 9, got 6"),
         ({"order": True}, "order: expected 5, 7 or 9"),
         ({"order": "5"}, "order: expected 5, 7 or 9"),
@@ -437,7 +440,7 @@ def test_few_samples_are_differentiated_as_a_polynomial(samples):
         ([0, 0], np.zeros((2, 3)), "strictly rising"),
         ([0, 1], np.zeros((3, 3)), r"pose: expected shape \(2, 3\)"),
         ([0, 1], [[0, 0, 0], [0, np.nan, 0]], "pose: expected finite"),
-        (np.arange(9) * 1e-200, np.eye(9, 3), "expected finite numbers"),
+        (np.arange(9) * 1e-200, np.eye(9, 3), "velocity: expected numbers of at most 1e.30 in size"),
     ],
 )
 def test_from_poses_refuses(time, pose, message):
@@ -556,7 +559,7 @@ def test_csv_round_trip_keeps_every_bit(tmp_path, samples):
     )
 
 
-FINITE = st.floats(allow_nan=False, allow_infinity=False)
+FINITE = st.floats(-1e30, 1e30)
 
 
 @REPEATABLE
@@ -804,8 +807,8 @@ def test_from_rest_keeps_a_late_beginning():
         ((0.1, -1), "stop: expected a positive number, got -1"),
         ((1.5, 1.0), "ramp, stop: expected at most 2 s together, got 2.5 s"),
         ((0.1, 0.0, 1), "samples: expected a whole number from 2"),
-        (("slow",), "ramp: expected real numbers, got text"),
-        ((0.1, [1, 2]), r"stop: expected shape \(\)"),
+        (("slow",), "ramp: expected real numbers, got 'slow'"),
+        ((0.1, [1, 2]), r"stop: expected a single number"),
     ],
 )
 def test_from_rest_refuses(arguments, message):
@@ -872,5 +875,5 @@ def test_a_wrench_history_refuses():
         WrenchHistory([], np.zeros((0, 6)))
     with pytest.raises(MotionError, match="time: expected"):
         WrenchHistory([1, 0], np.zeros((2, 6)))
-    with pytest.raises(MotionError, match="time: expected real numbers, got text"):
+    with pytest.raises(MotionError, match="time: expected real numbers, got 'now'"):
         WrenchHistory([0], np.zeros((1, 6)))("now")

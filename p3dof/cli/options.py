@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import os
 import sys
 import time
 from collections.abc import Callable, Iterable
@@ -13,7 +14,7 @@ from typing import Any, cast
 import click
 import numpy as np
 
-from p3dof.checks import FloatArray
+from p3dof.checks import LARGEST, FloatArray, shown
 from p3dof.cli.output import progress_bar
 from p3dof.errors import InputError, ParameterError
 from p3dof.manipulator import METHODS, InverseDynamics, Manipulator, load
@@ -50,6 +51,41 @@ JOINTS = click.option(
 )
 
 
+class Number(click.FloatRange):
+    """A finite number in a range, of a size that arithmetic can bear; the option that it came by is named."""
+
+    name = "number"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Return the number."""
+        try:
+            number = float(value)
+        except ValueError:
+            self.fail(f"expected a number, got {shown(value)}", param, ctx)
+        if not abs(number) <= LARGEST:
+            self.fail(f"expected a finite number of at most {LARGEST:g} in size, got {number:g}", param, ctx)
+        found: float = super().convert(number, param, ctx)
+        return found
+
+
+class Whole(click.IntRange):
+    """A whole number in a range."""
+
+    name = "whole number"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        """Return the number."""
+        try:
+            number = int(value)
+        except ValueError:
+            self.fail(f"expected a whole number, got {shown(value)}", param, ctx)
+        found: int = super().convert(number, param, ctx)
+        return found
+
+
+POSITIVE = Number(min=0, min_open=True)
+
+
 class Payload(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic in newer versions only
     """A point mass on the platform, ``MASS`` at P or ``MASS,X,Y,Z`` in the platform's frame."""
 
@@ -62,7 +98,7 @@ class Payload(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # gener
             mass, *com = (float(field) for field in value.split(","))
         except ValueError:
             self.fail(rule, param, ctx)
-        if len(com) not in {0, 3}:
+        if len(com) not in {0, 3} or "_" in value:
             self.fail(rule, param, ctx)
         try:
             return Body(mass, np.array(com or (0.0, 0.0, 0.0)), np.zeros((3, 3)))
@@ -80,7 +116,7 @@ _CASE = (
     ),
     click.option(
         "--samples",
-        type=click.IntRange(2, 1_000_000),
+        type=Whole(2, 1_000_000),
         help="Samples of the paper's motion; 1001 without it.",
     ),
     click.option(
@@ -253,10 +289,10 @@ def with_load(command: Callable[..., Any], on_invalid: bool = False) -> Callable
 
 def protect(inputs: Iterable[Path | None], outputs: Iterable[Path | None]) -> None:
     """Refuse to write over a file that is read in the same command, or twice to one file."""
-    used = {path.resolve() for path in inputs if path is not None}
+    used = {os.path.realpath(path) for path in inputs if path is not None}  # Path.resolve fails at a loop
     for path in outputs:
         if path is None:
             continue
-        if path.resolve() in used:
+        if os.path.realpath(path) in used:
             raise click.UsageError(f"{path} would be overwritten: it is already used by this command")
-        used.add(path.resolve())
+        used.add(os.path.realpath(path))

@@ -15,7 +15,7 @@ import click
 from rich.console import Console
 
 from p3dof.cli.app import app
-from p3dof.cli.options import Case, with_case
+from p3dof.cli.options import Case, Number, Whole, with_case
 from p3dof.cli.output import print_plain, print_warnings, progress_bar
 from p3dof.cli.payloads import print_payloads
 from p3dof.manipulator import InverseDynamics
@@ -28,17 +28,17 @@ _ENDING = ("SIGINT", "SIGTERM", "SIGHUP")
 @with_case
 @click.option(
     "--port",
-    type=click.IntRange(0, 65535),
+    type=Whole(0, 65535),
     help="Port of the page on this machine, 0 for any; the first free one from 7000 on without it.",
 )
 @click.option(
     "--speed",
-    type=click.FloatRange(SLOWEST, FASTEST),
+    type=Number(SLOWEST, FASTEST),
     default=1.0,
     show_default=True,
     help="How many times faster than in reality.",
 )
-@click.option("--fps", type=click.FloatRange(1, 240), help="Frames a second; 60 without it, 25 in a film.")
+@click.option("--fps", type=Number(1, 240), help="Frames a second; 60 without it, 25 in a film.")
 @click.option(
     "--at", type=float, help="Time of the motion to begin at, and of the picture [s]; its first without it."
 )

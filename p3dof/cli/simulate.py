@@ -13,17 +13,24 @@ from rich.markup import escape
 from rich.table import Table
 
 from p3dof.cli.app import app
-from p3dof.cli.options import Case, with_load
+from p3dof.cli.options import POSITIVE, Case, Number, Whole, with_load
 from p3dof.cli.output import print_plain, progress_bar
 from p3dof.cli.payloads import print_payloads
 from p3dof.cli.terminal import print_table
 from p3dof.errors import MissingExtraError
 from p3dof.manipulator import METHODS
+from p3dof.motion import Motion
 from p3dof.parameters import Limits, Parameters
 from p3dof.simulation import PD, ComputedTorque, Feedforward, Noise, Simulation
 
 SAMPLES = 1001
 """Least number of samples of a run: errors are sought among them."""
+
+RAMP = 0.2
+"""How long a motion that does not start at rest takes to come from there, if nobody says so [s]."""
+
+AT_REST = 1e-3
+"""Share of its largest velocity below which a motion starts at rest: what a spline makes of rounded poses."""
 
 CONTROLLERS = {"pd": PD, "feedforward": Feedforward, "computed-torque": ComputedTorque}
 
@@ -39,31 +46,32 @@ CONTROLLERS = {"pd": PD, "feedforward": Feedforward, "computed-torque": Computed
     show_default=True,
     help="Feedback at the sliders, the same with the inverse dynamics fed forward, or computed torque.",
 )
-@click.option("--rate", type=float, default=1000.0, show_default=True, help="Of the controller [Hz].")
-@click.option("--frequency", type=float, default=5.0, show_default=True, help="Of its feedback [Hz].")
-@click.option("--damping", type=float, default=1.0, show_default=True, help="Damping ratio of its feedback.")
-@click.option("--integral-time", type=float, help="Of its integral [s]; none without it.")
+@click.option("--rate", type=POSITIVE, default=1000.0, show_default=True, help="Of the controller [Hz].")
+@click.option("--frequency", type=POSITIVE, default=5.0, show_default=True, help="Of its feedback [Hz].")
+@click.option(
+    "--damping", type=POSITIVE, default=1.0, show_default=True, help="Damping ratio of its feedback."
+)
+@click.option("--integral-time", type=POSITIVE, help="Of its integral [s]; none without it.")
 @click.option(
     "--mass-error",
-    type=float,
+    type=Number(min=-1, min_open=True),
     default=0.0,
     show_default=True,
     help="By how much the masses in the controller's model are wrong, as a share.",
 )
-@click.option("--saturation", type=float, help="Largest force of an actuator [N]; unlimited without it.")
+@click.option("--saturation", type=POSITIVE, help="Largest force of an actuator [N]; unlimited without it.")
 @click.option(
     "--noise",
-    type=float,
+    type=Number(min=0),
     nargs=2,
     help="Standard deviations of measured slider positions [m] and velocities [m/s].",
 )
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the noise.")
+@click.option("--seed", type=Whole(min=0), default=0, show_default=True, help="Of the noise.")
 @click.option(
     "--ramp",
-    type=float,
-    default=0.2,
-    show_default=True,
-    help="How long the motion takes to come from rest to its own rate [s]; 0 to start as it does.",
+    type=Number(min=0),
+    help="How long the motion takes to come from rest to its own rate [s], 0 to start as it does; "
+    f"{RAMP} without it, and 0 for a motion that starts at rest.",
 )
 @click.option(
     "--method",
@@ -99,7 +107,7 @@ def simulate(
     saturation: float | None,
     noise: tuple[float, float] | None,
     seed: int,
-    ramp: float,
+    ramp: float | None,
     method: str,
     out: Path,
     kind: str,
@@ -114,7 +122,8 @@ def simulate(
     figures = [out / f"tracking.{ending}" for ending in ("png", "svg")]
     case.protect(*files.values(), *figures)
     case.robot.inverse_kinematics(case.motion.pose)  # names a pose that is out of reach before anything moves
-    motion = case.motion.from_rest(ramp) if ramp else case.motion
+    chosen = _ramp(case.motion) if ramp is None else ramp
+    motion = case.motion.from_rest(chosen) if chosen else case.motion
     model = _wrong(case.robot.parameters, mass_error)
     runs: dict[str, Simulation] = {}
     for name in names:
@@ -130,7 +139,7 @@ def simulate(
                 rate=rate,
                 saturation=False if saturation is None else saturation,
                 noise=Noise(*noise, seed) if noise else None,
-                wrench=case.load_along(ramp),
+                wrench=case.load_along(chosen),
                 samples=max(SAMPLES, len(motion)),
                 progress=progress,
             )
@@ -170,6 +179,13 @@ def errors_table(runs: dict[str, Simulation]) -> Table:
         errors = [f"{1e3 * error:.3g}" for error in run.peak_error]
         table.add_row(name, *errors, f"{np.abs(run.forces).max():.1f}", f"{run.speed:.2g}")
     return table
+
+
+def _ramp(motion: Motion) -> float:
+    """Return how long a motion takes to come from rest, if nobody says so: no time if it starts there."""
+    speed = np.abs(motion.velocity)
+    at_rest = np.all(speed[0] <= AT_REST * speed.max(axis=0))
+    return 0.0 if at_rest else min(RAMP, motion.duration)
 
 
 def _wrong(parameters: Parameters, error: float) -> Parameters:

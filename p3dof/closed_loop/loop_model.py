@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Mapping
 from typing import Any
 
@@ -16,11 +17,12 @@ from p3dof.closed_loop.assembly import TOLERANCE, Assembler, Assembly, State
 from p3dof.closed_loop.closures import ClosurePoint, LoopKinematics, max_abs
 from p3dof.closed_loop.dynamics import Dynamics, ForwardDynamics, InverseDynamics
 from p3dof.closed_loop.energy import energy_rate
+from p3dof.closed_loop.open_ends import open_ends
 from p3dof.closed_loop.sidecar import Sidecar, suggestion
 from p3dof.closed_loop.targets import BoundFrameTarget, FrameTarget, JointTarget, NoTarget, Target
 from p3dof.closed_loop.units import scaled
 from p3dof.closed_loop.urdf import build_tree
-from p3dof.errors import InputError, ModelError
+from p3dof.errors import InputError, ModelError, ModelWarning
 
 CLOSED = 1e-5
 """Largest gap at which inverse dynamics has a meaning [m or rad]."""
@@ -83,7 +85,7 @@ class LoopModel:
     def from_urdf(
         cls,
         path_or_xml: str | os.PathLike[str],
-        closures: Sidecar | Mapping[str, Any] | str | os.PathLike[str] | None = None,
+        closures: Sidecar | Mapping[str, Any] | str | os.PathLike[str] | tuple[()] | None = None,
         root_joint: pin.JointModel | None = None,
     ) -> Self:
         """Build the model from a tree URDF and its sidecar.
@@ -98,7 +100,8 @@ class LoopModel:
             The path of a URDF, or its text.
         closures : Sidecar, mapping, str or path-like, optional
             The sidecar, a mapping with the keys of its file, or the path of the file or its text. Without one
-            the robot is an open tree and every joint with one degree of freedom is actuated.
+            the robot is an open tree and every joint with one degree of freedom is actuated; a warning
+            is given for one that looks as if it had loops, unless an empty tuple says that this is meant.
         root_joint : pin.JointModel, optional
             The joint between the world and the root link; by default the root link is fixed.
 
@@ -118,13 +121,21 @@ class LoopModel:
             sidecar = Sidecar.parse(closures)
         elif isinstance(closures, str | os.PathLike):
             sidecar = Sidecar.from_yaml(closures)
-        elif closures is None or isinstance(closures, Sidecar):
-            sidecar = closures
+        elif closures is None or closures == () or isinstance(closures, Sidecar):
+            sidecar = closures or None
         else:
-            sidecar = Sidecar.from_mapping(closures)
+            sidecar = Sidecar.from_mapping(closures)  # type: ignore[arg-type]  # it refuses a tuple
         if root_joint is not None and not hasattr(root_joint, "nq"):
             raise InputError(f"root_joint: expected a pinocchio joint model, got {type(root_joint).__name__}")
         model = build_tree(path_or_xml, root_joint)
+        sign = open_ends(path_or_xml, model) if closures is None else ""
+        if sign:
+            warnings.warn(
+                f"the URDF is read as an open tree, but {sign}: give them as closures, "
+                "or closures=() if it is a tree",
+                ModelWarning,
+                stacklevel=2,
+            )
         return cls(model, Sidecar.serial(model) if sidecar is None else sidecar)
 
     def copy(self) -> Self:

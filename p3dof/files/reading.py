@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import stat
 from pathlib import Path
 from typing import IO, Any, TypeAlias
 
@@ -51,13 +52,25 @@ def read_bytes(source: Source, limit: int = MAX_BYTES) -> bytes:
             found = source.read(limit + 1)  # type: ignore[union-attr]  # it can read
             data = found.encode("utf-8", "surrogateescape") if isinstance(found, str) else bytes(found)
         else:
-            with Path(source).open("rb") as stream:  # type: ignore[arg-type]  # it is a path
+            _require_regular(Path(source), name)  # type: ignore[arg-type]  # it is a path
+            with Path(source).open("rb") as stream:  # type: ignore[arg-type]  # likewise
                 data = stream.read(limit + 1)
+    except FileError:
+        raise
     except (OSError, ValueError) as error:
         raise FileError(f"{name}: cannot be read ({reason(error)})") from error
     if len(data) > limit:
         raise FileError(f"{name}: expected at most {limit} bytes")
     return data
+
+
+def _require_regular(path: Path, name: str) -> None:
+    """Raise for what is there but is no file with an end: to open a named pipe may wait for ever."""
+    mode = path.stat().st_mode
+    if stat.S_ISDIR(mode):
+        raise FileError(f"{name}: cannot be read (it is a folder)")
+    if not stat.S_ISREG(mode):
+        raise FileError(f"{name}: cannot be read (it is a pipe, a socket or a device, not a regular file)")
 
 
 def is_stream(thing: Any) -> bool:

@@ -41,6 +41,9 @@ def parse_yaml(text: str, source: str, error: type[P3dofError]) -> Any:
         raise error(f"{source}: expected YAML text, got {shown(text)}")
     if len(text) > MAX_YAML:
         raise error(f"{source}: expected at most {MAX_YAML} characters of YAML, got {len(text)}")
+    if text.lstrip()[:1] == "<":
+        kind = "a URDF" if "<robot" in text else "XML"
+        raise error(f"{source}: expected YAML, got what looks like {kind}")
     try:
         return yaml.load(text, Loader=_StrictLoader)  # noqa: S506 - a SafeLoader
     except yaml.YAMLError as problem:

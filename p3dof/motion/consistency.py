@@ -23,6 +23,9 @@ FLOOR = 1e-6
 MINIMUM = 6
 """Fewest samples that allow a statement."""
 
+HINT = "check=False takes the motion as it is"
+"""What a program can do about a motion that is refused here."""
+
 _COLUMNS = ("y", "z", "theta")
 _UNITS = {"velocity": ("m/s", "m/s", "rad/s"), "acceleration": ("m/s²", "m/s²", "rad/s²")}
 
@@ -114,8 +117,8 @@ def _require(quantity: str, time: FloatArray, given: FloatArray, comparison: _Co
     raise MotionError(
         f"{quantity} of {name} at t = {time[i]:g} s: expected {comparison.expected[i, column]:.6g} {unit}, "
         f"as the {'poses' if quantity == 'velocity' else 'velocities'} have it, "
-        f"got {given[i, column]:.6g} {unit} (a unit, a column or a sample is wrong; "
-        "check=False takes the motion as it is)"
+        f"got {given[i, column]:.6g} {unit} (a unit, a column or a sample is wrong)",
+        HINT,
     )
 
 
@@ -137,5 +140,6 @@ def _require_steps(
     raise MotionError(
         f"pose {_COLUMNS[column]} from t = {time[i]:g} to {time[i + 1]:g} s: expected a step of "
         f"{expected[i, column]:.6g} {unit}, as the velocities have it, "
-        f"got {pose[i + 1, column] - pose[i, column]:.6g} {unit} (check=False takes the motion as it is)"
+        f"got {pose[i + 1, column] - pose[i, column]:.6g} {unit} (a sample is wrong)",
+        HINT,
     )

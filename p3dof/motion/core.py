@@ -224,7 +224,7 @@ class Motion(FrozenArrays):
                 return cls.from_poses(time, columns)
             return cls(time, columns[:, :3], columns[:, 3:6], columns[:, 6:], check=check)
         except MotionError as error:
-            raise MotionError(f"{path}: {error}") from error
+            raise MotionError(f"{path}: {error.args[0]}", error.hint) from error
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write a motion file that `from_csv` reads back to the same bits.

@@ -107,7 +107,10 @@ def parse(text: str, source: str, form: Form = MOTION) -> tuple[FloatArray, Floa
             numbers.extend([float(field) for field in row])
         except ValueError:
             _name_the_field(row, f"{source}, line {line}", form)
-        if "_" in "".join(row):  # Python reads 1_000, nobody else does
+        whole = "".join(row)
+        if (
+            "_" in whole or not whole.isascii()
+        ):  # Python reads 1_000 and other scripts' digits, nobody else does
             _name_the_field(row, f"{source}, line {line}", form)
     if not numbers:
         raise MotionError(f"{source}: expected lines of numbers after the header, got none")
@@ -237,4 +240,4 @@ def _is_number(field: str) -> bool:
         float(field)
     except ValueError:
         return False
-    return "_" not in field
+    return "_" not in field and field.isascii()

@@ -72,7 +72,11 @@ class WrenchHistory(FrozenArrays):
             If the file cannot be read.
         """
         text = read_text(path, csv_files.MAX_BYTES)
-        return cls(*csv_files.parse(text, str(path), csv_files.WRENCH))
+        time, columns = csv_files.parse(text, str(path), csv_files.WRENCH)
+        try:
+            return cls(time, columns)
+        except MotionError as error:
+            raise MotionError(f"{path}: {error}") from error
 
     def __call__(self, time: ArrayLike) -> FloatArray:
         """Return the wrench at times of shape (...), shape (..., 6) [N, N m]."""

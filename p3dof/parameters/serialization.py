@@ -30,6 +30,7 @@ from typing import Any, TypeVar
 
 import yaml
 
+from p3dof.checks import shown
 from p3dof.errors import ParameterError
 from p3dof.files import parse_yaml, read_text, write_atomic
 from p3dof.parameters.body import Body
@@ -229,7 +230,7 @@ def _number(value: Any, where: str) -> Any:
 
 
 def _kind(value: Any) -> str:
-    return "nothing" if value is None else f"a {type(value).__name__}"
+    return "nothing" if value is None else shown(value)
 
 
 def _named(where: str, make: Callable[[], _T]) -> _T:

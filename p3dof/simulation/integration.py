@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from p3dof.checks import FloatArray
+from p3dof.checks import LARGEST, FloatArray
 from p3dof.errors import ControllerError
 from p3dof.simulation.control import Actuation
 from p3dof.simulation.crossings import Crossings
@@ -27,6 +27,9 @@ _NEAR = 1e-6
 
 _TINY, _PATIENCE = 1e-13, 1000
 """Steps that are so small a share of the run lead nowhere, if so many of them come one after the other."""
+
+_BEYOND = 0.1 * LARGEST
+"""States and rates that are larger are no motion any more [SI]."""
 
 Progress = Callable[[int, int], None]
 
@@ -263,7 +266,7 @@ class Integrator:
         wrench = self._wrench(time)
         with np.errstate(all="ignore"):
             rate = self._plant.rate(state, forces, wrench)
-        if not np.isfinite(rate).all():  # where the integrator could not go on either
+        if not (np.abs([state, rate]) <= _BEYOND).all():  # where the integrator could not go on either
             return
         record = self.recording
         record.times.append(time)
