@@ -7,7 +7,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= out
 EXTRAS ?=
-# The seed of `make fuzz`: a fresh one each time, unless one is given.
+# The seed of `make fuzz` and `make mutants`: a fresh one each time, unless one is given.
 ifndef SEED
 SEED := $(shell od -An -N4 -tu4 /dev/urandom | tr -d ' ')
 endif
@@ -17,8 +17,10 @@ SOURCES := setup.py MANIFEST.in $(wildcard p3dof/compiled/extension/*.[ch] p3dof
 DEBIAN := liburdfdom-tools libsdformat-dev pkg-config g++ chromium
 
 LOWEST := .venv-lowest
+COUNT ?= 300
+ONLY ?=
 
-.PHONY: demo test lint types layers generated pytest fuzz lowest benchmark export pictures clean
+.PHONY: demo test lint types layers generated pytest fuzz mutants lowest benchmark export pictures clean
 
 demo: $(VENV)/.demo
 	$(BIN)/p3dof compare --out $(OUT)
@@ -46,6 +48,10 @@ pytest: $(DEV)
 fuzz: $(DEV)
 	@echo "repeat with: make fuzz SEED=$(SEED)"
 	$(BIN)/pytest -n auto -m "fuzz or hypothesis" --hypothesis-profile=fuzz --hypothesis-seed=$(SEED) tests
+
+# Breaks the sources on purpose, COUNT times (0: in every way), and lists what no test notices.
+mutants: $(DEV)
+	$(BIN)/python tests/mutants.py --count $(COUNT) --seed $(SEED) --only "$(ONLY)"
 
 # A quick part of the tests with the lowest versions that pyproject.toml declares. Their own deprecated calls of
 # newer libraries beneath them are none of ours.

@@ -1,11 +1,13 @@
 """What guards the checks themselves: skips that are not allowed, seeds of the long random search."""
 
+import ast
 import os
 import re
 import subprocess
 import sys
 from pathlib import Path
 
+import mutants
 import pytest
 from lowest import lowest, read_project
 
@@ -109,3 +111,33 @@ def test_lowest_versions_are_those_that_are_declared():
         lowest(project, ["c"])
     own = read_project()
     assert len(lowest(own, list(own["optional-dependencies"]))) > 30
+
+
+def test_a_mutant_is_one_change_and_tells_its_place(tmp_path, monkeypatch):
+    text = (
+        'def f(x: int = 1) -> float:\n    """A word of 3."""\n'
+        "    if x < 2:\n        raise ValueError(f'{x - 1} is 5')\n    return -x + h(y=sin(x))\n"
+    )
+    (tmp_path / "m.py").write_text(text)
+    monkeypatch.setattr(mutants, "ROOT", tmp_path)
+    found = mutants.mutants_of("m.py")
+    trees = [ast.unparse(mutants.mutated(mutant)) for mutant in found]
+    assert len({text, *trees}) == len(found) + 1
+    for change in (
+        "x: int=2",
+        "x >= 2",
+        "x < 3",
+        "return 0 * (-x + ",
+        "return -x - h",
+        "return x + h",
+        "y=0 * sin(x)",
+    ):
+        assert sum(change in tree for tree in trees) == 1, change
+    assert all("{x - 1} is 5" in tree and "A word of 3." in tree for tree in trees)
+    assert {mutant.line for mutant in found} == {1, 3, 5}
+
+
+def test_every_module_of_the_mutants_has_its_tests():
+    for module, tests in mutants.TESTS.items():
+        assert len(mutants.mutants_of(module)) > 3
+        assert all((TESTS / f"test_{name}.py").is_file() for name in tests)

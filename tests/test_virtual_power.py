@@ -15,6 +15,8 @@ from p3dof import kinematics
 from p3dof.errors import InputError, ReachError, SingularityError
 from p3dof.methods import virtual_power
 from p3dof.paper.formulas import Lengths
+from p3dof.paper.inertials import Inertial
+from p3dof.paper.virtual_power import Wrench, actuator_forces
 from p3dof.parameters import PAPER, SOLIDS, Bodies, Body, Geometry
 from p3dof.samples import ACTUATION_TOLERANCE
 
@@ -146,14 +148,12 @@ def test_symbols_run_through_the_same_formula(symbolic):
     bodies = {}
     for name in names:
         mass, com, (xx, xy, xz), (yy, yz, zz) = next(take), vector(), vector(), vector()
-        bodies[name] = virtual_power.Inertial(mass, com, ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
+        bodies[name] = Inertial(mass, com, ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
     gravity, pose, velocity, acceleration = vector(), vector(), vector(), vector()
-    wrench = virtual_power.Wrench(vector(), vector())
+    wrench = Wrench(vector(), vector())
     used = 5 + 10 * len(names) + 18
     assert used <= len(symbols)
-    f = virtual_power.actuator_forces(
-        lengths, bodies, gravity, pose, velocity, acceleration, namespace, wrench
-    )
+    f = actuator_forces(lengths, bodies, gravity, pose, velocity, acceleration, namespace, wrench)
     if symbolic == "casadi":
         compiled = casadi.Function("f", [casadi.vertcat(*symbols[:used])], [casadi.vertcat(*f)])
         evaluate = lambda values: np.array(compiled(values)).ravel()  # noqa: E731
