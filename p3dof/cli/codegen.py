@@ -10,7 +10,7 @@ from rich.table import Table
 
 from p3dof.cli.app import app
 from p3dof.cli.export import CHECK, FORCE, print_differences
-from p3dof.cli.options import PARAMETERS, Payload, protect
+from p3dof.cli.options import PARAMETERS, Payload, machine_of, protect
 from p3dof.cli.output import print_plain
 from p3dof.cli.payloads import say_payloads
 from p3dof.cli.terminal import print_table
@@ -19,7 +19,6 @@ from p3dof.codegen.controller import MARK, controller_files
 from p3dof.codegen.printing import operation_counts
 from p3dof.compiled.formulas import NAMES, kernel
 from p3dof.files import check_generated, together, write_generated
-from p3dof.manipulator import load
 from p3dof.parameters import Body, Parameters
 
 TOLERANCE = 1e-9
@@ -66,8 +65,7 @@ def codegen(
     jobs: list[tuple[dict[str, str], Path, float]] = []
     tables = []
     if out is not None:
-        robot = load(parameters)
-        machine = robot.parameters if payload is None else robot.parameters.carrying(payload)
+        machine = machine_of(parameters, payload).parameters
         jobs.append((controller_files(machine, bake), out, TOLERANCE))
         tables.append(_function_table(machine))
     if kernels:

@@ -13,12 +13,11 @@ from rich.console import Console
 
 from p3dof import description
 from p3dof.cli.app import app
-from p3dof.cli.options import PARAMETERS, protect
+from p3dof.cli.options import PARAMETERS, machine_of, protect
 from p3dof.cli.output import print_plain
 from p3dof.cli.payloads import say_payloads
 from p3dof.errors import MissingExtraError
 from p3dof.files import together
-from p3dof.manipulator import load
 
 T = TypeVar("T")
 
@@ -130,14 +129,14 @@ def print_differences(console: Console, differences: Sequence[str]) -> None:
 def _write_or_check(job: Job, check: bool) -> int:
     console, folder = Console(), job.folder
     if check:
-        machine = load(job.parameters).parameters
+        machine = machine_of(job.parameters).parameters
         found = job.of_each(lambda name: description.check(machine, folder, (name,), job.exact))
         print_differences(console, found)
         if not found:
             print_plain(console, f"{folder}: up to date")
         return 1 if found else 0
     protect((job.parameters,), [folder / file for name in job.formats for file in description.FORMATS[name]])
-    machine = load(job.parameters).parameters
+    machine = machine_of(job.parameters).parameters
     say_payloads(console, machine, job.parameters)
     with together():
         written = job.of_each(lambda name: description.write(machine, folder, (name,), job.exact, job.force))

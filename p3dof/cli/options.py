@@ -22,13 +22,58 @@ from p3dof.methods import wrenches_at
 from p3dof.motion import Motion, WrenchHistory, paper_motion
 from p3dof.motion.splines import eased
 from p3dof.parameters import Body
+from p3dof.parameters.quantities import LENGTH, MASS
+from p3dof.parameters.serialization import require_near
 from p3dof.reactions import BOTH, IDEALISATIONS, AnyReactions, Choice
 
-PARAMETERS = click.option(
+_PARAMETERS = click.option(
     "--parameters",
     type=click.Path(path_type=Path),
     help="Parameter file (YAML); the paper's machine without it.",
 )
+_ANY_SIZE = click.option(
+    "--any-size",
+    is_flag=True,
+    expose_value=False,
+    callback=lambda context, _, value: context.meta.__setitem__(_META, value),
+    help="Take a machine of more than 20 m or less than 1 mm too: lengths are in metres.",
+)
+_META = "p3dof.any_size"
+
+
+def PARAMETERS(command: Callable[..., Any]) -> Callable[..., Any]:  # noqa: N802 - used as the other options are
+    """Give a command the parameter file, and `machine_of` the answer how large its machine may be."""
+    return _PARAMETERS(_ANY_SIZE(command))
+
+
+def machine_of(parameters: Path | None, payload: Body | None = None) -> Manipulator:
+    """Return the machine that a command was given, of a size that the user means.
+
+    Parameters
+    ----------
+    parameters : Path, optional
+        Its file; the paper's machine without one.
+    payload : Body, optional
+        Added to its platform.
+
+    Returns
+    -------
+    Manipulator
+
+    Raises
+    ------
+    ParameterError, FileError
+        As `p3dof.load`; also if the payload is very far away.
+    """
+    any_size = bool(click.get_current_context().meta.get(_META, False))
+    machine = load(parameters, any_size)
+    if payload is None:
+        return machine
+    if not any_size:
+        require_near(payload, "--payload")
+    return load(machine.parameters.carrying(payload))
+
+
 METHOD = click.option(
     "--method",
     type=click.Choice(METHODS),
@@ -94,12 +139,14 @@ class Payload(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # gener
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Body:
         """Return the body."""
         rule = f"expected a mass [kg], or a mass and x,y,z [m], got {value!r}"
+        first, *others = value.split(",")
+        if len(others) not in {0, 3}:
+            self.fail(rule, param, ctx)
         try:
-            mass, *com = (float(field) for field in value.split(","))
-        except ValueError:
-            self.fail(rule, param, ctx)
-        if len(com) not in {0, 3} or "_" in value:
-            self.fail(rule, param, ctx)
+            mass = MASS.read(first, "mass")
+            com = LENGTH.read(others, "x,y,z")
+        except ParameterError as error:
+            self.fail(f"{rule} ({error})", param, ctx)
         try:
             return Body(mass, np.array(com or (0.0, 0.0, 0.0)), np.zeros((3, 3)))
         except ParameterError as error:
@@ -171,8 +218,7 @@ class Case:
     @functools.cached_property
     def robot(self) -> Manipulator:
         """The machine."""
-        machine = load(self.parameters)
-        return machine if self.payload is None else load(machine.parameters.carrying(self.payload))
+        return machine_of(self.parameters, self.payload)
 
     @functools.cached_property
     def motion(self) -> Motion:

@@ -43,13 +43,18 @@ Progress: TypeAlias = Callable[[int, int], None]
 """Called with (done, total) during long work."""
 
 
-def load(parameters: Parameters | str | os.PathLike[str] | None = None) -> Manipulator:
+def load(
+    parameters: Parameters | str | os.PathLike[str] | None = None, any_size: bool = False
+) -> Manipulator:
     """Return the manipulator with the given parameters.
 
     Parameters
     ----------
     parameters : Parameters or path-like, optional
         The machine, or a parameter file; the paper's by default.
+    any_size : bool
+        Take a file whose machine is larger than 20 m or smaller than 1 mm too. Lengths are in metres, and
+        such a file is usually one in millimetres. `Parameters` that are given may have any size.
 
     Returns
     -------
@@ -66,7 +71,7 @@ def load(parameters: Parameters | str | os.PathLike[str] | None = None) -> Manip
         return Manipulator(PAPER)
     if not isinstance(parameters, str | os.PathLike):
         return Manipulator(parameters)
-    return Manipulator(read_parameters(parameters))
+    return Manipulator(read_parameters(parameters, any_size))
 
 
 class Manipulator(DifferentialMachine):

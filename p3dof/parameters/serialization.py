@@ -19,6 +19,15 @@ The form::
 
 ``bodies`` names either these four kinds or all ten links, each on its own. An inertia is a diagonal or a full
 matrix, about the mass centre; with ``about: [x, y, z]`` it is about that point instead.
+
+Numbers are in SI units, or have one of their own, in lists each by itself::
+
+    geometry: {r: 100 mm, R: 250 mm, L: 40 cm, b: 50 mm}
+    payload: {mass: 950 g, com: [0, 0, -100 mm], inertia: [410 kg mm^2, 410 kg mm^2, 380 kg mm^2]}
+    limits: {speed: 1500 mm/s, force: 0.5 kN, tilt: [-45 deg, 45 deg]}
+
+Millimetres are not to be taken for metres: a machine whose longest length is above 20 m or below 1 mm is
+refused unless the caller says ``any_size``.
 """
 
 from __future__ import annotations
@@ -34,20 +43,46 @@ from p3dof.checks import shown
 from p3dof.errors import ParameterError
 from p3dof.files import parse_yaml, read_text, write_atomic
 from p3dof.parameters.body import Body
-from p3dof.parameters.friction import Friction
+from p3dof.parameters.friction import SLIDES, Friction
 from p3dof.parameters.machine import LINKS, Bodies, Geometry, Limits, Parameters
+from p3dof.parameters.quantities import (
+    ACCELERATION,
+    ANGLE,
+    FORCE,
+    HINGE_DAMPING,
+    INERTIA,
+    LENGTH,
+    MASS,
+    MOMENT,
+    RATE,
+    SLIDE_DAMPING,
+    SPEED,
+    Quantity,
+)
 
+_ANYWAY = "--any-size, or any_size=True, takes it as it is"
+_METRES = f"lengths are in metres; did you mean mm? Write '120 mm' ({_ANYWAY})"
+LARGEST, SMALLEST = 20.0, 1e-3
+"""Largest and smallest machine that is believed, by its longest length [m]."""
+_GEOMETRY = dict.fromkeys(("r", "R", "L", "b"), LENGTH)
+_LIMITS = {"travel": LENGTH, "speed": SPEED, "force": FORCE, "tilt": ANGLE}
+_BODY = {"mass": MASS, "com": LENGTH, "inertia": INERTIA, "about": LENGTH}
+_FRICTION = {"viscous": (SLIDE_DAMPING, HINGE_DAMPING), "coulomb": (FORCE, MOMENT)}
+_SLIDES = {"sliders", *SLIDES}
 _KINDS = ("slider", "leg", "crossbar", "platform")
 _T = TypeVar("_T")
 
 
-def read_parameters(path: str | os.PathLike[str]) -> Parameters:
+def read_parameters(path: str | os.PathLike[str], any_size: bool = False) -> Parameters:
     """Read a parameter file.
 
     Parameters
     ----------
     path : path-like
-        The YAML file.
+        The YAML file. Its numbers are in SI units, or texts with a unit: ``r: 120 mm``, ``mass: 950 g``,
+        ``tilt: [-45 deg, 45 deg]``, ``inertia: [410 kg mm^2, ...]``, ``force: 0.5 kN``.
+    any_size : bool
+        Take a machine of more than 20 m or less than 1 mm too. Such a file is usually one in millimetres.
 
     Returns
     -------
@@ -56,11 +91,12 @@ def read_parameters(path: str | os.PathLike[str]) -> Parameters:
     Raises
     ------
     ParameterError
-        If a field is missing, unknown or not physical; the message names file and field.
+        If a field is missing, unknown, in a wrong unit or not physical, or the machine is too large or too
+        small; the message names file and field.
     FileError
         If the file cannot be read.
     """
-    return parse(read_text(path), str(path))
+    return parse(read_text(path), str(path), any_size)
 
 
 def write_parameters(parameters: Parameters, path: str | os.PathLike[str]) -> None:
@@ -85,7 +121,7 @@ def write_parameters(parameters: Parameters, path: str | os.PathLike[str]) -> No
     write_atomic(path, dump(parameters))
 
 
-def parse(text: str, source: str = "parameters") -> Parameters:
+def parse(text: str, source: str = "parameters", any_size: bool = False) -> Parameters:
     """Read parameters from YAML text.
 
     Parameters
@@ -94,6 +130,8 @@ def parse(text: str, source: str = "parameters") -> Parameters:
         The YAML text.
     source : str
         What to call it in an error: usually the file name.
+    any_size : bool
+        As for `read_parameters`.
 
     Returns
     -------
@@ -102,7 +140,7 @@ def parse(text: str, source: str = "parameters") -> Parameters:
     Raises
     ------
     ParameterError
-        If a field is missing, unknown or not physical; the message names `source` and the field.
+        As `read_parameters`; the message names `source` and the field.
     """
     data = _mapping(
         parse_yaml(text, source, ParameterError),
@@ -110,17 +148,23 @@ def parse(text: str, source: str = "parameters") -> Parameters:
         required=("geometry", "bodies"),
         optional=("limits", "gravity", "friction", "payload"),
     )
-    geometry = _record(data["geometry"], f"{source}: geometry", Geometry, required=("r", "R", "L"))
+    geometry = _record(data["geometry"], f"{source}: geometry", Geometry, _GEOMETRY, ("r", "R", "L"))
+    if not any_size:
+        _require_size(geometry, f"{source}: geometry")
     bodies = _bodies(data["bodies"], f"{source}: bodies")
     rest: dict[str, Any] = {}
     if "limits" in data:
-        rest["limits"] = _record(data["limits"], f"{source}: limits", Limits)
+        rest["limits"] = _record(data["limits"], f"{source}: limits", Limits, _LIMITS)
     if "gravity" in data:
-        rest["gravity"] = _number(data["gravity"], f"{source}: gravity")
+        rest["gravity"] = ACCELERATION.read(data["gravity"], f"{source}: gravity")
     if "friction" in data:
         rest["friction"] = _friction(data["friction"], f"{source}: friction")
     machine = _named(source, lambda: Parameters(geometry, bodies, **rest))
-    for payload in _payloads(data.get("payload", []), f"{source}: payload"):
+    payloads = _payloads(data.get("payload", []), f"{source}: payload")
+    if not any_size:
+        for name, body in (*bodies.items(), *(("payload", payload) for payload in payloads)):
+            require_near(body, f"{source}: {name}: com")
+    for payload in payloads:
         machine = machine.carrying(payload)
     return machine
 
@@ -156,6 +200,38 @@ def dump(parameters: Parameters) -> str:
     return header + yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=110)
 
 
+def require_near(body: Body, where: str) -> None:
+    """Raise if a mass centre is so far away that millimetres were meant.
+
+    Parameters
+    ----------
+    body : Body
+        The body.
+    where : str
+        What to call the mass centre in an error.
+
+    Raises
+    ------
+    ParameterError
+        If it is more than 20 m from the origin of the body.
+    """
+    far = float(abs(body.com).max())
+    if far > LARGEST:
+        raise ParameterError(f"{where}: {far:g} m is more than {LARGEST:g} m: {_METRES}")
+
+
+def _require_size(geometry: Geometry, where: str) -> None:
+    """Raise if lengths are so large or so small that another unit was meant."""
+    name, longest = max(asdict(geometry).items(), key=lambda item: float(item[1]))
+    if longest > LARGEST:
+        raise ParameterError(f"{where}: {name} = {longest:g} m is more than {LARGEST:g} m: {_METRES}")
+    if longest < SMALLEST:
+        raise ParameterError(
+            f"{where}: the longest length, {name} = {longest:g} m, is less than {SMALLEST:g} m: "
+            f"lengths are in metres ({_ANYWAY})"
+        )
+
+
 def _bodies(data: Any, where: str) -> Bodies:
     kinds = isinstance(data, Mapping) and not set(data) - set(_KINDS)
     names = _KINDS if kinds else LINKS
@@ -166,7 +242,7 @@ def _bodies(data: Any, where: str) -> Bodies:
 
 def _body(data: Any, where: str) -> Body:
     data = _mapping(data, where, required=("mass", "com", "inertia"), optional=("about",))
-    values = {key: _number(value, f"{where}.{key}") for key, value in data.items()}
+    values = {key: _BODY[key].read(value, f"{where}.{key}") for key, value in data.items()}
     point = values.pop("about", None)
     return _named(where, lambda: Body(**values) if point is None else Body.about(point, **values))
 
@@ -182,20 +258,29 @@ def _friction(data: Any, where: str) -> Friction:
     data = _mapping(data, where, optional=("viscous", "coulomb", "smoothing"))
     values: dict[str, Any] = {}
     for key, value in data.items():
-        if isinstance(value, Mapping):
-            values[key] = {name: _number(number, f"{where}.{key}.{name}") for name, number in value.items()}
+        if isinstance(value, Mapping) and key in _FRICTION:
+            of_slide, of_hinge = _FRICTION[key]
+            values[key] = {
+                name: (of_slide if name in _SLIDES else of_hinge).read(number, f"{where}.{key}.{name}")
+                for name, number in value.items()
+            }
         else:
-            values[key] = _number(value, f"{where}.{key}")
+            values[key] = RATE.read(value, f"{where}.{key}") if key == "smoothing" else value
     return _named(where, lambda: Friction(**values))
 
 
-def _record(data: Any, where: str, kind: Callable[..., _T], required: Iterable[str] = ()) -> _T:
+def _record(
+    data: Any,
+    where: str,
+    kind: Callable[..., _T],
+    quantities: Mapping[str, Quantity],
+    required: Iterable[str] = (),
+) -> _T:
     """Make a flat dataclass from a mapping."""
     known = [item.name for item in fields(kind)]  # type: ignore[arg-type]
     data = _mapping(data, where, required, known)
-    return _named(
-        where, lambda: kind(**{key: _number(value, f"{where}.{key}") for key, value in data.items()})
-    )
+    values = {key: quantities[key].read(value, f"{where}.{key}") for key, value in data.items()}
+    return _named(where, lambda: kind(**values))
 
 
 def _mapping(
@@ -212,21 +297,6 @@ def _mapping(
     if missing:
         raise ParameterError(f"{where}: the field {missing[0]!r} is missing")
     return data
-
-
-def _number(value: Any, where: str) -> Any:
-    """Turn text such as 1e-3, which YAML 1.1 does not read as a number, into one; lists item by item."""
-    if isinstance(value, list):
-        rows = [item for item in value if isinstance(item, list)]
-        if len(value) > 3 or any(len(row) > 3 or any(isinstance(x, list) for x in row) for row in rows):
-            raise ParameterError(f"{where}: expected at most 3 × 3 numbers")
-        return [_number(item, where) for item in value]
-    if isinstance(value, str):
-        try:
-            return float(value)
-        except ValueError:
-            return value
-    return value
 
 
 def _kind(value: Any) -> str:

@@ -1,0 +1,171 @@
+"""Units in parameter files, and lengths in millimetres that were meant to be metres."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import p3dof
+from p3dof.cli import main
+from p3dof.errors import ParameterError
+from p3dof.parameters import PAPER, Geometry
+from p3dof.parameters.quantities import ANGLE, FORCE, INERTIA, LENGTH, MASS
+from p3dof.parameters.serialization import dump, parse
+
+PLAIN = """
+geometry: {r: 0.12, R: 0.25, L: 0.4, b: 0.05}
+bodies:
+  slider: {mass: 0.95, com: [0, 0, -0.01], inertia: [4.1e-4, 4.1e-4, 4.1e-4]}
+  leg: {mass: 0.98, com: [0.2, 0, 0], inertia: [6.1e-4, 0.0524, 0.0524], about: [0.1, 0, 0]}
+  crossbar: {mass: 0, com: [0, 0, 0], inertia: [0, 0, 0]}
+  platform: {mass: 8.1, com: [-0.031, 0, 0], inertia: [[0.02, 1e-4, 0], [1e-4, 0.02, 0], [0, 0, 0.03]]}
+limits: {travel: [-0.2, 0.25], speed: 1.5, force: 1200, tilt: [-0.5235987755982988, 0.7853981633974483]}
+gravity: [0, 0, -9.806]
+friction:
+  viscous: {sliders: 20, joints: 0.01, hinge_a: 0.02}
+  coulomb: {slide_b: 5, hinge_platform: 0.05}
+  smoothing: 0.002
+payload: {mass: 1.5, com: [0, 0, -0.1], inertia: [3.8e-4, 3.8e-4, 4.1e-4]}
+"""
+UNITS = """
+geometry: {r: 120 mm, R: 25 cm, L: 0.4 m, b: 50000 um}
+bodies:
+  slider: {mass: 950 g, com: [0, 0, -10mm], inertia: [410 kg mm^2, 410 kg·mm², 410000 g mm^2]}
+  leg:
+    {mass: 980 g, com: [200 mm, 0, 0], inertia: [610 kg mm^2, 52400 kg mm2, 524 kg cm^2], about: [10cm, 0, 0]}
+  crossbar: {mass: 0 g, com: [0 mm, 0 mm, 0 mm], inertia: [0, 0, 0]}
+  platform:
+    mass: 0.0081 t
+    com: [-31 mm, 0, 0]
+    inertia: [[20000 kg mm^2, 100 kg mm^2, 0], [100 kg mm^2, 20000 kg mm^2, 0], [0, 0, 30000 kg mm^2]]
+limits: {travel: [-200 mm, 250 mm], speed: 1500 mm/s, force: 1.2 kN, tilt: [-30 deg, 45°]}
+gravity: [0, 0, -9806 mm/s^2]
+friction:
+  viscous: {sliders: 0.02 N s/mm, joints: 10 N mm s/rad, hinge_a: 0.02 N m s}
+  coulomb: {slide_b: 0.005 kN, hinge_platform: 50 N mm}
+  smoothing: 2 mm/s
+payload: {mass: 1500 g, com: [0, 0, -100 mm], inertia: [380 kg mm^2, 380 kg mm^2, 410 kg mm^2]}
+"""
+
+
+def test_a_file_with_units_is_the_file_without():
+    """To the last bit: what is written is rounded once."""
+    assert dump(parse(UNITS)) == dump(parse(PLAIN))
+    assert parse(PLAIN).geometry == Geometry(0.12, 0.25, 0.4, 0.05)
+
+
+@pytest.mark.parametrize(
+    ("quantity", "text", "value"),
+    [
+        (LENGTH, "120 mm", 0.12),
+        (LENGTH, "-0.1e3 mm", -0.1),
+        (LENGTH, ".5 µm", 5e-7),
+        (LENGTH, "1.5", 1.5),
+        (LENGTH, "2 kN s^2/t", 2.0),
+        (MASS, "950 g", 0.95),
+        (MASS, "3 N s²/m", 3.0),
+        (INERTIA, "7 N m s^2", 7.0),
+        (ANGLE, "45 deg", math.pi / 4),
+        (ANGLE, "250 mrad", 0.25),
+        (FORCE, "1.5 kN", 1500.0),
+        (FORCE, "2 kg m s^-2", 2.0),
+        (LENGTH, ["120 mm", 0, "0 m"], [0.12, 0, 0]),
+        (LENGTH, 3, 3),
+        (LENGTH, None, None),
+    ],
+)
+def test_numbers_with_units(quantity, text, value):
+    assert quantity.read(text, "x") == value
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("r: 0.12", "r: 120 kg", "geometry.r: expected a length, a number in m or one with a unit such as"),
+        ("r: 0.12", "r: 120 furlongs", "'1 mm', got '120 furlongs'"),
+        ("r: 0.12", "r: '1_000'", "got '1_000'"),
+        ("r: 0.12", "r: 120 mm mm", "got '120 mm mm'"),
+        ("r: 0.12", "r: 120 mm/", "got '120 mm/'"),
+        ("r: 0.12", "r: 1/2 m", "got '1/2 m'"),
+        ("r: 0.12", "r: 1 m/s/s", "got '1 m/s/s'"),
+        ("r: 0.12", "r: 1e999 mm", "got '1e999 mm'"),
+        ("r: 0.12", "r: 1e9999999999 mm", "got '1e9999999999 mm'"),
+        ("r: 0.12", f"r: {'9' * 500} mm", "9'..."),
+        ("mass: 0.95,", "mass: 950 mm,", "bodies.slider.mass: expected a mass, a number in kg or one with"),
+        ("[4.1e-4, 4.1e-4, 4.1e-4]", "[1 g mm, 1 g mm, 1 g mm]", "slider.inertia: expected an inertia"),
+        ("force: 1200", "force: 1200 kg", "limits.force: expected a force"),
+        ("tilt: [-0.5235987755982988, 0.7853981633974483]", "tilt: [-30 mm, 0]", "expected an angle"),
+        ("speed: 1.5", "speed: 90 deg/s", "limits.speed: expected a speed"),
+        ("-9.806]", "1 g]", "gravity: expected an acceleration"),
+        ("sliders: 20", "sliders: 20 N m s", "viscous.sliders: expected viscous friction of a slide"),
+        ("joints: 0.01", "joints: 1 N s/m", "friction.viscous.joints: expected viscous friction of a hinge"),
+        ("slide_b: 5", "slide_b: 5 N m", "friction.coulomb.slide_b: expected a force"),
+        ("platform: 0.05", "platform: 5 N", "friction.coulomb.hinge_platform: expected a moment"),
+        ("[0, 0, -0.1]", "[0, 30, -100 mm]", "payload.com: expected a unit with every number but 0, or with"),
+    ],
+)  # fmt: skip
+def test_wrong_units(old, new, words):
+    assert old in PLAIN
+    with pytest.raises(ParameterError) as info:
+        parse(PLAIN.replace(old, new), "m.yaml")
+    assert str(info.value).startswith("m.yaml: ")
+    assert str(info.value).count("m.yaml") == 1
+    assert words in str(info.value)
+    assert len(str(info.value)) < 250
+    assert "\n" not in str(info.value)
+
+
+MILLIMETRES = "geometry: {r: 120, R: 250, L: 400, b: 50}"
+REFUSED = {
+    MILLIMETRES: "m.yaml: geometry: L = 400 m is more than 20 m: lengths are in metres; did you mean mm?",
+    "geometry: {r: 0.12, R: 0.25, L: 0.4, b: 50}": "b = 50 m is more than 20 m",
+    "geometry: {r: 1.2e-4, R: 2.5e-4, L: 4e-4, b: 5e-5}": "L = 0.0004 m, is less than 0.001 m",
+}
+
+
+@pytest.mark.parametrize("geometry", REFUSED)
+def test_machines_of_another_unit(tmp_path, capsys, geometry):
+    text = PLAIN.replace("geometry: {r: 0.12, R: 0.25, L: 0.4, b: 0.05}", geometry)
+    file = tmp_path / "m.yaml"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(ParameterError) as info:
+        p3dof.read_parameters(file)
+    assert REFUSED[geometry] in str(info.value)
+    with pytest.raises(ParameterError, match="any_size=True"):
+        p3dof.load(file)
+    assert p3dof.load(file, any_size=True).parameters.geometry == p3dof.read_parameters(file, True).geometry
+    for command in (["forces"], ["urdf"], ["export"], ["codegen"]):
+        arguments = [*command, "--parameters", str(file), "--out", str(tmp_path / "out")]
+        assert main(arguments) == 2
+        told = capsys.readouterr().err
+        assert told.startswith("p3dof: error: ")
+        assert REFUSED[geometry].removeprefix("m.yaml: ") in told
+        assert "--any-size" in told
+    assert main(["codegen", "--parameters", str(file), "--out", str(tmp_path / "out"), "--any-size"]) == 0
+
+
+def test_mass_centres_of_another_unit(tmp_path, capsys):
+    with pytest.raises(ParameterError, match=r"leg_a: com: 200 m is more than 20 m.*did you mean mm"):
+        parse(PLAIN.replace("com: [0.2, 0, 0]", "com: [200, 0, 0]").replace("about: [0.1", "about: [200"))
+    with pytest.raises(ParameterError, match="payload: com: 100 m is more than 20 m"):
+        parse(PLAIN.replace("com: [0, 0, -0.1]", "com: [0, 0, -100]"))
+    assert main(["forces", "--samples", "11", "--payload", "5,0,0,-100"]) == 2
+    assert "--payload: 100 m is more than 20 m: lengths are in metres" in capsys.readouterr().err
+    out = ["--samples", "11", "--out", str(tmp_path / "f.csv")]
+    assert main(["forces", *out, "--payload", "5,0,0,-100", "--any-size"]) == 0
+    plain, units = tmp_path / "plain.csv", tmp_path / "units.csv"
+    assert main(["forces", "--samples", "11", "--out", str(plain), "--payload", "5,0,0,-0.1"]) == 0
+    assert main(["forces", "--samples", "11", "--out", str(units), "--payload", "5000 g,0,0,-100 mm"]) == 0
+    assert plain.read_bytes() == units.read_bytes()
+    assert main(["forces", *out, "--payload", "5 mm"]) == 2
+    assert "expected a mass" in capsys.readouterr().err
+
+
+def test_machines_made_in_python_may_have_any_size():
+    machine = replace(PAPER, geometry=Geometry(120, 250, 400, 50))
+    assert p3dof.load(machine).parameters is machine
+    assert parse(dump(machine), any_size=True).geometry == machine.geometry
+    assert np.isfinite(p3dof.load(machine).forces(np.zeros(3), np.zeros(3), np.zeros(3))).all()
