@@ -17,7 +17,7 @@ from p3dof.compiled.reduced import SYMMETRIC_ZEROS, State, model_of
 from p3dof.methods import equations_of_motion, virtual_power
 from p3dof.methods.regressor import BASE, INERTIAL, force_regressor, inertial_parameters
 from p3dof.motion.wrenches import WRENCH_ROWS
-from p3dof.parameters import Bodies, Body
+from p3dof.parameters import PAPER, Bodies, Body
 
 
 def formulas(machine, states):
@@ -148,6 +148,58 @@ def test_derivatives_by_lengths_and_gravity(seed):
         expected = expected - virtual_power.forces(machine, *motion)
         bound = 1e-11 * np.abs(virtual_power.forces(machine, *motion)).max()
         np.testing.assert_allclose(found.by_gravity[..., axis], expected, rtol=0, atol=bound)
+
+
+def test_the_regressor_with_friction():
+    """All its derivatives are those of the forces that the robot computes, friction included."""
+    one = replace(PAPER, friction=p3dof.Friction({"sliders": 20, "joints": 0.5}))
+    found = force_regressor(one, [0.05, 0.02, 0.3], [0.4, -0.3, 1.2], [0, 0, 0])
+    frictionless = force_regressor(PAPER, [0.05, 0.02, 0.3], [0.4, -0.3, 1.2], [0, 0, 0])
+    assert np.abs(found.by_lengths - frictionless.by_lengths).max() > 50
+    rich = p3dof.Friction(
+        {"sliders": 20, "joints": 0.5}, {"sliders": 5, "hinge_c": 0.4, "universal_a": 0.3}, 0.1
+    )
+    for machine in (one, replace(random_machine(7), friction=rich)):
+        states = random_states(machine, 3, 12, drop=0.3, angle=0.3)
+        motion = states.pose, states.velocity, states.acceleration
+        robot = p3dof.load(machine)
+        found = robot.force_regressor(*motion)
+
+        def forces(motion=motion, robot=robot, **changed):
+            return p3dof.load(replace(robot.parameters, **changed)).forces(*motion, "pinocchio")
+
+        size = np.abs(forces()).max()
+        np.testing.assert_allclose(
+            found.base @ found.base_parameters + found.friction, forces(), rtol=0, atol=1e-11 * size
+        )
+        assert np.abs(found.friction).max() > 1e-3 * size
+        for index, name in enumerate("rRL"):
+
+            def stretched(t, name=name, machine=machine, forces=forces):
+                length = getattr(machine.geometry, name) + t
+                return forces(geometry=replace(machine.geometry, **{name: length}))
+
+            expected = derivative(stretched, 0.0, 1e-4 * machine.geometry.r)
+            np.testing.assert_allclose(
+                found.by_lengths[..., index], expected, rtol=0, atol=1e-6 * np.abs(expected).max()
+            )
+        for axis in range(3):
+            expected = forces(gravity=machine.gravity + np.eye(3)[axis]) - forces()
+            np.testing.assert_allclose(found.by_gravity[..., axis], expected, rtol=0, atol=1e-10 * size)
+        heavier = machine.bodies.scaled(1.25)
+        expected = forces(bodies=heavier) - forces()
+        change = found.inertial @ (inertial_parameters(heavier) - inertial_parameters(machine.bodies))
+        np.testing.assert_allclose(change, expected, rtol=0, atol=1e-10 * size)
+
+
+def test_the_regressor_leaves_invalid_rows():
+    machine = replace(PAPER, friction=p3dof.Friction({"joints": 0.5}))
+    poses = [[0.0, 0, 0], [0.3, 0, 0]]
+    for one in (machine, PAPER):
+        found = force_regressor(one, poses, np.ones(3), np.zeros(3), on_invalid="nan")
+        for array in (found.base, found.by_lengths, found.by_gravity, found.friction):
+            assert np.isfinite(array[0]).all()
+            assert np.isnan(array[1]).all()
 
 
 def test_model_numbers_are_in_the_order_of_their_names():

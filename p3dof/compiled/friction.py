@@ -10,7 +10,7 @@ import numpy as np
 
 from p3dof.algebra import BLOCK, components
 from p3dof.checks import FloatArray
-from p3dof.compiled.reduced import model_of, shape, solve_transposed
+from p3dof.compiled.reduced import Model, model_of, shape, solve_transposed
 from p3dof.compiled.tracing import Number, Symbol, Tape, derivatives, straight_line
 from p3dof.compiled.tracing.python import or_nan
 from p3dof.paper.formulas import Lengths
@@ -54,6 +54,30 @@ def loss_derivatives(parameters: Parameters, pose: FloatArray, velocity: FloatAr
     """
     found = _on_blocks(_loss_derivatives(parameters), pose, velocity, 18)
     return np.ascontiguousarray(found.reshape(6, 3, -1).transpose(2, 1, 0))
+
+
+def loss_by_lengths(
+    parameters: Parameters, pose: FloatArray, velocity: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the actuator forces against friction, J⁻ᵀ d, and how they change with r, R and L.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine.
+    pose, velocity : ndarray, shape (N, 3)
+        States; out of reach the result is NaN.
+
+    Returns
+    -------
+    forces : ndarray, shape (N, 3)
+        [N]
+    by_lengths : ndarray, shape (N, 3, 3)
+        [N/m]
+    """
+    found = _on_blocks(_loss_by_lengths(parameters), pose, velocity, 12)
+    rows = found.reshape(3, 4, -1).transpose(2, 0, 1)
+    return np.ascontiguousarray(rows[..., 0]), np.ascontiguousarray(rows[..., 1:])
 
 
 def losses_of_state(parameters: Parameters) -> Callable[..., tuple[float, ...]]:
@@ -101,6 +125,24 @@ def _loss_derivatives(parameters: Parameters) -> _Function:
         return [entry for column in columns for entry in solve_transposed(where, column)]
 
     return straight_line(formula, 6, np)
+
+
+@lru_cache(maxsize=64)
+def _loss_by_lengths(parameters: Parameters) -> _Function:
+    g, friction = parameters.geometry, losses_of(parameters.friction)
+    own = model_of(parameters).numbers
+
+    def formula(tape: Tape, *symbols: Symbol) -> Sequence[Number]:
+        r, R, L, *x = symbols
+        lengths = Lengths(r, R, L, g.b, tape.sqrt((L - (R - r)) * (L + (R - r))))
+        lost = generalized_losses(lengths, components(x[:3]), components(x[3:]), friction, tape)
+        where = shape(Model.of_numbers((r, R, L, *own[3:])), x[0], x[2], tape)
+        forces = solve_transposed(where, lost)
+        rows = zip(forces, derivatives(forces, (r, R, L)), strict=True)
+        return [entry for force, row in rows for entry in (force, *row)]
+
+    function = straight_line(formula, 9, np)
+    return lambda *x: function(g.r, g.R, g.L, *x)
 
 
 def _on_blocks(function: _Function, pose: FloatArray, velocity: FloatArray, width: int) -> FloatArray:

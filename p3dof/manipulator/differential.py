@@ -105,7 +105,8 @@ class DifferentialMachine(MovingMachine):
         Returns
         -------
         ForceRegressor
-            By the 21 base inertial parameters, the 100 of the bodies, the lengths and gravity.
+            By the 21 base inertial parameters, the 100 of the bodies, the lengths and gravity, with friction
+            and without external loads.
 
         Raises
         ------

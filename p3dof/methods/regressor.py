@@ -1,7 +1,7 @@
 """How the actuator forces depend on the parameters: the regressor, its base parameters, lengths, gravity.
 
-Without friction and external loads the forces are linear in the inertial parameters of the bodies, and 21
-combinations of these 100 are all that forces can tell; see `p3dof.compiled.reduced`.
+Less what friction takes and without external loads, the forces are linear in the inertial parameters of the
+bodies, and 21 combinations of these 100 are all that forces can tell; see `p3dof.compiled.reduced`.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from p3dof.algebra import BLOCK
 from p3dof.checks import FloatArray
 from p3dof.compiled.formulas import MODEL
+from p3dof.compiled.friction import loss_by_lengths
 from p3dof.compiled.reduced import (
     Model,
     Moments,
@@ -49,22 +50,24 @@ LENGTHS = ("r", "R", "L")
 
 @dataclass(frozen=True, eq=False)
 class ForceRegressor:
-    """Derivatives of the actuator forces by the parameters; exact.
+    """Derivatives of the actuator forces by the parameters; exact, without external loads.
 
     Parameters
     ----------
     base : ndarray, shape (..., 3, 21)
-        ∂f/∂π by the base inertial parameters, named in `BASE`; f = base @ base_parameters without friction
-        and external loads.
+        ∂f/∂π by the base inertial parameters, named in `BASE`; f = base @ base_parameters + friction.
     base_parameters : ndarray, shape (21,)
         π of the machine.
     base_matrix : ndarray, shape (21, 100)
         ∂π/∂φ by the inertial parameters of the bodies, named in `INERTIAL`: masses [kg], first moments
         [kg m] and inertias about the origin of the body's axes [kg m²].
     by_lengths : ndarray, shape (..., 3, 3)
-        By r, R and L with every body kept as it is in its own axes [N/m].
+        By r, R and L with every body kept as it is in its own axes, friction included [N/m].
     by_gravity : ndarray, shape (..., 3, 3)
         By the acceleration of gravity [N s²/m].
+    friction : ndarray, shape (..., 3)
+        The part of the forces that works against friction, which no inertial parameter changes [N]; zero
+        without friction.
     """
 
     base: FloatArray
@@ -72,6 +75,7 @@ class ForceRegressor:
     base_matrix: FloatArray
     by_lengths: FloatArray
     by_gravity: FloatArray
+    friction: FloatArray
 
     base_names = BASE
     """Names of the 21 base inertial parameters."""
@@ -143,13 +147,19 @@ def force_regressor(
     if on_invalid == "raise":
         raise_not_finite("regressor", by.reshape(*leading, -1))
     base = np.ascontiguousarray(by[..., 6:])
+    lost, lost_by_lengths = np.zeros((*leading, 3)), np.zeros((*leading, 3, 3))
+    lost[np.isnan(states[0]).any(axis=-1)] = np.nan
+    if parameters.friction:
+        rows, rows_by_lengths = loss_by_lengths(parameters, q, v)
+        lost, lost_by_lengths = rows.reshape(lost.shape), rows_by_lengths.reshape(lost_by_lengths.shape)
     matrix, by_length = _fold_derivatives(parameters)
     return ForceRegressor(
         base=base,
         base_parameters=np.array([float(x) for x in model.bodies]),
         base_matrix=matrix,
-        by_lengths=by[..., :3] + base @ by_length,
+        by_lengths=by[..., :3] + base @ by_length + lost_by_lengths,
         by_gravity=np.ascontiguousarray(by[..., 3:6]),
+        friction=lost,
     )
 
 
