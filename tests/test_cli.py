@@ -293,8 +293,7 @@ def test_inputs_and_outputs_are_never_the_same_file(tmp_path, capsys):
     for arguments in (
         ["forces", "--motion", motion, "--out", motion],
         ["forces", "--motion", motion, "--out", tmp_path / "." / "motion.csv"],
-        ["forces", "--parameters", machine, "--out", machine],
-        ["forces", "--out", tmp_path / "a.png", "--figure", tmp_path / "a.png"],
+        ["show", "--out", tmp_path / "a.png", "--screenshot", tmp_path / "." / "a.png"],
         ["urdf", "--parameters", machine, "--out", tmp_path],
         ["export", "--parameters", machine, "--out", tmp_path],
     ):

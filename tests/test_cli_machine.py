@@ -257,9 +257,6 @@ def test_outputs_never_replace_inputs(capsys, wrench_file):
         assert code == 2
         assert "would be overwritten" in err
     assert wrench_file.read_text() == WRENCH
-    code, _, err = run(capsys, "energy", "--samples", 3, "--out", "same.png", "--figure", "same.png")
-    assert code == 2
-    assert "would be overwritten" in err
 
 
 def test_a_motion_that_starts_at_rest_gets_no_ramp(tmp_path, capsys):

@@ -150,7 +150,9 @@ def test_options_reach_the_page():
         (["--motion", "missing.csv"], "missing.csv"),
         (["--parameters", "missing.yaml"], "missing.yaml"),
         (["--samples", 11, "--motion", "missing.csv"], "--samples belongs to the paper's motion"),
-        (["--out", "same.html", "--screenshot", "same.html"], "same.html would be overwritten"),
+        (["--out", "same.png", "--screenshot", "same.png"], "same.png would be overwritten"),
+        (["--out", "show.avi"], "show.avi: expected a file name that ends in .html, .mp4, .gif or .png"),
+        (["--out", "-"], "-: expected a file name that ends in .html"),
         (["--video", "film.avi"], ".mp4 or .gif"),
         (["--screenshot", "picture.bmp"], ".png"),
     ],
@@ -202,16 +204,22 @@ def test_pictures(tmp_path, capsys, monkeypatch):
     code, out, _ = run(capsys, *arguments, "--screenshot", picture, "--video", film)
     assert code == 0
     assert out.splitlines()[-2:] == [f"wrote {picture}", f"wrote {film}"]
-    path, robot, pose, forces, trace, how = made["save_screenshot"]
+    path, robot, how = made["save_screenshot"]
     motion = p3dof.paper_motion(11)
     assert path == picture
-    np.testing.assert_allclose(pose, motion.pose[5], atol=1e-15)
+    np.testing.assert_allclose(how["pose"], motion.pose[5], atol=1e-15)
     expected = robot.forces(motion.pose[5], motion.velocity[5], motion.acceleration[5])
-    np.testing.assert_allclose(forces, expected, atol=1e-11)
-    assert trace.shape == (11, 3)
+    np.testing.assert_allclose(how["forces"], expected, atol=1e-11)
+    assert how["trace"].shape == (11, 3)
     assert how["scale"].newtons == np.abs(robot.inverse_dynamics(motion, "virtual-power").forces).max()
     path, _, result, fps, options = made["save_video"]
     assert (path, fps, options["speed"], len(result.time)) == (film, 4.0, 0.5, 11)
+    made.clear()
+    for ending, name in ((".png", "save_screenshot"), (".GIF", "save_video"), (".mp4", "save_video")):
+        out = tmp_path / f"by_ending{ending}"  # --out: the ending decides
+        assert run(capsys, *arguments, "--out", out)[0] == 0
+        assert made.pop(name)[0] == out
+        assert made == {}
 
 
 def test_interrupted_while_it_computes(capsys, monkeypatch):

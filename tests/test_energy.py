@@ -20,7 +20,7 @@ from p3dof import kinematics
 from p3dof.cli import main
 from p3dof.energy import energy_of, kinetic_energy, momentum, potential_energy
 from p3dof.energy.work import integral
-from p3dof.errors import FileError, InputError, MissingExtraError, ReachError
+from p3dof.errors import InputError, MissingExtraError, ReachError
 from p3dof.motion import Motion
 from p3dof.parameters import LINKS, PAPER, SOLIDS, Friction
 from p3dof.plots import save
@@ -380,8 +380,8 @@ def test_csv(paper, tmp_path):
         "potential rod_right [J]": found.potential[:, 9],
     }.items():
         np.testing.assert_array_equal(column[name], values)
-    with pytest.raises(FileError):
-        found.to_csv(tmp_path)
+    with pytest.raises(InputError, match=r"energy\.xlsx: expected a file name that ends in \.csv"):
+        found.to_csv(tmp_path / "energy.xlsx")
 
 
 def lines(axis):
@@ -466,7 +466,7 @@ def test_command_with_bad_input(tmp_path, capsys):
     for arguments, words in (
         (["--motion", motion], "leg A"),
         (["--motion", motion, "--out", motion], "would be overwritten"),
-        (["--out", tmp_path / "f.png", "--figure", tmp_path / "f.png"], "would be overwritten"),
+        (["--out", tmp_path / "f.png"], "f.png: expected a file name that ends in .csv"),
         (["--samples", 3, "--figure", tmp_path / "f.doc"], "ends in .png"),
         (["--method", "adams"], "adams"),
         (["--samples", 1], "samples"),

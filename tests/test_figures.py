@@ -283,13 +283,12 @@ def test_the_command_draws_what_it_is_asked_for(tmp_path, capsys):
 
 
 def test_bad_arguments_of_the_command(tmp_path, capsys, monkeypatch):
-    motion = tmp_path / "joints.svg"
-    p3dof.paper_motion(11).to_csv(motion)
+    motion = p3dof.paper_motion(11).to_csv(tmp_path / "motion.csv").rename(tmp_path / "joints.svg")
     (tmp_path / "file").touch()
     for arguments, words in (
         (("--format", "doc"), "'doc' is not one of 'png', 'svg', 'pdf'"),
         (("--only", "all"), "'all' is not one of"),
-        (("--at", "nan"), "expected a finite number, got nan"),
+        (("--at", "nan"), "expected a time of the motion, from 0 to 1 s, got nan"),
         (("--motion", motion, "--out", tmp_path), "would be overwritten"),
         (("--only", "mechanism", "--out", tmp_path / "file"), "cannot be written"),
         (("--motion", tmp_path / "none.csv"), "cannot be read"),

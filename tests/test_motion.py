@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import p3dof
 from p3dof import errors
-from p3dof.errors import FileError, MotionError, P3dofError
+from p3dof.errors import FileError, InputError, MotionError, P3dofError
 from p3dof.motion import Motion, WrenchHistory, csv_files, paper_motion, splines
 from p3dof.motion.consistency import MINIMUM
 
@@ -726,8 +726,12 @@ def test_unreadable_files(tmp_path):
         Motion.from_csv(tmp_path)
     with pytest.raises(FileError, match="UTF-8"):
         Motion.from_csv(write(tmp_path, "t,y,z,theta\n".encode("utf-16")))
+    made = tmp_path / "folder.csv"
+    made.mkdir()
     with pytest.raises(FileError, match="folder"):
-        paper_motion(3).to_csv(tmp_path)
+        paper_motion(3).to_csv(made)
+    with pytest.raises(InputError, match=r"m\.xlsx: expected a file name that ends in \.csv"):
+        paper_motion(3).to_csv(tmp_path / "m.xlsx")
 
 
 @pytest.mark.parametrize("path", [None, 5, 2.5, b"m.csv", ["m.csv"]])

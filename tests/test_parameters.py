@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from scipy.integrate import dblquad, tplquad
 
 from p3dof import files
-from p3dof.errors import FileError, P3dofError, ParameterError
+from p3dof.errors import FileError, InputError, P3dofError, ParameterError
 from p3dof.parameters import (
     PAPER,
     SOLIDS,
@@ -743,8 +743,11 @@ def test_unreadable_files(tmp_path):
     path.write_bytes(b"#" * (files.MAX_BYTES + 1))
     with pytest.raises(FileError, match=r"large\.yaml: expected at most 20000000 bytes"):
         read_parameters(path)
+    (tmp_path / "folder.yaml").mkdir()
     with pytest.raises(FileError, match="cannot be written"):
-        write_parameters(PAPER, tmp_path)
+        write_parameters(PAPER, tmp_path / "folder.yaml")
+    with pytest.raises(InputError, match=r"m\.json: expected a file name that ends in \.yaml or \.yml"):
+        write_parameters(PAPER, tmp_path / "m.json")
 
 
 def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):

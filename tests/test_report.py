@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import chromium
+from browser import chromium, find_chromium
 
 import p3dof
 import p3dof.cli.report
@@ -452,6 +452,7 @@ def test_bad_arguments(robot, motion, tmp_path):
         ((robot, motion), {"title": 3}, "title: expected text, got 3"),
         ((robot, motion), {"command": b"x"}, "command: expected text, got bytes"),
         ((robot, motion), {"animation": 1.5}, "animation: expected text, got 1.5"),
+        ((robot, motion), {"picture": "a.png"}, "picture: expected the bytes of a PNG, got 'a.png'"),
         ((robot, motion), {"date": "now"}, "date: expected a datetime, got 'now'"),
         ((robot, motion), {"wrench": (1, 2)}, "wrench"),
     ):
@@ -460,6 +461,37 @@ def test_bad_arguments(robot, motion, tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(FileError, match="cannot be written"):
         report.write(tmp_path / "file" / "r.html", p3dof.load(), p3dof.paper_motion(3))
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_pdf_is_printed(tmp_path, capsys):
+    """Pages of A4 with an outline and tags, and a picture where the page has its animation."""
+    find_chromium()  # skips where there is none
+    out = tmp_path / "r.PDF"
+    code, text, _ = run(capsys, "report", "--samples", 11, "--out", out, "--title", "Ä page")
+    assert code == 0
+    assert f"wrote {out}" in text
+    pdf = out.read_bytes()
+    assert pdf.startswith(b"%PDF-")
+    boxes = [list(map(float, box.split())) for box in re.findall(rb"/MediaBox \[([^]]*)\]", pdf)]
+    assert 3 <= len(boxes) <= 8
+    np.testing.assert_allclose(boxes, np.tile([0, 0, 595, 842], (len(boxes), 1)), atol=1)
+    titles = re.findall(rb"/Title \(([^)]*)\)", pdf)
+    for title in (b"Machine", b"Motion", b"Forces", b"Drives and energy", b"Reactions", b"How it was made"):
+        assert title in titles
+    assert b"/StructTreeRoot" in pdf
+    assert len(re.findall(rb"/Width 960\b", pdf)) == 1
+    assert list(tmp_path.iterdir()) == [out]
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_pdf_without_a_browser_names_the_extra(tmp_path, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "playwright", None)
+    for more in ((), ("--no-animation",)):
+        code, _, err = run(capsys, "report", "--samples", 3, "--out", tmp_path / "r.pdf", *more)
+        assert code == 2
+        assert "p3dof[video]" in err
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("missing", ["jinja2", "matplotlib.figure"])
@@ -527,8 +559,7 @@ def test_the_command_without_an_animation(tmp_path, capsys, monkeypatch):
 
 @pytest.mark.usefixtures("undrawn")
 def test_bad_arguments_of_the_command(tmp_path, capsys, monkeypatch):
-    motion = tmp_path / "m.csv"
-    p3dof.paper_motion(5).to_csv(motion)
+    motion = p3dof.paper_motion(5).to_csv(tmp_path / "m.csv").rename(tmp_path / "m.html")
     (tmp_path / "file").touch()
     for arguments, words in (
         (("--motion", motion, "--out", motion), "would be overwritten"),

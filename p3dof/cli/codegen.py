@@ -10,7 +10,8 @@ from rich.table import Table
 
 from p3dof.cli.app import app
 from p3dof.cli.export import CHECK, FORCE, print_differences
-from p3dof.cli.options import PARAMETERS, Payload, machine_of, protect
+from p3dof.cli.files import OutputFolder, protect
+from p3dof.cli.options import PARAMETERS, Payload, machine_of
 from p3dof.cli.output import print_plain
 from p3dof.cli.payloads import say_payloads
 from p3dof.cli.terminal import print_table
@@ -34,7 +35,7 @@ parameters that matters is more, other last bits on another processor are less."
     help="Point mass on the platform [kg], at P or at x,y,z in its frame [m]; besides the payload of the "
     "parameter file.",
 )
-@click.option("--out", "out_text", type=click.Path(), help="Folder of the C for a controller.")
+@click.option("--out", type=OutputFolder(), help="Folder of the C for a controller.")
 @click.option(
     "--bake", is_flag=True, help="Put the machine's numbers into the code: smaller, not to be changed."
 )
@@ -44,16 +45,13 @@ parameters that matters is more, other last bits on another processor are less."
 def codegen(
     parameters: Path | None,
     payload: Body | None,
-    out_text: str | None,
+    out: Path | None,
     bake: bool,
     kernels: bool,
     check: bool,
     force: bool,
 ) -> int:
     """Write C99 for a controller: kinematics, dynamics and derivatives, with a program that tests it."""
-    if out_text == "":
-        raise click.UsageError("--out: expected a folder, got an empty name")
-    out = None if out_text is None else Path(out_text)
     if kernels and not DIRECTORY.is_dir():
         raise click.UsageError(
             "--kernels: the C of the kernels is in the source tree, not where it is installed"

@@ -16,6 +16,7 @@ from rich.table import Table
 from p3dof import engines
 from p3dof.checks import FloatArray
 from p3dof.cli.app import app
+from p3dof.cli.files import OutputFolder
 from p3dof.cli.options import Case, Number, with_case
 from p3dof.cli.output import (
     agreement_table,
@@ -28,6 +29,7 @@ from p3dof.cli.output import (
 from p3dof.cli.payloads import print_payloads
 from p3dof.cli.terminal import print_table
 from p3dof.errors import InputError, MissingExtraError, SampleError
+from p3dof.files import together
 from p3dof.manipulator import InverseDynamics
 from p3dof.methods import LEGS, write_table
 from p3dof.motion import Motion
@@ -63,7 +65,7 @@ class Opinion:
 @with_case
 @click.option(
     "--out",
-    type=click.Path(path_type=Path),
+    type=OutputFolder(),
     default="out",
     show_default=True,
     help="Folder for forces.csv and the figure.",
@@ -108,9 +110,10 @@ def compare(
     largest = float(second.peak_forces.max())
     worst = float(difference.max(initial=0))
     agree = same_rows and worst <= tolerance * largest
-    written = [_write(out / FILES[0], first, second, opinions)]
-    if plot:
-        written += _draw(out, (first, second))
+    with together():
+        written = [_write(out / FILES[0], first, second, opinions)]
+        if plot:
+            written += _draw(out, (first, second))
     print_table(console, agreement_table(first, second, difference))
     print_table(console, evidence_table((first, first_seconds), (second, second_seconds)))
     confirmed = _print_opinions(

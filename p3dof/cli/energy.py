@@ -11,6 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from p3dof.cli.app import app
+from p3dof.cli.files import OutputFile, console_beside, write_results
 from p3dof.cli.options import FIGURE, METHOD, Case, with_case
 from p3dof.cli.output import limits_table, print_plain, print_warnings
 from p3dof.cli.payloads import print_payloads
@@ -31,8 +32,8 @@ ROUNDING = 1e-9
 @METHOD
 @click.option(
     "--out",
-    type=click.Path(path_type=Path),
-    help="CSV file for energies, momenta, power and work.",
+    type=OutputFile("table", stream=True),
+    help="CSV file, - for the standard output, for energies, momenta, power and work.",
 )
 @FIGURE
 def energy(case: Case, method: str, out: Path | None, figure: Path | None) -> None:
@@ -40,12 +41,10 @@ def energy(case: Case, method: str, out: Path | None, figure: Path | None) -> No
     case.protect(out, figure)
     result, _ = case.solve(method)
     found = case.robot.energy(result)
-    written = [] if out is None else [found.to_csv(out)]
-    if figure is not None:
-        from p3dof import plots
+    from p3dof import plots
 
-        written.append(plots.save(plots.energy_figure(found), figure))
-    console = Console()
+    written = write_results(found.to_csv, out, lambda: plots.energy_figure(found), figure)
+    console = console_beside(out)
     print_payloads(console, case)
     limits = limits_table(result, case.robot.parameters.limits)
     for table in (bodies_table(found), drives_table(found), limits, balance_table(found, result)):

@@ -13,7 +13,8 @@ from rich.console import Console
 
 from p3dof import description
 from p3dof.cli.app import app
-from p3dof.cli.options import PARAMETERS, machine_of, protect
+from p3dof.cli.files import STREAM, OutputFolder, protect
+from p3dof.cli.options import PARAMETERS, machine_of
 from p3dof.cli.output import print_plain
 from p3dof.cli.payloads import say_payloads
 from p3dof.errors import MissingExtraError
@@ -26,7 +27,7 @@ SHOWN = 20
 
 OUT_FOLDER = click.option(
     "--out",
-    type=click.Path(path_type=Path),
+    type=OutputFolder(stream=True),
     help="Folder of the generated files; urdf for the paper's machine and out/urdf for another one without "
     "it, - for the standard output.",
 )
@@ -126,9 +127,26 @@ def print_differences(console: Console, differences: Sequence[str]) -> None:
         print_plain(console, f"... and {len(differences) - SHOWN} more differences")
 
 
+def _print_text(job: Job) -> int:
+    """Write the one file of a format to the standard output, and say aside what belongs to it."""
+    if len(job.formats) != 1:
+        raise click.UsageError("--out -: expected one --format for the standard output")
+    protect((job.parameters,), ())
+    texts = description.texts(machine_of(job.parameters).parameters, job.formats, job.exact)
+    (_, text), *others = texts.items()
+    sys.stdout.write(text)
+    for name, _ in others:
+        sys.stderr.write(f"p3dof: {name}, which belongs to it, is written to a folder only\n")
+    return 0
+
+
 def _write_or_check(job: Job, check: bool) -> int:
     console, folder = Console(), job.folder
+    if job.out == STREAM and not check:
+        return _print_text(job)
     if check:
+        if job.out == STREAM:
+            raise click.UsageError("--check: expected the folder of the files to check, not -")
         machine = machine_of(job.parameters).parameters
         found = job.of_each(lambda name: description.check(machine, folder, (name,), job.exact))
         print_differences(console, found)

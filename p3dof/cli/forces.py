@@ -6,10 +6,10 @@ from pathlib import Path
 
 import click
 import numpy as np
-from rich.console import Console
 from rich.table import Table
 
 from p3dof.cli.app import app
+from p3dof.cli.files import OutputFile, console_beside, write_results
 from p3dof.cli.options import FIGURE, METHOD, Case, with_case
 from p3dof.cli.output import evidence_table, limits_table, print_plain, print_warnings
 from p3dof.cli.payloads import print_payloads
@@ -22,20 +22,18 @@ from p3dof.methods import LEGS
 @METHOD
 @click.option(
     "--out",
-    type=click.Path(path_type=Path),
-    help="CSV file for forces, sliders and the power balance.",
+    type=OutputFile("table", stream=True),
+    help="CSV file, - for the standard output, for forces, sliders and the power balance.",
 )
 @FIGURE
 def forces(case: Case, method: str, out: Path | None, figure: Path | None) -> None:
     """Compute the forces over a motion by one method: peaks on the screen, all samples in a file."""
     case.protect(out, figure)
     result, seconds = case.solve(method)
-    written = [] if out is None else [result.to_csv(out)]
-    if figure is not None:
-        from p3dof import plots
+    from p3dof import plots
 
-        written.append(plots.save(plots.forces_figure([result]), figure))
-    console = Console()
+    written = write_results(result.to_csv, out, lambda: plots.forces_figure([result]), figure)
+    console = console_beside(out)
     print_payloads(console, case)
     table = Table("actuator", "lowest [N]", "highest [N]", "RMS [N]", title=f"forces, {method}")
     for leg, name in enumerate(LEGS):

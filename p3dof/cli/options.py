@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import functools
-import os
 import sys
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -15,21 +14,22 @@ import click
 import numpy as np
 
 from p3dof.checks import LARGEST, FloatArray, shown
+from p3dof.cli.files import InputFile, OutputFile, protect, source
 from p3dof.cli.output import progress_bar
 from p3dof.errors import InputError, ParameterError
 from p3dof.manipulator import METHODS, InverseDynamics, Manipulator, load
 from p3dof.methods import wrenches_at
 from p3dof.motion import Motion, WrenchHistory, paper_motion
 from p3dof.motion.splines import eased
-from p3dof.parameters import Body
+from p3dof.parameters import Body, read_parameters
 from p3dof.parameters.quantities import LENGTH, MASS
 from p3dof.parameters.serialization import require_near
 from p3dof.reactions import BOTH, IDEALISATIONS, AnyReactions, Choice
 
 _PARAMETERS = click.option(
     "--parameters",
-    type=click.Path(path_type=Path),
-    help="Parameter file (YAML); the paper's machine without it.",
+    type=InputFile(),
+    help="Parameter file (YAML), - for the standard input; the paper's machine without it.",
 )
 _ANY_SIZE = click.option(
     "--any-size",
@@ -66,7 +66,7 @@ def machine_of(parameters: Path | None, payload: Body | None = None) -> Manipula
         As `p3dof.load`; also if the payload is very far away.
     """
     any_size = bool(click.get_current_context().meta.get(_META, False))
-    machine = load(parameters, any_size)
+    machine = load(None if parameters is None else read_parameters(source(parameters), any_size))
     if payload is None:
         return machine
     if not any_size:
@@ -83,7 +83,7 @@ METHOD = click.option(
 )
 FIGURE = click.option(
     "--figure",
-    type=click.Path(path_type=Path),
+    type=OutputFile("figure"),
     help="Figure to draw (.png, .svg or .pdf; needs the extra 'plot').",
 )
 JOINTS = click.option(
@@ -158,7 +158,7 @@ _CASE = (
     click.option(
         "--motion",
         "motion_file",
-        type=click.Path(path_type=Path),
+        type=InputFile(),
         help="Motion file (CSV: t,y,z,theta[,ydot,...]); the paper's without it.",
     ),
     click.option(
@@ -175,7 +175,7 @@ _CASE = (
     click.option(
         "--wrench",
         "wrench_file",
-        type=click.Path(path_type=Path),
+        type=InputFile(),
         help="External load on the platform at P (CSV: t,fx,fy,fz,mx,my,mz); none without it.",
     ),
 )
@@ -212,7 +212,7 @@ class Case:
     on_invalid: str = "raise"
 
     def protect(self, *outputs: Path | None) -> None:
-        """Refuse to write over a file that is read, or twice to one file."""
+        """Refuse to write over a file that is read, twice to one file, or where nothing can be written."""
         protect((self.parameters, self.motion_file, self.wrench_file), outputs)
 
     @functools.cached_property
@@ -227,12 +227,12 @@ class Case:
             return paper_motion(1001 if self.samples is None else self.samples)
         if self.samples is not None:
             raise click.UsageError("--samples belongs to the paper's motion, and --motion gives another one")
-        return Motion.from_csv(self.motion_file)
+        return Motion.from_csv(source(self.motion_file))
 
     @functools.cached_property
     def history(self) -> WrenchHistory | None:
         """The external load."""
-        return None if self.wrench_file is None else WrenchHistory.from_csv(self.wrench_file)
+        return None if self.wrench_file is None else WrenchHistory.from_csv(source(self.wrench_file))
 
     @property
     def wrench(self) -> FloatArray | None:
@@ -331,14 +331,3 @@ def with_load(command: Callable[..., Any], on_invalid: bool = False) -> Callable
     for option in reversed(_CASE):
         wrapped = option(wrapped)
     return wrapped
-
-
-def protect(inputs: Iterable[Path | None], outputs: Iterable[Path | None]) -> None:
-    """Refuse to write over a file that is read in the same command, or twice to one file."""
-    used = {os.path.realpath(path) for path in inputs if path is not None}  # Path.resolve fails at a loop
-    for path in outputs:
-        if path is None:
-            continue
-        if os.path.realpath(path) in used:
-            raise click.UsageError(f"{path} would be overwritten: it is already used by this command")
-        used.add(os.path.realpath(path))

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from p3dof.cli.files import STREAM
 from p3dof.cli.options import Case
 from p3dof.cli.output import print_plain
 from p3dof.parameters import Body, Parameters
@@ -50,7 +51,7 @@ def payloads_in_words(machine: Parameters, file: Path | None, given: Body | None
     """
     if not machine.payloads:
         return ""
-    sources = [str(file)] * len(machine.payloads)
+    sources = ["standard input" if file == STREAM else str(file)] * len(machine.payloads)
     if given is not None and given.mass > 0:
         sources[-1] = "--payload"
     parts = [

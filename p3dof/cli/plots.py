@@ -11,15 +11,17 @@ import numpy as np
 from rich.console import Console
 
 from p3dof.cli.app import app
+from p3dof.cli.files import OutputFolder
 from p3dof.cli.options import Case, with_case
 from p3dof.cli.output import print_plain, print_warnings
 from p3dof.cli.payloads import print_payloads
+from p3dof.files import SUFFIXES, together
 from p3dof.manipulator import InverseDynamics
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-FORMATS = ("png", "svg", "pdf")
+FORMATS = tuple(suffix.lstrip(".") for suffix in SUFFIXES["figure"])
 FIGURES = ("forces", "joints", "energy", "reactions", "mechanism")
 
 
@@ -92,7 +94,7 @@ class Drawings:
 @with_case
 @click.option(
     "--out",
-    type=click.Path(path_type=Path),
+    type=OutputFolder(),
     default="out/figures",
     show_default=True,
     help="Folder for the figures.",
@@ -119,19 +121,24 @@ class Drawings:
 )
 def draw(case: Case, out: Path, formats: tuple[str, ...], only: tuple[str, ...], at: float | None) -> None:
     """Draw forces, joints, energy, reactions and the mechanism over a motion (needs the extra 'plot')."""
-    case.require_moment("--at", at)
     chosen = [name for name in FIGURES if name in (only or FIGURES)]
     paths = {name: [out / f"{name}.{kind}" for kind in dict.fromkeys(formats)] for name in chosen}
     case.protect(*(path for some in paths.values() for path in some))
+    case.require_moment("--at", at)
     from p3dof import plots
     from p3dof.plots.common import new_figure
 
     new_figure((1.0, 1.0))  # says that matplotlib is missing before the work begins
     drawings = Drawings(case, at)
+    with together():
+        written = [
+            plots.save(figure, path)
+            for name, files in paths.items()
+            for figure in [drawings.figure(name)]
+            for path in files
+        ]
     console = Console()
     print_payloads(console, case)
-    for name, files in paths.items():
-        figure = drawings.figure(name)
-        for path in files:
-            print_plain(console, f"wrote {plots.save(figure, path)}")
+    for path in written:
+        print_plain(console, f"wrote {path}")
     print_warnings(console, case.robot, drawings.by_virtual_power)

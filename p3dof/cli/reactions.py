@@ -7,10 +7,10 @@ from pathlib import Path
 import click
 import numpy as np
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.table import Table
 
 from p3dof.cli.app import app
+from p3dof.cli.files import OutputFile, console_beside, write_results
 from p3dof.cli.options import FIGURE, JOINTS, Case, with_case
 from p3dof.cli.output import print_plain, print_warnings
 from p3dof.cli.payloads import print_payloads
@@ -40,8 +40,8 @@ _KEY = "\n".join(f"  {joint.label}  {joint.name:15} {joint.meaning}" for joint i
 @JOINTS
 @click.option(
     "--out",
-    type=click.Path(path_type=Path),
-    help="CSV file for the reactions of all joints in all samples.",
+    type=OutputFile("table", stream=True),
+    help="CSV file, - for the standard output, for the reactions of all joints in all samples.",
 )
 @FIGURE
 def reactions(case: Case, joints: Choice, out: Path | None, figure: Path | None) -> None:
@@ -51,12 +51,10 @@ def reactions(case: Case, joints: Choice, out: Path | None, figure: Path | None)
     """
     case.protect(out, figure)
     result = case.reactions(joints)
-    written = [] if out is None else [result.to_csv(out)]
-    if figure is not None:
-        from p3dof import plots
+    from p3dof import plots
 
-        written.append(plots.save(plots.reactions_figure(result), figure))
-    console = Console()
+    written = write_results(result.to_csv, out, lambda: plots.reactions_figure(result), figure)
+    console = console_beside(out)
     print_payloads(console, case)
     print_table(console, peaks_table(result))
     print_plain(

@@ -6,13 +6,16 @@ import shlex
 from pathlib import Path
 
 import click
+import numpy as np
 from rich.console import Console
 
 from p3dof.cli.app import app
+from p3dof.cli.files import STREAM, OutputFile
 from p3dof.cli.options import JOINTS, Case, with_case
 from p3dof.cli.output import print_plain, print_warnings, progress_bar
 from p3dof.cli.payloads import payloads_in_words, print_payloads
 from p3dof.errors import InputError, MissingExtraError
+from p3dof.files import suffix_of
 from p3dof.manipulator import InverseDynamics
 from p3dof.reactions import BOTH, Choice
 
@@ -22,20 +25,22 @@ from p3dof.reactions import BOTH, Choice
 @JOINTS
 @click.option(
     "--out",
-    type=click.Path(path_type=Path),
+    type=OutputFile("report"),
     default="out/report.html",
     show_default=True,
-    help="HTML file to write.",
+    help="File to write: .html, or .pdf with a picture for the animation (needs a Chromium, and playwright).",
 )
 @click.option("--title", help="Heading of the page.")
 @click.option("--animation/--no-animation", default=True, help="Embed the animation (needs the extra 'viz').")
 def make(case: Case, joints: Choice, out: Path, title: str | None, animation: bool) -> None:
-    """Write parameters, figures, tables and an animation as one HTML page (needs the extra 'report')."""
+    """Write parameters, figures, tables and an animation as one page (needs the extra 'report')."""
     case.protect(out)
     from p3dof import report
 
     result, _ = case.solve("virtual-power")
-    moving, reason = _animation(case, result) if animation else (None, "")
+    printed = suffix_of(out, "report") == ".pdf"
+    moving, reason = _animation(case, result) if animation and not printed else (None, "")
+    picture = _picture(case, result) if animation and printed else None
     with progress_bar("report", len(case.motion)) as progress:
         path = report.write(
             out,
@@ -50,6 +55,7 @@ def make(case: Case, joints: Choice, out: Path, title: str | None, animation: bo
             no_animation=reason,
             progress=progress,
             joints=joints,
+            picture=picture,
         )
     console = Console()
     print_payloads(console, case)
@@ -69,18 +75,32 @@ def _animation(case: Case, result: InverseDynamics) -> tuple[str | None, str]:
         return None, str(error)
 
 
+def _picture(case: Case, result: InverseDynamics) -> bytes:
+    """Return a picture of the machine at the instant of the largest force."""
+    from p3dof.viewer.video import screenshot, view_of
+
+    strongest = int(np.argmax(np.nan_to_num(np.abs(result.forces)).max(axis=1)))
+    return screenshot(case.robot, **view_of(case.robot, result, float(result.time[strongest])))
+
+
 def _about(case: Case) -> dict[str, str]:
     """Say where machine, motion and loads come from."""
     found = {
-        "machine": "the paper's" if case.parameters is None else str(case.parameters),
-        "motion": "the paper's" if case.motion_file is None else str(case.motion_file),
+        "machine": _named(case.parameters),
+        "motion": _named(case.motion_file),
     }
     words = payloads_in_words(case.robot.parameters, case.parameters, case.payload)
     if words:
         found["payload"] = words.removeprefix("payload: ")
     if case.wrench_file is not None:
-        found["external load"] = str(case.wrench_file)
+        found["external load"] = _named(case.wrench_file)
     return found
+
+
+def _named(path: Path | None) -> str:
+    if path is None:
+        return "the paper's"
+    return "from the standard input" if path == STREAM else str(path)
 
 
 def _command(case: Case, joints: Choice, out: Path, title: str | None, animation: bool) -> str:

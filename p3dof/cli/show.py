@@ -15,9 +15,11 @@ import click
 from rich.console import Console
 
 from p3dof.cli.app import app
+from p3dof.cli.files import OutputFile
 from p3dof.cli.options import Case, Number, Whole, with_case
 from p3dof.cli.output import print_plain, print_warnings, progress_bar
 from p3dof.cli.payloads import print_payloads
+from p3dof.files import SUFFIXES, suffix_of, together
 from p3dof.manipulator import InverseDynamics
 from p3dof.viewer.player import FASTEST, SLOWEST
 
@@ -46,17 +48,17 @@ _ENDING = ("SIGINT", "SIGTERM", "SIGHUP")
 @click.option("--open/--no-open", "browse", default=True, show_default=True, help="Open the user's browser.")
 @click.option(
     "--out",
-    type=click.Path(path_type=Path),
-    help="Write an HTML file that plays with no network, instead of serving.",
+    type=OutputFile("show"),
+    help="Write a file instead of serving: .html (plays with no network), .mp4, .gif or .png (see below).",
 )
 @click.option(
     "--video",
-    type=click.Path(path_type=Path),
+    type=OutputFile("film"),
     help="Likewise a film, .mp4 or .gif (needs a Chromium, and playwright).",
 )
 @click.option(
     "--screenshot",
-    type=click.Path(path_type=Path),
+    type=OutputFile("picture"),
     help="Likewise a picture, .png (needs them too).",
 )
 def show(
@@ -85,7 +87,10 @@ def show(
     result, _ = case.solve("virtual-power")
     print_warnings(console, case.robot, result)
     if out or video or screenshot:
-        for path in _files(case, result, speed, fps, at, out, video, screenshot):
+        paths = [path for path in (out, screenshot, video) if path is not None]
+        with together():
+            written = [_write(path, case, result, speed, fps, at) for path in paths]
+        for path in written:
             print_plain(console, f"wrote {path}")
         return
     with (
@@ -101,40 +106,20 @@ def show(
         wait(viewer.wait)
 
 
-def _files(
-    case: Case,
-    result: InverseDynamics,
-    speed: float,
-    fps: float | None,
-    at: float | None,
-    out: Path | None,
-    video: Path | None,
-    screenshot: Path | None,
-) -> Iterator[Path]:
-    """Write what was asked for."""
+def _write(
+    path: Path, case: Case, result: InverseDynamics, speed: float, fps: float | None, at: float | None
+) -> Path:
+    """Write what the ending of a name stands for: an animation, a film or a picture."""
     from p3dof.viewer.animation import save_animation
-    from p3dof.viewer.scale import ArrowScale
-    from p3dof.viewer.scene import trace_of
-    from p3dof.viewer.states import States
-    from p3dof.viewer.video import save_screenshot, save_video
+    from p3dof.viewer.video import save_screenshot, save_video, view_of
 
-    if out is not None:
-        yield save_animation(out, case.robot, result, speed, fps or 60.0)
-    if screenshot is not None:
-        moment = float(result.time[0]) if at is None else at
-        shown = States(case.robot, result).of_time(moment, "total")
-        trace = trace_of(case.robot, result.motion.pose[result.valid])
-        yield save_screenshot(
-            screenshot,
-            case.robot,
-            shown.pose,
-            shown.forces,
-            trace,
-            scale=ArrowScale.of_motion(case.robot, result),
-        )
-    if video is not None:
-        with progress_bar("film", 1) as progress:
-            yield save_video(video, case.robot, result, fps or 25.0, speed=speed, progress=progress)
+    ending = suffix_of(path, "show")
+    if ending in SUFFIXES["animation"]:
+        return save_animation(path, case.robot, result, speed, fps or 60.0)
+    if ending in SUFFIXES["picture"]:
+        return save_screenshot(path, case.robot, **view_of(case.robot, result, at))
+    with progress_bar("film", 1) as progress:
+        return save_video(path, case.robot, result, fps or 25.0, speed=speed, progress=progress)
 
 
 @contextmanager

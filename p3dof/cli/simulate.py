@@ -13,11 +13,13 @@ from rich.markup import escape
 from rich.table import Table
 
 from p3dof.cli.app import app
+from p3dof.cli.files import OutputFolder
 from p3dof.cli.options import POSITIVE, Case, Number, Whole, with_load
 from p3dof.cli.output import print_plain, progress_bar
 from p3dof.cli.payloads import print_payloads
 from p3dof.cli.terminal import print_table
 from p3dof.errors import MissingExtraError
+from p3dof.files import together
 from p3dof.manipulator import METHODS
 from p3dof.motion import Motion
 from p3dof.parameters import Limits, Parameters
@@ -82,7 +84,7 @@ CONTROLLERS = {"pd": PD, "feedforward": Feedforward, "computed-torque": Computed
 )
 @click.option(
     "--out",
-    type=click.Path(path_type=Path),
+    type=OutputFolder(),
     default="out",
     show_default=True,
     help="Folder for the runs and the figure.",
@@ -143,9 +145,10 @@ def simulate(
                 samples=max(SAMPLES, len(motion)),
                 progress=progress,
             )
-    written = [run.save(files[name]) for name, run in runs.items()]
-    if plot:
-        written += _draw(figures, runs)
+    with together():
+        written = [run.save(files[name]) for name, run in runs.items()]
+        if plot:
+            written += _draw(figures, runs)
     console = Console()
     print_payloads(console, case)
     print_table(console, errors_table(runs))

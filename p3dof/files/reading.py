@@ -74,8 +74,8 @@ def _require_regular(path: Path, name: str) -> None:
 
 
 def is_stream(thing: Any) -> bool:
-    """Return whether something is open for reading or writing, instead of the path of a file."""
-    return not isinstance(thing, str | os.PathLike) and (hasattr(thing, "read") or hasattr(thing, "write"))
+    """Return whether something is open for reading, instead of the path of a file."""
+    return not isinstance(thing, str | os.PathLike) and hasattr(thing, "read")
 
 
 def called(path: Any) -> str:
@@ -95,8 +95,8 @@ def called(path: Any) -> str:
         If it is neither.
     """
     if is_stream(path):
-        name = str(getattr(path, "name", "a stream"))
-        return {"<stdin>": "standard input", "<stdout>": "standard output"}.get(name, name)
+        name = getattr(path, "name", None)
+        return {"<stdin>": "standard input"}.get(name, name) if isinstance(name, str) else "standard input"
     try:
         name = str(Path(path))
     except TypeError as error:

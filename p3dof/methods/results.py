@@ -13,7 +13,7 @@ import numpy as np
 
 from p3dof.checks import FloatArray
 from p3dof.errors import InputError
-from p3dof.files import write_atomic
+from p3dof.files import suffix_of, write_atomic
 from p3dof.methods.utilisation import Utilisation, utilisations
 from p3dof.motion import Motion
 from p3dof.parameters import Limits
@@ -364,9 +364,12 @@ def write_table(path: str | os.PathLike[str], header: list[str], columns: tuple[
 
     Raises
     ------
+    InputError
+        If its name does not end in ``.csv``.
     FileError
         If the file cannot be written.
     """
+    suffix_of(path, "table")
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(header)

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, FrozenArrays, frozen_array, positive, shown
 from p3dof.errors import MotionError
-from p3dof.files import read_text, write_atomic
+from p3dof.files import Source, called, read_text, suffix_of, write_atomic
 from p3dof.motion import csv_files, splines
 from p3dof.motion.consistency import check_consistency
 from p3dof.motion.times import evenly, require_rising, sample_count
@@ -191,7 +191,7 @@ class Motion(FrozenArrays):
         return cls(time, pose, velocity, acceleration, check=False)
 
     @classmethod
-    def from_csv(cls, path: str | os.PathLike[str], check: bool = True) -> Motion:
+    def from_csv(cls, path: Source, check: bool = True) -> Motion:
         """Read a motion file.
 
         The header is ``t,y,z,theta``, for poses alone (differentiated as by `from_poses`), or
@@ -202,7 +202,7 @@ class Motion(FrozenArrays):
         Parameters
         ----------
         path : path-like
-            The CSV file.
+            The CSV file; or a stream that is open for reading.
         check : bool
             Whether to check velocity and acceleration against the pose; see `Motion`.
 
@@ -218,13 +218,13 @@ class Motion(FrozenArrays):
         FileError
             If the file cannot be read.
         """
-        time, columns = csv_files.parse(read_text(path, csv_files.MAX_BYTES), str(path))
+        time, columns = csv_files.parse(read_text(path, csv_files.MAX_BYTES), called(path))
         try:
             if columns.shape[1] == 3:
                 return cls.from_poses(time, columns)
             return cls(time, columns[:, :3], columns[:, 3:6], columns[:, 6:], check=check)
         except MotionError as error:
-            raise MotionError(f"{path}: {error.args[0]}", error.hint) from error
+            raise MotionError(f"{called(path)}: {error.args[0]}", error.hint) from error
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write a motion file that `from_csv` reads back to the same bits.
@@ -241,9 +241,12 @@ class Motion(FrozenArrays):
 
         Raises
         ------
+        InputError
+            If its name does not end in ``.csv``.
         FileError
             If the file cannot be written.
         """
+        suffix_of(path, "table")
         columns = np.hstack([self.pose, self.velocity, self.acceleration])
         return write_atomic(path, csv_files.dump(self.time, columns))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, FrozenArrays, as_floats, frozen_array
 from p3dof.errors import MotionError
-from p3dof.files import read_text
+from p3dof.files import Source, called, read_text
 from p3dof.motion import csv_files
 from p3dof.motion.times import require_rising
 
@@ -49,7 +48,7 @@ class WrenchHistory(FrozenArrays):
         object.__setattr__(self, "wrench", frozen_array("wrench", self.wrench, (len(time), 6), MotionError))
 
     @classmethod
-    def from_csv(cls, path: str | os.PathLike[str]) -> WrenchHistory:
+    def from_csv(cls, path: Source) -> WrenchHistory:
         """Read a wrench file: CSV with the header ``t,fx,fy,fz,mx,my,mz``.
 
         A unit in brackets may follow each name: s or ms, N or kN, N m or N mm; without one the column is in
@@ -58,7 +57,7 @@ class WrenchHistory(FrozenArrays):
         Parameters
         ----------
         path : path-like
-            The CSV file.
+            The CSV file; or a stream that is open for reading.
 
         Returns
         -------
@@ -72,11 +71,11 @@ class WrenchHistory(FrozenArrays):
             If the file cannot be read.
         """
         text = read_text(path, csv_files.MAX_BYTES)
-        time, columns = csv_files.parse(text, str(path), csv_files.WRENCH)
+        time, columns = csv_files.parse(text, called(path), csv_files.WRENCH)
         try:
             return cls(time, columns)
         except MotionError as error:
-            raise MotionError(f"{path}: {error}") from error
+            raise MotionError(f"{called(path)}: {error}") from error
 
     def __call__(self, time: ArrayLike) -> FloatArray:
         """Return the wrench at times of shape (...), shape (..., 6) [N, N m]."""

@@ -41,7 +41,7 @@ import yaml
 
 from p3dof.checks import shown
 from p3dof.errors import ParameterError
-from p3dof.files import parse_yaml, read_text, write_atomic
+from p3dof.files import Source, called, parse_yaml, read_text, suffix_of, write_atomic
 from p3dof.parameters.body import Body
 from p3dof.parameters.friction import SLIDES, Friction
 from p3dof.parameters.machine import LINKS, Bodies, Geometry, Limits, Parameters
@@ -73,12 +73,12 @@ _KINDS = ("slider", "leg", "crossbar", "platform")
 _T = TypeVar("_T")
 
 
-def read_parameters(path: str | os.PathLike[str], any_size: bool = False) -> Parameters:
+def read_parameters(path: Source, any_size: bool = False) -> Parameters:
     """Read a parameter file.
 
     Parameters
     ----------
-    path : path-like
+    path : path-like or stream
         The YAML file. Its numbers are in SI units, or texts with a unit: ``r: 120 mm``, ``mass: 950 g``,
         ``tilt: [-45 deg, 45 deg]``, ``inertia: [410 kg mm^2, ...]``, ``force: 0.5 kN``.
     any_size : bool
@@ -96,7 +96,7 @@ def read_parameters(path: str | os.PathLike[str], any_size: bool = False) -> Par
     FileError
         If the file cannot be read.
     """
-    return parse(read_text(path), str(path), any_size)
+    return parse(read_text(path), called(path), any_size)
 
 
 def write_parameters(parameters: Parameters, path: str | os.PathLike[str]) -> None:
@@ -113,11 +113,14 @@ def write_parameters(parameters: Parameters, path: str | os.PathLike[str]) -> No
     ------
     FileError
         If the file cannot be written.
+    InputError
+        If its name ends neither in ``.yaml`` nor in ``.yml``.
     ParameterError
         If `parameters` are none.
     """
     if not isinstance(parameters, Parameters):
         raise ParameterError(f"parameters: expected Parameters, got {type(parameters).__name__}")
+    suffix_of(path, "parameters")
     write_atomic(path, dump(parameters))
 
 

@@ -8,14 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from p3dof.errors import InputError, MissingExtraError
-from p3dof.files import write_atomic
+from p3dof.files import suffix_of, write_atomic
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-FORMATS = ("png", "svg", "pdf")
-"""What figures are written as."""
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73")
 """Colours of the legs A, B, C: distinct for colour-blind readers and in grey print."""
@@ -43,10 +40,7 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
     InputError
         If the ending is not a format that matplotlib writes.
     """
-    path = Path(path)
-    kind = path.suffix.lstrip(".").lower()
-    if kind not in FORMATS:
-        raise InputError(f"{path}: expected a file name that ends in .png, .svg or .pdf")
+    kind = suffix_of(path, "figure").lstrip(".")
     stream = io.BytesIO()
     metadata = {"Date": None} if kind == "svg" else {}
     figure.savefig(stream, format=kind, dpi=160, metadata=metadata)

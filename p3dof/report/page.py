@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import os
 import platform
 from collections.abc import Callable, Mapping
@@ -17,7 +18,7 @@ import numpy as np
 from p3dof.checks import shown
 from p3dof.energy import Energy
 from p3dof.errors import InputError, MissingExtraError
-from p3dof.files import write_atomic
+from p3dof.files import suffix_of, write_atomic
 from p3dof.manipulator import Manipulator
 from p3dof.methods import LEGS, InverseDynamics, WrenchOverTime
 from p3dof.motion import Motion
@@ -95,6 +96,7 @@ def render(
     date: datetime | None = None,
     progress: Callable[[int, int], None] | None = None,
     joints: Choice = BOTH,
+    picture: bytes | None = None,
 ) -> str:
     """Return the report on a motion as one HTML page that loads nothing from elsewhere.
 
@@ -124,6 +126,8 @@ def render(
         Called with (done, total) while Pinocchio solves, and again while it finds the reactions.
     joints : {"both", "paper", "points"}
         How the cuts of the loops are built; see `p3dof.reactions`.
+    picture : bytes, optional
+        A picture of the machine (PNG), for paper, where nothing moves; it takes the place of the animation.
 
     Returns
     -------
@@ -156,6 +160,7 @@ def render(
         "command": command,
         "animation": animation,
         "no_animation": no_animation,
+        "picture": None if picture is None else _data_uri(picture),
         "date": when.isoformat(sep=" ", timespec="seconds"),
         "versions": _versions(),
         **_content(findings),
@@ -167,12 +172,12 @@ def render(
 def write(
     path: str | os.PathLike[str], robot: Manipulator, motion: Motion, *args: Any, **options: Any
 ) -> Path:
-    """Write the report on a motion to an HTML file.
+    """Write the report on a motion to a file.
 
     Parameters
     ----------
     path : path-like
-        The file; replaced whole or not at all.
+        The file, replaced whole or not at all: ``.html``, or ``.pdf``, which a Chromium prints.
     robot, motion, *args, **options
         As for `render`.
 
@@ -183,12 +188,28 @@ def write(
 
     Raises
     ------
+    InputError
+        If the name ends in something else.
     FileError
         If the file cannot be written.
+    MissingExtraError
+        If playwright or a browser is missing for a PDF.
     P3dofError
         As `render`.
     """
-    return write_atomic(path, render(robot, motion, *args, **options))
+    printed = suffix_of(path, "report") == ".pdf"
+    page = render(robot, motion, *args, **options)
+    if not printed:
+        return write_atomic(path, page)
+    from p3dof.viewer.headless import pdf_of
+
+    return write_atomic(path, pdf_of(page))
+
+
+def _data_uri(picture: bytes) -> str:
+    if not isinstance(picture, bytes):
+        raise InputError(f"picture: expected the bytes of a PNG, got {shown(picture)}")
+    return f"data:image/png;base64,{base64.b64encode(picture).decode('ascii')}"
 
 
 def _check(robot: Manipulator, **texts: str | None) -> None:

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from p3dof.checks import FloatArray, shown
-from p3dof.errors import FileError, InputError
-from p3dof.files import write_atomic
+from p3dof.errors import InputError
+from p3dof.files import suffix_of, write_atomic
 from p3dof.methods import LEGS, Exceedance, JointStates, exceedances_of, write_table
 from p3dof.motion import Motion
 from p3dof.motion.times import require_rising
@@ -184,14 +184,9 @@ class Simulation:
         FileError
             If the file cannot be written.
         """
-        if not isinstance(path, str | os.PathLike):
-            raise FileError(f"expected the path of a file, got {shown(path)}")
-        kind = Path(path).suffix.lower()
-        if kind == ".csv":
+        if suffix_of(path, "run") == ".csv":
             columns = self.columns()
             return write_table(path, list(columns), tuple(columns.values()))
-        if kind != ".npz":
-            raise InputError(f"{path}: expected a file name that ends in .csv or .npz")
         words = [] if self.stop is None else [self.stop.kind, self.stop.reason[: archive.MAX_TEXT]]
         arrays = {
             "time": self.time,

@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from p3dof.checks import FloatArray, positive, shown
 from p3dof.errors import InputError
-from p3dof.files import write_atomic
+from p3dof.files import suffix_of, write_atomic
 from p3dof.kinematics.states import reachable_poses
 from p3dof.manipulator import InverseDynamics, Manipulator
 from p3dof.viewer.pages import as_script, filled, resource, standalone
@@ -127,7 +127,7 @@ def save_animation(
     Parameters
     ----------
     path : path-like
-        The file; missing folders are made.
+        The file, whose name ends in ``.html``; missing folders are made.
     robot, result, speed, fps, title
         As of `animation_html`.
 
@@ -143,6 +143,7 @@ def save_animation(
     MissingExtraError, InputError
         As of `animation_html`.
     """
+    suffix_of(path, "animation")
     return write_atomic(path, animation_html(robot, result, speed, fps, title))
 
 

@@ -102,6 +102,47 @@ def picture_of(html: str, size: tuple[int, int], time: float | None = None) -> b
     return aside(take)
 
 
+def pdf_of(html: str) -> bytes:
+    """Return a page as PDF: as its style sheet has it for print, without scripts, with the network off.
+
+    Parameters
+    ----------
+    html : str
+        The page, with all that it needs.
+
+    Returns
+    -------
+    bytes
+        With page numbers, an outline of the headings, and tags for screen readers.
+
+    Raises
+    ------
+    MissingExtraError
+        If playwright or a browser is missing, or it does not start.
+    """
+    empty, number = "<span></span>", "<span class='pageNumber'></span> / <span class='totalPages'></span>"
+    style = "font: 8px sans-serif; width: 100%; text-align: center; color: #565656"
+
+    def take() -> bytes:
+        with browser_of_system() as browser, scratch_folder() as folder:
+            file = folder / "page.html"
+            file.write_text(html, encoding="utf-8")
+            page = browser.new_context(offline=True, java_script_enabled=False).new_page()
+            page.goto(file.as_uri())
+            pdf: bytes = page.pdf(
+                prefer_css_page_size=True,
+                print_background=True,
+                display_header_footer=True,
+                header_template=empty,
+                footer_template=f"<div style='{style}'>{number}</div>",
+                outline=True,
+                tagged=True,
+            )
+            return pdf
+
+    return aside(take)
+
+
 def aside(work: Callable[[], _Result]) -> _Result:
     """Do some work in a thread of its own: playwright does not start where an event loop runs (notebooks)."""
     with ThreadPoolExecutor(1) as pool:

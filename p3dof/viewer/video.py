@@ -15,13 +15,14 @@ from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, frozen_array, positive, shown
 from p3dof.errors import FileError, InputError, MissingExtraError
-from p3dof.files import scratch_folder, write_atomic
+from p3dof.files import scratch_folder, suffix_of, write_atomic
 from p3dof.manipulator import InverseDynamics, Manipulator
 from p3dof.viewer.animation import TITLE, animation_html, frames_of
 from p3dof.viewer.headless import as_image, aside, checked_size, opened, picture_of
 from p3dof.viewer.pages import standalone
 from p3dof.viewer.scale import ArrowScale
-from p3dof.viewer.scene import Scene, joints_of, three_forces
+from p3dof.viewer.scene import Scene, joints_of, three_forces, trace_of
+from p3dof.viewer.states import States
 
 SIZE = (960, 720)
 """Width and height of pictures and films [pixels]."""
@@ -73,7 +74,19 @@ def save_screenshot(
     InputError
         If an argument does not fit.
     """
-    _ending(path, ".png")
+    suffix_of(path, "picture")
+    return write_atomic(path, screenshot(robot, pose, forces, trace, size, scale))
+
+
+def screenshot(
+    robot: Manipulator,
+    pose: ArrayLike = (0.0, 0.0, 0.0),
+    forces: ArrayLike | None = None,
+    trace: ArrayLike | None = None,
+    size: tuple[int, int] = SIZE,
+    scale: ArrowScale | None = None,
+) -> bytes:
+    """Return the picture that `save_screenshot` writes; arguments and errors are the same."""
     checked_size(size)
     if not isinstance(robot, Manipulator):
         raise InputError(f"robot: expected a Manipulator, got {shown(robot)}")
@@ -86,7 +99,33 @@ def save_screenshot(
     scene.display(joints, forces)
     if trace is not None:
         scene.draw_trace(trace)
-    return write_atomic(path, picture_of(standalone(scene.window.messages()), size))
+    return picture_of(standalone(scene.window.messages()), size)
+
+
+def view_of(robot: Manipulator, result: InverseDynamics, time: float | None = None) -> dict[str, Any]:
+    """Return what a picture of a moment of a motion shows, as arguments of `save_screenshot`.
+
+    Parameters
+    ----------
+    robot : Manipulator
+        The machine.
+    result : InverseDynamics
+        Of this machine.
+    time : float, optional
+        The moment [s]; the beginning by default.
+
+    Returns
+    -------
+    dict of str to object
+        The pose, its forces, the path of P, and the scale of the arrows, that of the whole motion.
+    """
+    seen = States(robot, result).of_time(float(result.time[0]) if time is None else time, "total")
+    return {
+        "pose": seen.pose,
+        "forces": seen.forces,
+        "trace": trace_of(robot, result.motion.pose[result.valid]),
+        "scale": ArrowScale.of_motion(robot, result),
+    }
 
 
 def picture(html: str) -> Any:
@@ -147,7 +186,7 @@ def save_video(
     InputError
         If an argument does not fit.
     """
-    ending = _ending(path, ".mp4", ".gif")
+    ending = suffix_of(path, "film")
     rate = positive("fps", fps, InputError)
     checked_size(size)
     if ending == ".gif" and rate > _GIF_FPS:
@@ -232,14 +271,3 @@ def _ffmpeg() -> str:
             "an MP4 needs ffmpeg: install it, or pip install 'p3dof[video]'; a .gif needs neither"
         ) from error
     return str(imageio_ffmpeg.get_ffmpeg_exe())
-
-
-def _ending(path: str | os.PathLike[str], *endings: str) -> str:
-    """Return the ending of a file name, in lower case."""
-    try:
-        ending = Path(path).suffix.lower()
-    except TypeError as error:
-        raise FileError(f"expected the path of a file, got a {type(path).__name__}") from error
-    if ending not in endings:
-        raise InputError(f"{path}: expected a file name that ends in {' or '.join(endings)}")
-    return ending
