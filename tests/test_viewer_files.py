@@ -181,6 +181,16 @@ def test_the_mouse_pauses_plays_and_seeks(browser, file):
         watched.healthy()
 
 
+def test_the_licences_can_be_read(browser, file):
+    with opened(browser, file.as_uri(), 800, 600) as watched:
+        assert watched.page.locator("#licences pre").is_hidden()
+        watched.page.get_by_text("licences", exact=True).click()
+        text = watched.page.locator("#licences pre")
+        assert text.is_visible()
+        assert "Copyright \N{COPYRIGHT SIGN} 2010-2021 three.js authors" in text.inner_text()
+        watched.healthy()
+
+
 def test_speed_and_title_are_taken(browser, robot, result, tmp_path):
     title = '<img src=x onerror="alert(1)"> </script> @SCRIPT@ & more'
     path = save_animation(tmp_path / "slow.html", robot, result, speed=0.5, fps=10, title=title)

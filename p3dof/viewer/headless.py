@@ -36,7 +36,9 @@ _FLAGS = (
     "--hide-scrollbars",
 )
 _READY = "typeof viewer === 'object' && viewer.renderer.domElement.width > 0"
-_HIDE = "viewer.gui.domElement.style.display = 'none'"
+_HIDE = """
+for (const part of [viewer.gui.domElement, document.getElementById('licences')]) part.style.display = 'none';
+"""
 _Result = TypeVar("_Result")
 
 

@@ -42,6 +42,7 @@ def standalone(messages: Iterable[bytes], title: str = "p3dof", script: str = ""
         TITLE=html.escape(title),
         MESHCAT=meshcat_script(),
         FIT=resource("page/fit.js"),
+        LICENCES=html.escape(licences()),
         COMMANDS=as_script(commands),
         SCRIPT=script,
     )
@@ -62,6 +63,14 @@ def as_script(value: Any) -> str:
 def resource(name: str) -> str:
     """Return the text of a file of this package."""
     return (resources.files("p3dof.viewer") / name).read_text(encoding="utf-8")
+
+
+def licences() -> str:
+    """Return the notices of all whose JavaScript is in a page: MeshCat 0.3.2, and what its script holds.
+
+    Whoever takes another MeshCat has to look again at what is in it; a test compares them.
+    """
+    return resource("page/licences.txt")
 
 
 @cache

@@ -40,6 +40,7 @@ _GATHERING = 0.003
 _PORTS_TRIED = 100
 _FILES = {
     "/": ("index.html", "text/html"),
+    "/licences.txt": ("licences.txt", "text/plain"),
     "/pane.js": ("pane.js", "text/javascript"),
     "/fit.js": ("fit.js", "text/javascript"),
     "/panel.js": ("panel.js", "text/javascript"),
