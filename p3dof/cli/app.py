@@ -7,14 +7,16 @@ import os
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import click
+from click.shell_completion import CompletionItem
 
 from p3dof import __version__
 from p3dof.checks import one_line
-from p3dof.cli.terminal import spelled, write_what_is_there
+from p3dof.cli.encoding import spelled, write_what_is_there
 from p3dof.errors import P3dofError
 
 BAD_INPUT, INTERRUPTED, READER_LEFT = 2, 130, 141
@@ -23,6 +25,22 @@ BAD_INPUT, INTERRUPTED, READER_LEFT = 2, 130, 141
 
 LONGEST = 1000
 """Longest message in an error's line [characters]."""
+
+
+COMMANDS = {
+    "codegen": ("p3dof.cli.codegen", "Write C99 for a controller."),
+    "compare": ("p3dof.cli.compare", "Compute the forces by both methods, and compare them."),
+    "energy": ("p3dof.cli.energy", "Say what moves most, and what the drives must do."),
+    "export": ("p3dof.cli.export", "Write the model for other tools, with its loops."),
+    "forces": ("p3dof.cli.forces", "Compute the forces over a motion by one method."),
+    "plots": ("p3dof.cli.plots", "Draw all figures of a motion."),
+    "reactions": ("p3dof.cli.reactions", "Compute forces and moments in all joints."),
+    "report": ("p3dof.cli.report", "Write one page that tells all about a motion."),
+    "show": ("p3dof.cli.show", "Show the machine and its forces in the browser."),
+    "simulate": ("p3dof.cli.simulate", "Follow a motion under controllers, in time."),
+    "urdf": ("p3dof.cli.export", "Write the URDF, its loops and its actuated joints."),
+}
+"""The commands: the module of each, imported when it is asked for, and what the program's help says of it."""
 
 
 class _Interrupted(Exception):  # noqa: N818 - never seen outside
@@ -55,9 +73,28 @@ class _Command(click.Command):
 
 
 class _Program(click.Group):
-    """A group whose interruptions are the program's."""
+    """A group that imports a command when it is asked for, and whose interruptions are the program's."""
 
     command_class = _Command
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return sorted({*COMMANDS, *super().list_commands(ctx)})
+
+    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
+        if name in COMMANDS:
+            import_module(COMMANDS[name][0])
+        return super().get_command(ctx, name)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        del ctx
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, summary) for name, (_, summary) in COMMANDS.items()])
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        if incomplete.startswith("-"):
+            return super().shell_complete(ctx, incomplete)
+        found = ((name, summary) for name, (_, summary) in COMMANDS.items() if name.startswith(incomplete))
+        return [CompletionItem(name, help=summary) for name, summary in found]
 
     def make_context(self, *arguments: Any, **others: Any) -> click.Context:
         with _hidden_from_click():
