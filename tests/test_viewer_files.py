@@ -370,7 +370,11 @@ def test_bad_input_is_one_clear_error(robot, result, tmp_path):
             call()
     with pytest.raises(p3dof.ReachError):
         save_screenshot(shot, robot, [1, 0, 0])
-    for path in (tmp_path, 3):
+    with pytest.raises(p3dof.InputError, match=r"a\.gif: expected a file name that ends in \.html"):
+        save_animation(film, robot, result, fps=2)
+    folder = tmp_path / "folder.html"
+    folder.mkdir()
+    for path in (folder, 3):
         with pytest.raises(p3dof.FileError):
             save_animation(path, robot, result, fps=2)
-    assert list(tmp_path.iterdir()) == []
+    assert list(tmp_path.iterdir()) == [folder]
