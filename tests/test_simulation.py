@@ -1,6 +1,7 @@
 """Runs in time: conservation, an independent integration, events, bad input."""
 
 import re
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from test_friction import random_friction
 import p3dof
 from p3dof import PAPER, Friction, Limits, Springs
 from p3dof.errors import ControllerError, DynamicsError, FileError, InputError, ReachError
+from p3dof.simulation.work import estimate
 
 METHODS = ("virtual-power", "pinocchio")
 HOME = np.zeros(3)
@@ -366,7 +368,11 @@ def test_joints_may_be_the_start_and_open_loops_are_refused_with_their_gap():
             "method: expected one of 'pinocchio', 'virtual-power', 'compiled', got 'magic'",
         ),
         ({"rate": 0}, InputError, "rate: expected a positive number, got 0"),
-        ({"rate": 1e12}, InputError, "rate: expected at most 100000000 control periods"),
+        (
+            {"rate": 1e12},
+            InputError,
+            r"^the run would take about \d+ days \(\S+ steps\), the limit is 60 minutes: .*by time_limit$",
+        ),
         ({"saturation": -1}, InputError, "saturation: expected True, False, or one or three positive forces"),
         ({"saturation": [1, 2]}, InputError, "saturation: expected True, False, or one or three"),
         ({"noise": 0.1, "rate": 100}, InputError, "noise: expected a Noise, got 0.1"),
@@ -487,3 +493,35 @@ def test_friction_brings_it_to_rest():
     run = robot.simulate(5, [0.02, 0.03, 0.15], controller=springs)
     np.testing.assert_allclose(run.pose[-1], 0, atol=1e-6)
     assert np.abs(run.velocity[-1]).max() < 1e-5
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_run_is_bounded_before_it_starts(method):
+    """By what it will take, not by a number of holds; what grows with each argument is refused at once."""
+    robot = p3dof.load()
+    for slip in (
+        {"duration": 1e9},
+        {"duration": 10, "rate": 1e9},
+        {"duration": 10, "max_step": 1e-9},
+        {"duration": 1e6, "controller": lambda _: [0, 0, 0]},
+        {"duration": 10, "samples": 2_000_000},
+    ):
+        with pytest.raises(InputError, match=r"^the run would take about|^samples: expected at most 1000000"):
+            robot.simulate(**slip, method=method)
+    with pytest.raises(InputError, match=r"about .* steps.*limit is 0.001 s"):
+        robot.simulate(0.1, rate=1000, method=method, time_limit=1e-3)
+    robot.simulate(0.002, [0, 0, 0], controller=[1, 1, 1], rate=1000, method=method, samples=2)
+
+
+def test_the_estimate_is_near_the_truth():
+    """Within a factor of twenty, on any machine of these years: enough to tell a minute from a day."""
+    robot = p3dof.load()
+    for method in (*METHODS, "compiled"):
+        robot.simulate(0.002, rate=1000, method=method, samples=2)
+        begun = time.process_time()
+        run = robot.simulate(0.05, rate=1000, method=method, samples=51)
+        seconds = time.process_time() - begun
+        expected = estimate(method, 0.05, 51, 1000)
+        assert expected.steps == 50
+        assert 1 / 20 < expected.seconds / seconds < 20
+        assert run.evaluations <= 20 * expected.steps

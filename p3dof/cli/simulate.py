@@ -23,7 +23,8 @@ from p3dof.files import together
 from p3dof.manipulator import METHODS
 from p3dof.motion import Motion
 from p3dof.parameters import Limits, Parameters
-from p3dof.simulation import PD, ComputedTorque, Feedforward, Noise, Simulation
+from p3dof.simulation import PD, TIME_LIMIT, ComputedTorque, Feedforward, Noise, Simulation
+from p3dof.simulation.work import Work, estimate, require_affordable
 
 SAMPLES = 1001
 """Least number of samples of a run: errors are sought among them."""
@@ -97,6 +98,13 @@ CONTROLLERS = {"pd": PD, "feedforward": Feedforward, "computed-torque": Computed
     show_default=True,
     help="Of the runs; npz also holds all joints.",
 )
+@click.option(
+    "--time-limit",
+    type=POSITIVE,
+    default=TIME_LIMIT,
+    show_default=True,
+    help="Longest time that the runs may take [s], as estimated before they start.",
+)
 @click.option("--plot/--no-plot", default=True, help="Draw the figure (needs the extra 'plot').")
 def simulate(
     case: Case,
@@ -113,6 +121,7 @@ def simulate(
     method: str,
     out: Path,
     kind: str,
+    time_limit: float,
     plot: bool,
 ) -> int:
     """Follow a motion under controllers: tracking errors on the screen, runs and a figure in a folder.
@@ -126,6 +135,10 @@ def simulate(
     case.robot.inverse_kinematics(case.motion.pose)  # names a pose that is out of reach before anything moves
     chosen = _ramp(case.motion) if ramp is None else ramp
     motion = case.motion.from_rest(chosen) if chosen else case.motion
+    samples = max(SAMPLES, len(motion))
+    one = estimate(method, motion.duration, samples, rate)
+    all_runs = Work(len(names) * one.steps, len(names) * one.seconds)
+    require_affordable(all_runs, samples, time_limit, "--time-limit")
     model = _wrong(case.robot.parameters, mass_error)
     runs: dict[str, Simulation] = {}
     for name in names:
@@ -142,8 +155,9 @@ def simulate(
                 saturation=False if saturation is None else saturation,
                 noise=Noise(*noise, seed) if noise else None,
                 wrench=case.load_along(chosen),
-                samples=max(SAMPLES, len(motion)),
+                samples=samples,
                 progress=progress,
+                time_limit=time_limit,
             )
     with together():
         written = [run.save(files[name]) for name, run in runs.items()]

@@ -355,6 +355,7 @@ class Manipulator(DifferentialMachine):
         max_step: float | None = None,
         stabilisation: float = 10.0,
         progress: Progress | None = None,
+        time_limit: float = simulation.TIME_LIMIT,
     ) -> Simulation:
         """Move the machine in time under a controller, constant forces, or none.
 
@@ -402,6 +403,8 @@ class Manipulator(DifferentialMachine):
             β of Baumgarte's stabilisation of the closures [1/s], for ``method="pinocchio"``.
         progress : callable, optional
             Called with (done, total) samples.
+        time_limit : float
+            Longest time that the run may take on the clock [s], as estimated before it starts.
 
         Returns
         -------
@@ -415,7 +418,8 @@ class Manipulator(DifferentialMachine):
             If the controller raises or returns something else than three finite numbers; with the time, and
             the run so far in ``run``.
         InputError
-            If an argument does not fit, the run starts beyond a limit, or with open loops.
+            If an argument does not fit, the run would take too long, or it starts beyond a limit or with open
+            loops.
         """
         check_method(method)
         return simulation.simulate(
@@ -440,4 +444,5 @@ class Manipulator(DifferentialMachine):
             max_step,
             stabilisation,
             progress,
+            time_limit,
         )

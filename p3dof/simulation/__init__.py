@@ -6,10 +6,12 @@ from p3dof.simulation.limits import KINDS, Stop
 from p3dof.simulation.reference import Reference
 from p3dof.simulation.run import Simulation
 from p3dof.simulation.simulate import WrenchLike, simulate
+from p3dof.simulation.work import TIME_LIMIT
 
 __all__ = [
     "KINDS",
     "PD",
+    "TIME_LIMIT",
     "ComputedTorque",
     "Controller",
     "ControllerLike",
