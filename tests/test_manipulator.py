@@ -84,8 +84,8 @@ def test_methods_agree_on_random_machines(seed):
         machine.forces(s.pose, s.velocity, s.acceleration, method=method, wrench=s.wrench)
         for method in METHODS
     ]
-    largest = np.abs(results[1]).max(axis=-1)
-    assert np.all(np.abs(results[0] - results[1]).max(axis=-1) <= 1e-10 * largest)
+    allowed = 1e-12 * conditioning(machine.parameters.geometry, s.pose) * np.abs(results[1]).max(axis=-1)
+    assert np.all(np.abs(results[0] - results[1]).max(axis=-1) <= allowed)
 
 
 @settings(max_examples=40)
@@ -118,7 +118,7 @@ def test_forward_dynamics_of_inverse_dynamics_returns_the_acceleration(robot):
         )
         for forces in result:
             found = robot.loop.forward_dynamics(q, v, forces[i]).a
-            np.testing.assert_allclose(found, a, rtol=0, atol=1e-8 * np.abs(a).max())
+            np.testing.assert_allclose(found, a, rtol=0, atol=1e-11 * np.abs(a).max())
 
 
 def test_independence_of_width(robot):
@@ -180,11 +180,26 @@ def test_plain_pinocchio_objects(robot):
 
 
 def test_order_of_samples_does_not_matter(robot):
-    """Each sample stands for itself although the solver starts from its neighbour."""
+    """Each sample stands for itself although the solver starts from its neighbour.
+
+    From another neighbour the joints differ by their rounding, 2e-16 or so; the poses make 44 times as much of
+    it at most, and the forces are differences of larger ones. The closed forms know no neighbour.
+    """
     s = random_states(PAPER, 12, 60, drop=0.15)
-    forward = robot.forces(s.pose, s.velocity, s.acceleration)
-    backward = robot.forces(s.pose[::-1], s.velocity[::-1], s.acceleration[::-1])[::-1]
-    np.testing.assert_allclose(forward, backward, rtol=0, atol=1e-9 * np.abs(forward).max())
+    forward, backward = (
+        {
+            method: robot.forces(s.pose[i], s.velocity[i], s.acceleration[i], method=method)[i]
+            for method in METHODS
+        }
+        for i in (slice(None), slice(None, None, -1))
+    )
+    np.testing.assert_array_equal(forward["virtual-power"], backward["virtual-power"])
+    largest = np.abs(forward["pinocchio"]).max(axis=-1)
+    allowed = 5e-14 * conditioning(PAPER.geometry, s.pose) * largest
+    assert np.all(np.abs(forward["pinocchio"] - backward["pinocchio"]).max(axis=-1) <= allowed)
+    well = conditioning(PAPER.geometry, s.pose) < 2
+    assert well.sum() > 5
+    assert np.abs(forward["pinocchio"] - backward["pinocchio"])[well].max() <= 1e-14 * largest.max()
 
 
 def test_batches_and_single_samples(robot):
@@ -276,7 +291,8 @@ def test_a_sample_does_not_depend_on_the_one_before(geometry):
     machine = p3dof.load(replace(PAPER, geometry=geometry))
     pose = random_states(machine.parameters, 3, 600, drop=0.02, angle=1e-3).pose
     first, second = (machine.forces(pose, HOME, HOME, method=method) for method in METHODS)
-    assert np.all(np.abs(first - second).max(axis=-1) <= 1e-10 * np.abs(second).max(axis=-1))
+    allowed = 1e-12 * conditioning(geometry, pose) * np.abs(second).max(axis=-1)
+    assert np.all(np.abs(first - second).max(axis=-1) <= allowed)
 
 
 def test_a_path_that_leaves_the_reach_does_not_end_in_another_assembly(robot):

@@ -51,11 +51,11 @@ def test_a_minute_of_oscillation_keeps_its_loops_closed():
 
 
 def test_both_ways_agree_over_the_first_second():
-    _, _, run = swinging("pinocchio", 1, 101)
+    _, _, run = swinging("pinocchio", 1, 101, rtol=1e-12, atol=1e-14)
     _, _, other = swinging("virtual-power", 1, 101, rtol=1e-12, atol=1e-14)
-    assert np.abs(run.pose - other.pose).max() < 1e-8
-    assert np.abs(run.velocity - other.velocity).max() < 1e-7
-    assert np.abs(run.acceleration - other.acceleration).max() < 1e-5
+    assert np.abs(run.pose - other.pose).max() < 1e-11
+    assert np.abs(run.velocity - other.velocity).max() < 1e-10
+    assert np.abs(run.acceleration - other.acceleration).max() < 2e-9
 
 
 def test_without_stabilisation_loops_open_faster():
@@ -84,11 +84,12 @@ def test_any_machine_moves_as_lagrange_has_it(method, seed):
     def rate(time, x):
         return np.concatenate([x[3:], model.accelerations(x[:3], x[3:], forces(time), wrench)])
 
-    exact = solve_ivp(rate, (0, duration), np.concatenate([pose, HOME]), "LSODA", rtol=1e-12, atol=1e-13)
+    exact = solve_ivp(rate, (0, duration), np.concatenate([pose, HOME]), "DOP853", rtol=1e-12, atol=1e-14)
     options = {"method": method, "controller": lambda measured: forces(measured.time), "wrench": wrench}
+    options |= {"rtol": 1e-12, "atol": 1e-14}
     run = robot.simulate(duration, pose, **options)
     assert run.finished
-    np.testing.assert_allclose(run.pose[-1], exact.y[:3, -1], rtol=0, atol=1e-8 * max(1, size))
+    np.testing.assert_allclose(run.pose[-1], exact.y[:3, -1], rtol=0, atol=1e-11 * max(1, size))
     assert np.abs(run.pose[-1] - pose).max() > 1e-3 * size
     lossy = p3dof.load(replace(machine, friction=rough)).simulate(duration, pose, **options)
     power = np.sum(lossy.forces * lossy.slider_velocities, axis=1)
@@ -97,7 +98,7 @@ def test_any_machine_moves_as_lagrange_has_it(method, seed):
         lossy.motion, "virtual-power", wrench=lossy.wrench
     )
     scale = np.abs(lossy.forces).max()
-    np.testing.assert_allclose(result.forces, lossy.forces, rtol=0, atol=1e-8 * scale)
+    np.testing.assert_allclose(result.forces, lossy.forces, rtol=0, atol=1e-10 * scale)
     energy = model.energy(lossy.pose, lossy.velocity)
     lost = np.trapezoid(power - result.dissipation, lossy.time)
     assert energy[-1] - energy[0] == pytest.approx(lost, abs=1e-5 * np.abs(power).max() * duration)

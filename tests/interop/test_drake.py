@@ -235,8 +235,8 @@ def test_projected_on_the_loops_the_forces_are_those_of_the_paper(machine):
         ):
             found.append(np.linalg.solve(N[actuated].T, N.T @ tree))
     scale = np.abs(states.forces).max()
-    np.testing.assert_allclose(forces, states.forces, rtol=0, atol=1e-9 * scale)
-    np.testing.assert_allclose(by_matrix, states.forces, rtol=0, atol=1e-9 * scale)
+    np.testing.assert_allclose(forces, states.forces, rtol=0, atol=1e-13 * scale)
+    np.testing.assert_allclose(by_matrix, states.forces, rtol=0, atol=1e-13 * scale)
     assert max(gaps) < 1e-14
 
 
