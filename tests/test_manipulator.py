@@ -182,8 +182,8 @@ def test_plain_pinocchio_objects(robot):
 def test_order_of_samples_does_not_matter(robot):
     """Each sample stands for itself although the solver starts from its neighbour.
 
-    From another neighbour the joints differ by their rounding, 2e-16 or so; the poses make 44 times as much of
-    it at most, and the forces are differences of larger ones. The closed forms know no neighbour.
+    From another neighbour the joints differ by rounding, 2e-16 or so; the poses amplify it up to 44-fold,
+    and the forces are differences of larger ones. The closed forms know no neighbour.
     """
     s = random_states(PAPER, 12, 60, drop=0.15)
     forward, backward = (
