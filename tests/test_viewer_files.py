@@ -220,9 +220,11 @@ def test_arrows_flip_and_vanish_and_the_last_pose_within_reach_stays(browser, ro
         np.testing.assert_allclose(watched.place(platform), held, rtol=0, atol=1e-7)
         assert watched.page.inner_text("#force_A") == "not determined"
         assert not watched.page.evaluate("nodeOf('meshcat/forces/a').object.visible")
+        assert watched.page.evaluate("nodeOf('meshcat/open/a').object.visible")
         for moment, sign in ((0.6, 1), (0.9, -1)):
             at(watched, moment)
             assert watched.page.evaluate("nodeOf('meshcat/forces/a').object.visible")
+            assert not watched.page.evaluate("nodeOf('meshcat/open/a').object.visible")
             head = watched.place("meshcat/forces/a/head")
             assert np.sign((head @ [0, 0, 1, 0])[2]) == sign
         assert watched.page.inner_text("#time") == "t = 2.900 s"

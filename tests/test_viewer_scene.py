@@ -232,10 +232,15 @@ def test_arrows_vanish_without_a_force(scene):
     scene.display(np.zeros(10), [5, np.nan, -5])
     found = commands(scene.window)
     assert [visible(found, f"/meshcat/forces/{leg}") for leg in "abc"] == [True, False, True]
+    assert [visible(found, f"/meshcat/open/{leg}") for leg in "abc"] == [False, True, False]
+    assert text_of(found, "/meshcat/open/b/text") == "undetermined"
+    scene.display(np.zeros(10))
+    found = commands(scene.window)
+    assert not any(visible(found, f"/meshcat/{text}/{leg}") for leg in "abc" for text in ("open", "cut"))
 
 
 def test_a_short_arrow_is_all_head(scene):
-    short = 0.5 * scene._radius
+    short = 0.5 * scene._arrows.radius
     force = short / scene.scale.length(1.0)
     scene.display(np.zeros(10), [force, -force, force])
     start, _, _, tip = arrow(commands(scene.window), "b")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,18 +13,9 @@ from p3dof.description.shapes import PLATFORM
 from p3dof.errors import InputError, MissingExtraError
 from p3dof.manipulator import Manipulator
 from p3dof.parameters import Dimensions
-from p3dof.viewer.arrows import draw_arrow, set_length
-from p3dof.viewer.scale import ArrowScale, number
-from p3dof.viewer.scenery import (
-    COLOURS,
-    LEGS,
-    Room,
-    above,
-    draw_scenery,
-    set_stage,
-    sideways,
-    write_text,
-)
+from p3dof.viewer.forces import ForceArrows, colour_number
+from p3dof.viewer.scale import ArrowScale
+from p3dof.viewer.scenery import LEGS, Room, draw_scenery, set_stage
 from p3dof.viewer.window import SceneWindow
 
 ROOT = "p3dof"
@@ -42,8 +32,6 @@ GLASS = (0.62, 0.66, 0.70, 0.45)
 """Colour of the frame, which stands between the eye and the legs."""
 TRACE = 0x7B1FA2
 """Colour of P and its path."""
-LEGEND = 0x4A545E
-"""Colour of the arrow that tells the scale of the others."""
 _PROUD = 1.04
 """How much larger the platform's skin is than its solids."""
 
@@ -65,8 +53,6 @@ class Scene:
 
     Attributes
     ----------
-    scale : ArrowScale
-        How long the arrows are.
     visualizer : pinocchio.visualize.MeshcatVisualizer
         The plain visualizer of the machine, to go on from.
     window : SceneWindow
@@ -94,15 +80,20 @@ class Scene:
         self.visualizer = _visualizer(robot, self.window)
         self._viewer = self.visualizer.viewer
         self._room = Room.around(robot.parameters)
-        self._radius = 0.7 * self._room.size.rod_radius
-        self.scale = ArrowScale.at_rest(robot) if scale is None else scale
+        scale = ArrowScale.at_rest(robot) if scale is None else scale
+        self._arrows = ForceArrows(self._viewer, self._room, robot.parameters.geometry.b, scale)
         self._columns = [robot.model.names[1:].tolist().index(f"slide_{leg}") for leg in LEGS]
-        set_stage(self._viewer, self._room, self._arrows_reach())
+        set_stage(self._viewer, self._room, self._arrows.ends)
         draw_scenery(self._viewer["scenery"], self._room)
-        self._draw_arrows()
+        self._arrows.draw()
         self._draw_platform()
         self._lighten_frame()
         self.display(np.zeros(robot.model.nq))
+
+    @property
+    def scale(self) -> ArrowScale:
+        """How long the arrows are."""
+        return self._arrows.scale
 
     def display(self, q: ArrayLike, forces: ArrayLike | None = None) -> None:
         """Show the machine at joint positions, and the forces of its actuators.
@@ -112,8 +103,8 @@ class Scene:
         q : array-like, shape (10,)
             Joints in Pinocchio's order, as of `joints_of` [m, rad].
         forces : array-like, shape (3,), optional
-            Of the actuators A, B, C [N]; the arrow of a NaN is hidden, and all are without. One beyond
-            the scale is cut off, and "off scale" stands at its tip.
+            Of the actuators A, B, C [N]; "undetermined" stands in place of the arrow of a NaN. One beyond
+            the scale is cut off, and "off scale" stands at its tip. Without forces there are no arrows.
 
         Raises
         ------
@@ -121,21 +112,10 @@ class Scene:
             If a shape does not fit, or a joint is not finite.
         """
         joints = frozen_array("q", q, (self.robot.model.nq,))
-        newtons = three_forces([np.nan] * 3 if forces is None else forces)
+        newtons = None if forces is None else three_forces(forces)
         self.visualizer.display(joints)
-        self._viewer["legend"].set_property("visible", forces is not None)
         self._viewer["platform"].set_transform(self._frame("platform_center"))
-        for leg, column, force in zip(LEGS, self._columns, newtons, strict=True):
-            node = self._viewer["forces"][leg]
-            place = _at(above(self._arrow_place(leg), joints[column]))
-            node.set_transform(place)
-            length = self.scale.length(float(force))
-            set_length(node, length, self._radius)
-            cut = self.scale.beyond(float(force))
-            self._viewer["cut"][leg].set_property("visible", cut)
-            if cut:
-                text = above(place[:3, 3], length + np.copysign(0.7, length) * self._room.letter)
-                self._viewer["cut"][leg].set_transform(_at(text))
+        self._arrows.show(joints[self._columns], newtons)
 
     def set_scale(self, scale: ArrowScale) -> None:
         """Draw the arrows in another scale from the next `display` on; the camera stays where it is.
@@ -145,9 +125,7 @@ class Scene:
         scale : ArrowScale
             The scale.
         """
-        if scale != self.scale:
-            self.scale = scale
-            self._draw_legend()
+        self._arrows.set_scale(scale)
 
     def draw_trace(self, points: ArrayLike) -> None:
         """Draw the path of P; it replaces the one before.
@@ -196,48 +174,13 @@ class Scene:
                     colour = MARK if name == leg else solid.meshColor.tolist()
                     self._solid(solid.name).set_property("color", list(colour))
 
-    def _draw_arrows(self) -> None:
-        """Draw the arrows of the forces, the text beside one that is cut off, and the one of the legend."""
-        import meshcat.geometry as mg
-
-        for leg in LEGS:
-            material = mg.MeshLambertMaterial(color=_number(COLOURS[leg]))
-            draw_arrow(self._viewer["forces"][leg], self._radius, material)
-            cut = self._viewer["cut"][leg]
-            write_text(cut["text"], "off scale", np.zeros(3), 2 * self._room.letter)
-            cut.set_property("visible", False)
-        material = mg.MeshLambertMaterial(color=LEGEND)
-        draw_arrow(self._viewer["legend/arrow"], self._radius, material)
-        self._viewer["legend"].set_transform(_at(self._legend_place()))
-        self._draw_legend()
-
-    def _draw_legend(self) -> None:
-        length, letter = self.scale.length(self.scale.reference), self._room.letter
-        set_length(self._viewer["legend/arrow"], length, self._radius)
-        text = above(np.zeros(3), length + 0.5 * letter)
-        write_text(self._viewer["legend/text"], f"{number(self.scale.reference)} N", text, 1.4 * letter)
-
-    def _arrows_reach(self) -> FloatArray:
-        """Return the ends of all arrows, and of what is written about the legend's, shape (N, 3)."""
-        letter = self._room.letter
-        places = [self._arrow_place(leg) for leg in LEGS]
-        ends = [above(place, end) for place in places for end in (self.scale.low, self.scale.high)]
-        foot = self._legend_place()
-        text = above(foot, self.scale.metres + 1.5 * letter)
-        return np.stack((*ends, foot, text, text + letter * sideways(), text - letter * sideways()))
-
-    def _legend_place(self) -> FloatArray:
-        """Return where the arrow of the legend starts: left of the machine, about as far away."""
-        low, high = self._room.travel
-        return above(-1.7 * self._room.radius * sideways(), (low + high) / 2 - 0.5 * self.scale.metres)
-
     def _draw_platform(self) -> None:
         """Draw the platform's skin, which hides the seams of its solids, and P, which nothing hides."""
         import meshcat.geometry as mg
 
         geometry, size = self.robot.parameters.geometry, self._room.size
         node = self._viewer["platform"]
-        material = mg.MeshPhongMaterial(color=_number(PLATFORM.rgba))
+        material = mg.MeshPhongMaterial(color=colour_number(PLATFORM.rgba))
         node["skin"].set_object(mg.TriangularMeshGeometry(*_skin(geometry.r, size)), material)
         ink = mg.MeshBasicMaterial(color=TRACE, depthTest=False, transparent=True)
         node["P"].set_object(mg.Sphere(0.5 * size.rod_radius), ink)
@@ -256,12 +199,6 @@ class Scene:
 
     def _solid(self, name: str) -> Any:
         return self._viewer[f"{ROOT}/visuals/{name}"]
-
-    def _arrow_place(self, leg: str) -> FloatArray:
-        """Return where the arrow of a slider at 0 starts: outside it, that of C beside the cross-bar."""
-        edge, b = self._room.size.slider_edge, self.robot.parameters.geometry.b
-        along_y = {"a": -1.2 * edge, "b": 1.2 * edge, "c": b + 0.7 * edge}
-        return np.asarray(self._room.pivots[leg] + np.array([0.0, along_y[leg], 0.0]))
 
 
 def three_forces(forces: ArrayLike) -> FloatArray:
@@ -342,13 +279,6 @@ def _visualizer(robot: Manipulator, window: SceneWindow) -> Any:
     return visualizer
 
 
-def _at(place: FloatArray) -> FloatArray:
-    """Return a place (3,) as a matrix."""
-    matrix = np.eye(4)
-    matrix[:3, 3] = place
-    return matrix
-
-
 def _skin(r: float, size: Dimensions) -> tuple[FloatArray, NDArray[np.int64]]:
     """Return vertices and faces of the plate: the triangle A3 B3 C5 about P, widened by the corner radius."""
     corners = np.array([(0.0, r), (-r, 0.0), (0.0, -r)])  # B3, C5, A3, counter-clockwise
@@ -365,9 +295,3 @@ def _skin(r: float, size: Dimensions) -> tuple[FloatArray, NDArray[np.int64]]:
     walls = np.concatenate((np.stack((i, j, n + j), axis=1), np.stack((i, n + j, n + i), axis=1)))
     cover = np.stack((np.zeros_like(fan), fan, fan + 1), axis=1)
     return vertices, np.concatenate((walls, 2 * n + cover[:, ::-1], 3 * n + cover))
-
-
-def _number(rgba: Sequence[float]) -> int:
-    """Return a colour as MeshCat's materials take it."""
-    red, green, blue = (round(255 * part) for part in rgba[:3])
-    return 65536 * red + 256 * green + blue
