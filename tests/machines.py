@@ -61,8 +61,12 @@ def drops(geometry, pose):
     return np.sqrt(np.maximum(squares, 0)) / L
 
 
-def random_states(parameters, seed, count, drop=FAR["drop"], angle=FAR["angle"], near=None):
-    """Random states that keep a distance from the singularities; with `near`, none farther than that."""
+def random_states(parameters, seed, count, drop=FAR["drop"], angle=FAR["angle"], near=None, side=None):
+    """Random states that keep a distance from the singularities; with `near`, none farther than that.
+
+    With `side`, all on home's side (1) of the actuation singularity, or all on the other (-1): a motion that
+    goes from one to the other is refused.
+    """
     rng = np.random.default_rng(seed)
     geometry = parameters.geometry
     reach = geometry.L - (geometry.R - geometry.r)
@@ -70,8 +74,11 @@ def random_states(parameters, seed, count, drop=FAR["drop"], angle=FAR["angle"],
     for _ in range(200):
         pose = rng.uniform(-1, 1, (4 * count, 3)) * [reach, geometry.L, np.pi]
         pose = pose[drops(geometry, pose).min(axis=-1) >= drop]
-        margin = np.abs(kinematics.singularity(geometry, pose).actuation)
+        signed = kinematics.singularity(geometry, pose).actuation
+        margin = np.abs(signed)
         keep = margin >= angle
+        if side is not None:
+            keep &= np.sign(signed) == side
         if near is not None:
             keep &= (margin <= near["angle"]) | (drops(geometry, pose).min(axis=-1) <= near["drop"])
         found.extend(pose[keep])

@@ -132,8 +132,10 @@ def test_engines_leave_invalid_samples_out(tmp_path, capsys):
     pose = np.column_stack([0.3 * time**2, 0 * time, 0 * time])
     p3dof.Motion.from_poses(time, pose).to_csv(tmp_path / "m.csv")
     arguments = ("--motion", tmp_path / "m.csv", "--on-invalid", "nan", "--engines", "mujoco")
-    code, _, _ = run(capsys, "compare", *arguments, "--out", tmp_path, "--no-plot")
-    assert code == 0
+    code, out, _ = run(capsys, "compare", *arguments, "--out", tmp_path, "--no-plot")
+    assert code == 1
+    assert "the methods agree" in out
+    assert "DISAGREE" not in out
     table = np.genfromtxt(tmp_path / "forces.csv", delimiter=",", skip_header=1)
     np.testing.assert_array_equal(np.isnan(table[:, 10]), np.isnan(table[:, 4]))
     assert np.isnan(table[:, 10]).any()

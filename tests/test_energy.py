@@ -93,20 +93,24 @@ def test_pinocchio_finds_the_same(seed):
     robot = p3dof.load(parameters)
     s = random_states(parameters, 7, 5, drop=0.3, angle=0.1)
     motion = Motion(np.arange(5.0), s.pose, s.velocity, s.acceleration, check=False)
-    result = robot.inverse_dynamics(motion, method="pinocchio")
-    found = energy_of(parameters, result)
+    results = [robot.inverse_dynamics(motion[i], method="pinocchio") for i in range(5)]  # on either side
+    found = [energy_of(parameters, result) for result in results]
     data, rows = robot.model.createData(), []
-    for q, v in zip(result.joints.q, result.joints.v, strict=True):
+    for q, v in ((result.joints.q[0], result.joints.v[0]) for result in results):
         kinetic = pin.computeKineticEnergy(robot.model, data, q, v)
         potential = pin.computePotentialEnergy(robot.model, data, q)
         hg = pin.computeCentroidalMomentum(robot.model, data, q, v)
         centre = pin.centerOfMass(robot.model, data, q)
         rows.append([kinetic, potential, *hg.linear, *(hg.angular + np.cross(centre, hg.linear))])
     expected = np.array(rows)
-    close(found.kinetic_total, expected[:, 0], 1e-12)
-    close(found.potential_total, expected[:, 1], 1e-12)
-    close(found.momentum, expected[:, 2:5], 1e-12)
-    close(found.angular_momentum, expected[:, 5:], 1e-12)
+    columns = {
+        "kinetic_total": 0,
+        "potential_total": 1,
+        "momentum": slice(2, 5),
+        "angular_momentum": slice(5, 8),
+    }
+    for name, column in columns.items():
+        close(np.concatenate([getattr(one, name) for one in found]), expected[:, column], 1e-12)
 
 
 @settings(max_examples=30)
@@ -266,7 +270,7 @@ def test_invalid_samples_part_the_work():
     wrench[[40, 41, 70, 72]] = np.nan
     motion = p3dof.paper_motion(101)
     for method in METHODS:
-        found, result = solved(motion=motion, wrench=wrench, method=method, on_invalid="nan")
+        found, _ = solved(motion=motion, wrench=wrench, method=method, on_invalid="nan")
         assert np.flatnonzero(~found.valid).tolist() == [40, 41, 70, 72]
         names = {item.name for item in fields(found)} - {"time", "bodies", "drives"}
         for values in (getattr(found, name) for name in sorted(names | {"total", "work_done"})):
@@ -274,16 +278,15 @@ def test_invalid_samples_part_the_work():
             np.testing.assert_array_equal(rows.all(axis=-1), found.valid)
             np.testing.assert_array_equal(rows.any(axis=-1), found.valid)
         parts = [slice(0, 40), slice(42, 70), slice(71, 72), slice(73, 101)]
-        done, given = np.zeros(3), np.zeros(3)
+        done = np.zeros(3)
         for part in parts:
             alone, _ = solved(motion=motion[part], wrench=WRENCH, method=method)
             np.testing.assert_allclose(found.work[part], done + alone.work, rtol=0, atol=1e-12)
             np.testing.assert_allclose(found.balance[part], alone.balance, rtol=0, atol=1e-12)
-            done, given = done + alone.work[-1], given + alone.drives.positive_work
-        np.testing.assert_allclose(found.drives.positive_work, given, atol=1e-12)
-        np.testing.assert_allclose(found.drives.mean_power * (0.39 + 0.27 + 0.27), done, atol=1e-12)
+            done = done + alone.work[-1]
+        for item in fields(found.drives):  # what happens in between is unknown
+            assert np.isnan(getattr(found.drives, item.name)).all()
         assert np.abs(found.balance[found.valid]).max() <= 1e-6 * found.scale
-        np.testing.assert_array_equal(found.drives.peak_force, result.peak_forces)
 
 
 def test_nothing_valid():
@@ -300,11 +303,11 @@ def test_nothing_valid():
 def test_crossing_a_singularity_parts_the_work():
     theta = np.arange(0, 1.95, 0.1)
     motion = Motion.from_poses(theta, np.column_stack([0 * theta, 0 * theta, theta]))
-    found, result = solved(motion=motion)
-    assert len(result.crossings) == 1
-    behind = int(np.flatnonzero(found.time == result.crossings[0])[0]) + 1
-    assert found.balance[0] == found.balance[behind] == 0
-    np.testing.assert_array_equal(found.work[behind], found.work[behind - 1])
+    found, result = solved(motion=motion, on_invalid="nan")
+    assert result.crossings.tolist() == [theta[10]]
+    assert np.flatnonzero(~found.valid).tolist() == [10, 11]
+    assert found.balance[0] == found.balance[12] == 0
+    np.testing.assert_array_equal(found.work[12], found.work[9])
 
 
 def test_batches_and_bad_states():
@@ -444,7 +447,7 @@ def test_command(tmp_path, capsys, method):
     assert code == 0, err
     for words in ("platform", "60.5%", "peak speed [m/s]", "118.4980", "balance", f"wrote {out}"):
         assert words in text
-    assert "too few" not in text
+    assert "work and energy differ" not in text
     assert np.genfromtxt(out, delimiter=",", skip_header=1).shape == (101, 41)
     assert figure.read_bytes().startswith(b"\x89PNG")
 
@@ -452,7 +455,8 @@ def test_command(tmp_path, capsys, method):
 def test_command_tells_what_is_doubtful(tmp_path, capsys):
     code, text, _ = run(capsys, "energy", "--samples", 5, "--method", "virtual-power")
     assert code == 0
-    assert "work and energy differ by 14 J" in text
+    assert "work and energy differ by 13.7 J, where 17.47 J move" in text
+    assert "the samples are too coarse" in text
     (tmp_path / "m.csv").write_text("t,y,z,theta\n0,0,0,0\n1,0,0,0\n2,0,0,0\n", encoding="utf-8")
     code, text, _ = run(capsys, "energy", "--motion", tmp_path / "m.csv")
     assert code == 0
@@ -463,8 +467,10 @@ def test_command_tells_what_is_doubtful(tmp_path, capsys):
 def test_command_with_bad_input(tmp_path, capsys):
     motion = tmp_path / "m.csv"
     motion.write_text("t,y,z,theta\n0,0,0,0\n1,0.5,0,0\n", encoding="utf-8")
+    code, _, err = run(capsys, "energy", "--motion", motion)
+    assert code == 1  # nothing is wrong with the file: the machine cannot do it
+    assert "leg A" in err
     for arguments, words in (
-        (["--motion", motion], "leg A"),
         (["--motion", motion, "--out", motion], "would be overwritten"),
         (["--out", tmp_path / "f.png"], "f.png: expected a file name that ends in .csv"),
         (["--samples", 3, "--figure", tmp_path / "f.doc"], "ends in .png"),

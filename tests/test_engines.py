@@ -65,7 +65,7 @@ def test_forces_of_random_machines_are_those_of_virtual_power(name):
     worst = 0.0
     for seed in range(12):
         parameters = random_machine(seed)
-        states = random_states(parameters, seed, 4, drop=0.3, angle=0.2)
+        states = random_states(parameters, seed, 4, drop=0.3, angle=0.2, side=1)
         time = np.arange(float(len(states.pose)))
         motion = p3dof.Motion(time, states.pose, states.velocity, states.acceleration, check=False)
         found = engine(name, parameters).forces(motion, states.wrench)

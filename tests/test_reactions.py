@@ -44,7 +44,7 @@ def case(name: str) -> tuple[Parameters, Motion, np.ndarray]:
         return (PAPER if name == "PAPER" else SOLIDS), motion, wrench
     seed = int(name)
     parameters = random_machine(seed)
-    states = random_states(parameters, seed, 6)
+    states = random_states(parameters, seed, 6, side=(1, -1)[seed % 2])
     return parameters, motion_of(states), states.wrench
 
 
@@ -625,8 +625,9 @@ def test_invalid_samples():
         assert np.isnan(array[[1, 3]]).all()
     assert not result.determined_forces[1].any()
     np.testing.assert_array_equal(result.undetermined, [6, 0, 6, 0])
-    assert np.isfinite(result.peaks()[0].axial)
-    assert all(np.isfinite(peak.values["paper"]) for peak in result.open_peaks())
+    loads = [getattr(peak, name) for peak in result.peaks() for name in ("force", "axial", "rms_moment")]
+    assert np.isnan(loads).all()  # the largest one may be in between
+    assert result.open_peaks() == ()
     with pytest.raises(ReachError):
         over_motion(loop, PAPER, motion)
     with pytest.raises(SingularityError):
@@ -710,7 +711,7 @@ def test_the_command(tmp_path, capsys):
     motion.write_text("t,y,z,theta\n0,9,0,0\n1,9,0,0\n", encoding="utf-8")
     assert main(["reactions", "--motion", str(motion), "--out", str(motion)]) == 2
     assert "would be overwritten" in capsys.readouterr().err
-    assert main(["reactions", "--motion", str(motion), "--on-invalid", "nan"]) == 2
+    assert main(["reactions", "--motion", str(motion), "--on-invalid", "nan"]) == 1
     assert "no sample of the motion" in capsys.readouterr().err
 
 

@@ -17,10 +17,11 @@ from click.shell_completion import CompletionItem
 from p3dof import __version__
 from p3dof.checks import one_line
 from p3dof.cli.encoding import spelled, write_what_is_there
-from p3dof.errors import P3dofError
+from p3dof.errors import P3dofError, SampleError
 
-BAD_INPUT, INTERRUPTED, READER_LEFT = 2, 130, 141
-"""Exit codes: the last two as a shell has them for a program that SIGINT or SIGPIPE ended."""
+FAILED, BAD_INPUT, INTERRUPTED, READER_LEFT = 1, 2, 130, 141
+"""Exit codes: a check failed or the machine cannot make a motion; bad input; the last two as a shell has them
+for a program that SIGINT or SIGPIPE ended."""
 
 
 LONGEST = 1000
@@ -139,8 +140,9 @@ def _run(arguments: Sequence[str] | None) -> int:
         code = app(
             args=None if arguments is None else list(arguments), standalone_mode=False, prog_name="p3dof"
         )
-    except P3dofError as error:
-        return _fail(str(error.args[0] if error.args else error))  # without hints for programs
+    except P3dofError as error:  # a sample that the machine cannot make is no fault of the input
+        told = str(error.args[0] if error.args else error)  # without hints for programs
+        return _fail(told, FAILED if isinstance(error, SampleError) else BAD_INPUT)
     except click.exceptions.NoArgsIsHelpError as error:
         sys.stderr.write(f"{error.format_message()}\n")
         return BAD_INPUT

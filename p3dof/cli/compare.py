@@ -96,7 +96,7 @@ def compare(
     """Compute the forces by both methods, compare them, and write forces.csv and a figure.
 
     Exit code 1 when they disagree by more than the tolerance, or the compiled kernels or an engine do by
-    more than that and 1e-9.
+    more than that and 1e-9; and when the machine cannot make the motion.
     """
     case.protect(*(out / name for name in FILES))
     console = Console()
@@ -107,7 +107,7 @@ def compare(
         return 1
     opinions = [_ask(name, case, second) for name in _names(chosen)]
     difference = np.abs(first.forces - second.forces)[first.valid & second.valid]
-    largest = float(second.peak_forces.max())
+    largest = float(second.force_scale.max())
     worst = float(difference.max(initial=0))
     agree = same_rows and worst <= tolerance * largest
     with together():
@@ -121,7 +121,7 @@ def compare(
     )
     if in_time:
         _print_convergence(console, case)
-    print_warnings(console, case.robot, second)
+    print_warnings(console, second.warnings)
     for path in written:
         print_plain(console, f"wrote {path}")
     verdict = "agree" if agree else "DISAGREE"
@@ -133,7 +133,7 @@ def compare(
         highlight=False,
         soft_wrap=True,
     )
-    return 0 if agree and confirmed else 1
+    return 0 if agree and confirmed and second.possible else 1
 
 
 def _solve_both(case: Case) -> tuple[tuple[InverseDynamics, float], tuple[InverseDynamics, float]]:
@@ -204,7 +204,7 @@ def _print_opinions(
     """Print how far others are from the virtual powers; return whether all are near enough."""
     table = Table("by", "largest difference [N]", "of the largest force", "time per sample")
     table.title = "others against virtual-power"
-    largest, agree = float(known.peak_forces.max()), True
+    largest, agree = float(known.force_scale.max()), True
     for opinion in opinions:
         worst = float(np.abs(opinion.forces - known.forces)[known.valid].max())
         agree = agree and worst <= tolerance * largest

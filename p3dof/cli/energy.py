@@ -13,15 +13,12 @@ from rich.table import Table
 from p3dof.cli.app import app
 from p3dof.cli.files import OutputFile, console_beside, write_results
 from p3dof.cli.options import FIGURE, METHOD, Case, with_case
-from p3dof.cli.output import limits_table, print_plain, print_warnings
+from p3dof.cli.output import fixed, limits_table, print_plain, print_warnings
 from p3dof.cli.payloads import print_payloads
 from p3dof.cli.terminal import print_table
 from p3dof.energy import Energy
 from p3dof.manipulator import InverseDynamics
 from p3dof.methods import LEGS
-
-DOUBTFUL = 1e-3
-"""Share of the energy that moves by which the work may miss it without a word."""
 
 ROUNDING = 1e-9
 """Share of the whole energy below which nothing moves."""
@@ -36,8 +33,11 @@ ROUNDING = 1e-9
     help="CSV file, - for the standard output, for energies, momenta, power and work.",
 )
 @FIGURE
-def energy(case: Case, method: str, out: Path | None, figure: Path | None) -> None:
-    """Compute energy and work over a motion: what moves most, and what the drives must give and take."""
+def energy(case: Case, method: str, out: Path | None, figure: Path | None) -> int:
+    """Compute energy and work over a motion: what moves most, and what the drives must give and take.
+
+    Exit code 1 when the machine cannot make the motion: there are no peaks and no sums then.
+    """
     case.protect(out, figure)
     result, _ = case.solve(method)
     found = case.robot.energy(result)
@@ -49,10 +49,10 @@ def energy(case: Case, method: str, out: Path | None, figure: Path | None) -> No
     limits = limits_table(result, case.robot.parameters.limits)
     for table in (bodies_table(found), drives_table(found), limits, balance_table(found, result)):
         print_table(console, table)
-    print_warnings(console, case.robot, result)
-    print_doubts(console, found)
+    print_warnings(console, result.warnings)
     for path in written:
         print_plain(console, f"wrote {path}")
+    return 0 if result.possible else 1
 
 
 def bodies_table(energy: Energy) -> Table:
@@ -67,7 +67,12 @@ def bodies_table(energy: Energy) -> Table:
     -------
     rich.table.Table
     """
-    total = np.where(energy.valid, energy.kinetic_total, -np.inf)
+    if not energy.valid.all():
+        table = Table("body", "peak kinetic energy [J]", title="kinetic energy: not known in all samples")
+        for name in energy.bodies:
+            table.add_row(name, "-")
+        return table
+    total = energy.kinetic_total
     most = int(np.argmax(total))
     table = Table(
         "body",
@@ -77,7 +82,7 @@ def bodies_table(energy: Energy) -> Table:
     )
     for k, name in enumerate(energy.bodies):
         share = energy.kinetic[most, k] / total[most] if total[most] > 0 else 0.0
-        table.add_row(name, f"{energy.kinetic[energy.valid, k].max():.4f}", f"{share:.1%}")
+        table.add_row(name, f"{energy.kinetic[:, k].max():.4f}", f"{share:.1%}")
     return table
 
 
@@ -106,7 +111,7 @@ def drives_table(energy: Energy) -> Table:
     }
     table = Table("drive load", *(f"actuator {leg}" for leg in LEGS), title="what the drives must do")
     for name, values in rows.items():
-        table.add_row(escape(name), *(f"{value:.4f}" for value in values))
+        table.add_row(escape(name), *map(fixed, values))
     return table
 
 
@@ -132,18 +137,6 @@ def balance_table(energy: Energy, result: InverseDynamics) -> Table:
         f"{error / energy.scale:.1e} of {energy.scale:.4g} J" if energy.scale > rounding else f"{error:.1e} J"
     )
     residual = np.abs(result.power_residual[result.valid]).max()
-    done = energy.work_done[energy.valid][-1]
-    table.add_row(result.method, f"{done:.4f}", share, f"{residual:.1e}")
+    done = energy.work_done[-1] if result.possible else np.nan
+    table.add_row(result.method, fixed(done), share, f"{residual:.1e}")
     return table
-
-
-def print_doubts(console: Console, energy: Energy) -> None:
-    """Say so where the work is not to be trusted."""
-    error = np.abs(energy.balance[energy.valid]).max()
-    if error > max(DOUBTFUL * energy.scale, ROUNDING * np.abs(energy.total[energy.valid]).max()):
-        console.print(
-            f"work and energy differ by {error:.2g} J: too few samples to integrate the power",
-            style="yellow",
-            highlight=False,
-            soft_wrap=True,
-        )

@@ -16,9 +16,8 @@ import numpy as np
 from p3dof.checks import LARGEST, FloatArray, shown
 from p3dof.cli.files import InputFile, OutputFile, protect, source
 from p3dof.cli.output import progress_bar
-from p3dof.errors import InputError, ParameterError
+from p3dof.errors import ParameterError, SampleError
 from p3dof.manipulator import METHODS, InverseDynamics, Manipulator, load
-from p3dof.methods import wrenches_at
 from p3dof.motion import Motion, WrenchHistory, paper_motion
 from p3dof.motion.splines import eased
 from p3dof.parameters import Body, read_parameters
@@ -164,7 +163,8 @@ _CASE = (
     click.option(
         "--samples",
         type=Whole(2, 1_000_000),
-        help="Samples of the paper's motion; 1001 without it.",
+        help="Samples of the paper's motion, or of the curve through the poses of a file; 1001, or as many "
+        "as peaks and work need, without it.",
     ),
     click.option(
         "--payload",
@@ -197,7 +197,7 @@ class Case:
     parameters, motion_file, wrench_file : Path, optional
         Files to read.
     samples : int, optional
-        Of the paper's motion.
+        Of the paper's motion, or of the curve through the poses of a file.
     payload : Body, optional
         On the platform.
     on_invalid : str
@@ -225,9 +225,19 @@ class Case:
         """The motion."""
         if self.motion_file is None:
             return paper_motion(1001 if self.samples is None else self.samples)
+        motion = Motion.from_csv(source(self.motion_file))
+        if motion.curve is None:
+            if self.samples is not None:
+                raise click.UsageError(
+                    f"--samples belongs to the paper's motion and to poses alone; {self.motion_file} has "
+                    "velocities and accelerations: its rows are the samples"
+                )
+            return motion
+        if self.on_invalid == "raise":  # names the row of the file rather than a sample of the curve
+            self.robot.forces(motion.pose, motion.velocity, motion.acceleration, "compiled")
         if self.samples is not None:
-            raise click.UsageError("--samples belongs to the paper's motion, and --motion gives another one")
-        return Motion.from_csv(source(self.motion_file))
+            return motion.resampled(self.samples)
+        return self.robot.refined(motion, self.history)
 
     @functools.cached_property
     def history(self) -> WrenchHistory | None:
@@ -235,8 +245,8 @@ class Case:
         return None if self.wrench_file is None else WrenchHistory.from_csv(source(self.wrench_file))
 
     @property
-    def wrench(self) -> FloatArray | None:
-        """The external load at the samples of the motion."""
+    def wrench(self) -> WrenchHistory | None:
+        """The external load over the motion; says so if it is not known all along."""
         if self.history is None:
             return None
         known, asked = self.history.time, self.motion.time
@@ -245,7 +255,7 @@ class Case:
                 f"p3dof: the load is known from {known[0]:g} to {known[-1]:g} s, the motion takes place from "
                 f"{asked[0]:g} to {asked[-1]:g} s: its first and last values are kept\n"
             )
-        return wrenches_at(asked, self.history, "raise")
+        return self.history
 
     def load_along(self, ramp: float) -> Callable[[float], FloatArray] | None:
         """Return the load of a run that enters the motion from rest, by its place on the path.
@@ -302,7 +312,7 @@ class Case:
     def require_valid(self, valid: np.ndarray[Any, np.dtype[np.bool_]]) -> None:
         """Raise unless some sample is valid."""
         if not valid.any():
-            raise InputError(
+            raise SampleError(
                 f"no sample of the motion is within what the machine can do ({len(valid)} samples)"
             )
 

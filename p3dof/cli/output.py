@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import numpy as np
@@ -12,7 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from p3dof.checks import FloatArray
-from p3dof.manipulator import InverseDynamics, Manipulator
+from p3dof.manipulator import InverseDynamics
 from p3dof.methods.results import LEGS
 from p3dof.parameters import Limits
 
@@ -58,8 +58,9 @@ def agreement_table(first: InverseDynamics, second: InverseDynamics, difference:
     table.title = f"{first.method} against {second.method}"
     worst = difference.max(axis=0, initial=0)
     for leg, name in enumerate(LEGS):
-        peak = second.peak_forces[leg]
-        table.add_row(name, f"{peak:.6f}", f"{worst[leg]:.1e}", f"{worst[leg] / peak if peak else 0:.1e}")
+        peak, scale = second.peak_forces[leg], second.force_scale[leg]
+        share = worst[leg] / scale if scale else 0
+        table.add_row(name, fixed(peak, 6), f"{worst[leg]:.1e}", f"{share:.1e}")
     return table
 
 
@@ -79,7 +80,8 @@ def evidence_table(*runs: tuple[InverseDynamics, float]) -> Table:
     for result, seconds in runs:
         peak = np.abs(result.power[result.valid]).max(initial=0)
         residual = np.abs(result.power_residual[result.valid]).max(initial=0)
-        share = f"{residual / peak:.1e} of {peak:.1f} W" if peak else f"{residual:.1e} W"
+        told = peak and result.possible
+        share = f"{residual / peak:.1e} of {peak:.1f} W" if told else f"{residual:.1e} W"
         gap = result.closure_error[result.valid].max(initial=0)
         each = time_text(seconds / len(result.time))
         table.add_row(result.method, f"{gap:.1e}", share, each)
@@ -131,19 +133,15 @@ def limits_table(result: InverseDynamics, limits: Limits) -> Table:
     return table
 
 
-def print_warnings(console: Console, robot: Manipulator, result: InverseDynamics) -> None:
-    """Say what is wrong with a motion although its forces could be computed."""
-    invalid = len(result.time) - int(result.valid.sum())
-    warnings = [f"{invalid} of {len(result.time)} samples are invalid and left NaN"] if invalid else []
-    warnings += [
-        f"limit exceeded: {exceedance}" for exceedance in result.exceedances(robot.parameters.limits)
-    ]
-    warnings += [
-        f"after t = {time:g} s the motion crosses an actuation singularity: no force can do that"
-        for time in result.crossings
-    ]
+def fixed(value: float, digits: int = 4) -> str:
+    """Return a number with so many decimals; a dash for what does not exist."""
+    return "-" if np.isnan(value) else f"{value:.{digits}f}"
+
+
+def print_warnings(console: Console, warnings: Sequence[str]) -> None:
+    """Print what a reader of a result should know, one line each; see `InverseDynamics.warnings`."""
     for warning in warnings:
-        console.print(warning, style="yellow", highlight=False, soft_wrap=True)
+        console.print(warning, style="yellow", markup=False, highlight=False, soft_wrap=True)
 
 
 def print_plain(console: Console, text: str) -> None:

@@ -119,8 +119,11 @@ class Drawings:
     type=float,
     help="Draw the mechanism at the sample nearest to this time [s]; at the first one without it.",
 )
-def draw(case: Case, out: Path, formats: tuple[str, ...], only: tuple[str, ...], at: float | None) -> None:
-    """Draw forces, joints, energy, reactions and the mechanism over a motion (needs the extra 'plot')."""
+def draw(case: Case, out: Path, formats: tuple[str, ...], only: tuple[str, ...], at: float | None) -> int:
+    """Draw forces, joints, energy, reactions and the mechanism over a motion (needs the extra 'plot').
+
+    Exit code 1 when the machine cannot make the motion.
+    """
     chosen = [name for name in FIGURES if name in (only or FIGURES)]
     paths = {name: [out / f"{name}.{kind}" for kind in dict.fromkeys(formats)] for name in chosen}
     case.protect(*(path for some in paths.values() for path in some))
@@ -141,4 +144,5 @@ def draw(case: Case, out: Path, formats: tuple[str, ...], only: tuple[str, ...],
     print_payloads(console, case)
     for path in written:
         print_plain(console, f"wrote {path}")
-    print_warnings(console, case.robot, drawings.by_virtual_power)
+    print_warnings(console, drawings.by_virtual_power.warnings)
+    return 0 if drawings.by_virtual_power.possible else 1

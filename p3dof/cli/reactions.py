@@ -44,10 +44,12 @@ _KEY = "\n".join(f"  {joint.label}  {joint.name:15} {joint.meaning}" for joint i
     help="CSV file, - for the standard output, for the reactions of all joints in all samples.",
 )
 @FIGURE
-def reactions(case: Case, joints: Choice, out: Path | None, figure: Path | None) -> None:
+def reactions(case: Case, joints: Choice, out: Path | None, figure: Path | None) -> int:
     """Compute the forces and moments in all joints over a motion: peaks on the screen, samples in a file.
 
     Loads that rigid bodies leave open are shown apart from those to size the joints for.
+
+    Exit code 1 when the machine cannot make the motion: there are no peaks then.
     """
     case.protect(out, figure)
     result = case.reactions(joints)
@@ -75,9 +77,10 @@ def reactions(case: Case, joints: Choice, out: Path | None, figure: Path | None)
         case.wrench,
         case.on_invalid,  # type: ignore[arg-type]  # one of two, as the options say
     )
-    print_warnings(console, case.robot, known)
+    print_warnings(console, known.warnings)
     for path in written:
         print_plain(console, f"wrote {path}")
+    return 0 if result.possible else 1
 
 
 def peaks_table(result: AnyReactions) -> Table:

@@ -32,8 +32,11 @@ from p3dof.reactions import BOTH, Choice
 )
 @click.option("--title", help="Heading of the page.")
 @click.option("--animation/--no-animation", default=True, help="Embed the animation (needs the extra 'viz').")
-def make(case: Case, joints: Choice, out: Path, title: str | None, animation: bool) -> None:
-    """Write parameters, figures, tables and an animation as one page (needs the extra 'report')."""
+def make(case: Case, joints: Choice, out: Path, title: str | None, animation: bool) -> int:
+    """Write parameters, figures, tables and an animation as one page (needs the extra 'report').
+
+    Exit code 1 when the machine cannot make the motion.
+    """
     case.protect(out)
     from p3dof import report
 
@@ -59,10 +62,11 @@ def make(case: Case, joints: Choice, out: Path, title: str | None, animation: bo
         )
     console = Console()
     print_payloads(console, case)
-    print_warnings(console, case.robot, result)
+    print_warnings(console, result.warnings)
     if reason:
         print_plain(console, f"no animation: {reason}")
     print_plain(console, f"wrote {path}")
+    return 0 if result.possible else 1
 
 
 def _animation(case: Case, result: InverseDynamics) -> tuple[str | None, str]:

@@ -72,11 +72,12 @@ def show(
     out: Path | None,
     video: Path | None,
     screenshot: Path | None,
-) -> None:
+) -> int:
     """Show the machine and its forces in the browser: play a motion, or move the platform by hand.
 
     The page is served to this machine only, until Ctrl-C or a termination signal, which end it with exit
-    code 0. With --out, --video or --screenshot files are written instead. Needs the extra 'viz'.
+    code 0. With --out, --video or --screenshot files are written instead, with exit code 1 when the machine
+    cannot make the motion. Needs the extra 'viz'.
     """
     case.protect(out, video, screenshot)
     case.require_moment("--at", at)
@@ -85,14 +86,14 @@ def show(
     console = Console()
     print_payloads(console, case)
     result, _ = case.solve("virtual-power")
-    print_warnings(console, case.robot, result)
+    print_warnings(console, result.warnings)
     if out or video or screenshot:
         paths = [path for path in (out, screenshot, video) if path is not None]
         with together():
             written = [_write(path, case, result, speed, fps, at) for path in paths]
         for path in written:
             print_plain(console, f"wrote {path}")
-        return
+        return 0 if result.possible else 1
     with (
         _until_signalled() as wait,
         LiveViewer(
@@ -104,6 +105,7 @@ def show(
         if browse and _has_display():
             viewer.open()
         wait(viewer.wait)
+    return 0
 
 
 def _write(

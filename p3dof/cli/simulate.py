@@ -15,7 +15,7 @@ from rich.table import Table
 from p3dof.cli.app import app
 from p3dof.cli.files import OutputFolder
 from p3dof.cli.options import POSITIVE, Case, Number, Whole, with_load
-from p3dof.cli.output import print_plain, progress_bar
+from p3dof.cli.output import print_plain, print_warnings, progress_bar
 from p3dof.cli.payloads import print_payloads
 from p3dof.cli.terminal import print_table
 from p3dof.errors import MissingExtraError
@@ -166,6 +166,7 @@ def simulate(
     console = Console()
     print_payloads(console, case)
     print_table(console, errors_table(runs))
+    print_warnings(console, case.robot.remarks(case.motion, case.history))
     _print_ratio(console, runs)
     _print_limits(console, case.robot.parameters.limits, runs)
     for name, run in runs.items():

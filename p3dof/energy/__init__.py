@@ -9,14 +9,17 @@ change of T + V is evidence for the forces.
 """
 
 from p3dof.energy.bodies import kinetic_energy, momentum, potential_energy
-from p3dof.energy.evaluation import energy_of
+from p3dof.energy.evaluation import energy_of, imbalance
 from p3dof.energy.results import DriveLoads, Energy
+from p3dof.energy.work import work_given
 
 __all__ = [
     "DriveLoads",
     "Energy",
     "energy_of",
+    "imbalance",
     "kinetic_energy",
     "momentum",
     "potential_energy",
+    "work_given",
 ]

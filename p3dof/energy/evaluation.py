@@ -9,7 +9,7 @@ import numpy as np
 from p3dof.checks import FloatArray, shown
 from p3dof.energy.bodies import quantities
 from p3dof.energy.results import DriveLoads, Energy
-from p3dof.energy.work import runs, work_over
+from p3dof.energy.work import work_over
 from p3dof.errors import InputError
 from p3dof.methods import InverseDynamics
 from p3dof.motion.wrenches import WRENCH_ROWS
@@ -17,6 +17,12 @@ from p3dof.parameters import LINKS, Parameters
 
 _SAME_MACHINE = 1e-6
 """Share of a leg's length by which sliders of a result may differ from those of the machine."""
+
+_BLOCK = 10_000
+"""Samples whose energies are held at a time."""
+
+_ROUNDING = 1e-9
+"""Share of the whole energy below which nothing moves."""
 
 
 def energy_of(parameters: Parameters, result: InverseDynamics) -> Energy:
@@ -64,6 +70,40 @@ def energy_of(parameters: Parameters, result: InverseDynamics) -> Energy:
     )
 
 
+def imbalance(parameters: Parameters, result: InverseDynamics) -> tuple[float, float]:
+    """Return by how much the work over a motion misses the change of the energy, and what that is small to.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine that the result belongs to.
+    result : InverseDynamics
+        The forces of the actuators, valid in all samples; two at least.
+
+    Returns
+    -------
+    missed : float
+        Largest magnitude of `Energy.balance` [J]; zero where it is rounding.
+    scale : float
+        `Energy.scale` [J].
+    """
+    pose, velocity = result.motion.pose, result.motion.velocity
+    energies = np.concatenate(
+        [
+            [found.kinetic.sum(axis=-1), found.potential.sum(axis=-1)]
+            for start in range(0, len(pose), _BLOCK)
+            for found in [quantities(parameters, pose[start:][:_BLOCK], velocity[start:][:_BLOCK], "nan")]
+        ],
+        axis=1,
+    )
+    total = energies.sum(axis=0)
+    _, balance, _ = work_over(result, _rates(result), total)
+    missed = float(np.abs(balance).max())
+    rounding = _ROUNDING * float(np.abs(total).max())
+    scale = float(max(energies[0].max(), np.ptp(total)))
+    return (missed if missed > rounding else 0.0), scale
+
+
 def _check_machine(parameters: Parameters, result: InverseDynamics, sliders: FloatArray) -> None:
     apart = np.abs(result.sliders - sliders)[result.valid]
     if not np.all(apart <= _SAME_MACHINE * parameters.geometry.L):  # NaN: out of reach of this machine
@@ -83,18 +123,17 @@ def _rates(result: InverseDynamics) -> FloatArray:
 def _drive_loads(
     result: InverseDynamics, power: FloatArray, work: FloatArray, given: FloatArray
 ) -> DriveLoads:
-    if not result.valid.any():
+    if not result.possible:
         nothing = np.full(3, np.nan)
         return DriveLoads(*(nothing for _ in fields(DriveLoads)))
-    valid_power, net = power[result.valid], work[result.valid][-1]
-    duration = sum(result.time[run][-1] - result.time[run][0] for run in runs(result))
+    net, duration = work[-1], result.motion.duration
     return DriveLoads(
         peak_force=result.peak_forces,
         rms_force=result.rms_forces,
-        peak_speed=np.abs(result.slider_velocities[result.valid]).max(axis=0),
-        peak_power=np.maximum(valid_power.max(axis=0), 0.0),
-        peak_braking=np.maximum(-valid_power.min(axis=0), 0.0),
-        mean_power=net / duration if duration > 0 else valid_power.mean(axis=0),
+        peak_speed=np.abs(result.slider_velocities).max(axis=0),
+        peak_power=np.maximum(power.max(axis=0), 0.0),
+        peak_braking=np.maximum(-power.min(axis=0), 0.0),
+        mean_power=net / duration if duration > 0 else power.mean(axis=0),
         positive_work=given,
         negative_work=np.minimum(net - given, 0.0),
     )

@@ -15,7 +15,7 @@ from p3dof.methods import LEGS, write_table
 
 @dataclass(frozen=True, eq=False)
 class DriveLoads:
-    """What a motion asks of each actuator, over its valid samples; NaN where there are none.
+    """What a motion asks of each actuator; NaN if a sample is invalid: there is no largest then, and no sum.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ def work_over(
     Parameters
     ----------
     result : InverseDynamics
-        The motion, its valid samples and its crossings of a singularity.
+        The motion and its valid samples.
     rates : ndarray, shape (N, 5)
         Powers of the three actuators and of the wrench, and what friction takes [W].
     total : ndarray, shape (N,)
@@ -49,14 +49,40 @@ def work_over(
         work[run] = done + since
         done = work[run][-1]
         balance[run] = total[run] - total[run.start] - since[:, :4].sum(axis=-1) + since[:, 4]
-        for leg in range(3):
-            steps = np.diff(curve(_with_turns(time, rates[run, leg]))[:, leg])
-            given[leg] += steps[steps > 0].sum()
+        given += _given(time, rates[run, :3], curve)
     return work, balance, given
 
 
+def work_given(time: FloatArray, power: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the work of actuators over a motion, all samples of which are valid.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        Times [s].
+    power : ndarray, shape (N, 3)
+        Of the actuators [W].
+
+    Returns
+    -------
+    net, given : ndarray, shape (3,)
+        The whole work, and that which is given without what is taken back [J].
+    """
+    curve = integral(time, power)
+    return curve(time[-1:])[0], _given(time, power, curve)
+
+
+def _given(time: FloatArray, power: FloatArray, curve: Callable[[FloatArray], FloatArray]) -> FloatArray:
+    """Return the work that each of some powers gives, from their integral."""
+    given = np.zeros(power.shape[1])
+    for leg in range(power.shape[1]):
+        steps = np.diff(curve(_with_turns(time, power[:, leg]))[:, leg])
+        given[leg] = steps[steps > 0].sum()
+    return given
+
+
 def runs(result: InverseDynamics) -> list[slice]:
-    """Return the stretches of neighbouring valid samples between which no singularity is crossed.
+    """Return the stretches of neighbouring valid samples; none reaches across a singularity.
 
     Parameters
     ----------
@@ -69,7 +95,7 @@ def runs(result: InverseDynamics) -> list[slice]:
         Of its samples.
     """
     valid = result.valid
-    joined = valid[:-1] & valid[1:] & ~np.isin(result.time[:-1], result.crossings)
+    joined = valid[:-1] & valid[1:]
     starts = np.flatnonzero(valid & np.concatenate([[True], ~joined]))
     ends = np.flatnonzero(valid & np.concatenate([~joined, [True]]))
     return [slice(int(start), int(end) + 1) for start, end in zip(starts, ends, strict=True)]

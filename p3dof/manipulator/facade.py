@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, Literal, TypeAlias, overload
 
 import numpy as np
@@ -16,6 +17,7 @@ from p3dof.errors import InputError
 from p3dof.kinematics.states import holdable_states
 from p3dof.manipulator.differential import DifferentialMachine
 from p3dof.manipulator.methods import Method, check_method
+from p3dof.manipulator.sampling import refined, remarks_on, warnings_about
 from p3dof.methods import (
     InverseDynamics,
     WrenchOverTime,
@@ -23,9 +25,10 @@ from p3dof.methods import (
     pinocchio,
     virtual_power,
     with_evidence,
+    without_crossings,
     wrenches_at,
 )
-from p3dof.motion import Motion
+from p3dof.motion import Motion, WrenchHistory
 from p3dof.parameters import PAPER, Parameters, read_parameters
 from p3dof.reactions import (
     BOTH,
@@ -164,13 +167,15 @@ class Manipulator(DifferentialMachine):
             External force and moment on the platform at P, in the fixed frame [N, N m]; or a function of the
             times, such as a `p3dof.WrenchHistory`.
         on_invalid : {"raise", "nan"}
-            Raise for samples that are out of reach or singular, or leave NaN in their rows.
+            Raise for samples that are out of reach or singular, and where the motion crosses a singularity
+            between samples; or leave NaN in their rows, and in those near a crossing.
         progress : callable, optional
             Called with (done, total) while Pinocchio solves.
 
         Returns
         -------
         InverseDynamics
+            With its `warnings`.
 
         Raises
         ------
@@ -201,7 +206,59 @@ class Manipulator(DifferentialMachine):
             if method == "compiled":
                 known = compiled.forces(self.kernels, *states, loads, on_invalid="nan")
             solution = virtual_power.solve(self.parameters, *states, wrench=loads, known=known)
-        return with_evidence(method, motion, solution, loads)
+        solution, crossings = without_crossings(motion.time, solution, on_invalid)
+        history = wrench if isinstance(wrench, WrenchHistory) else None
+        examine = partial(warnings_about, self.parameters, wrench=history)
+        return with_evidence(method, motion, solution, loads, crossings, examine)
+
+    def refined(self, motion: Motion, wrench: WrenchOverTime = None) -> Motion:
+        """Return a motion with as many samples as its peaks and its work need.
+
+        Of a motion from poses alone, ``Motion.from_csv`` or ``Motion.from_poses``, the samples follow the
+        curve through the poses, which are among them; of another one, they follow the interpolation between
+        its samples. Twice as many would change no peak of force, speed or power, no RMS force and no work
+        of an actuator by more than .03 %. A motion whose samples suffice comes back as it is.
+
+        Parameters
+        ----------
+        motion : Motion
+            The motion of the platform.
+        wrench : array-like, shape (6,) or (N, 6), or callable, optional
+            External load, as for `inverse_dynamics`.
+
+        Returns
+        -------
+        Motion
+            With at most 4,001 samples, or four times those that there are: where that does not suffice, as
+            with noisy poses, `InverseDynamics.warnings` says so.
+
+        Raises
+        ------
+        InputError
+            If the wrench does not fit, or `motion` is not a `Motion`.
+        """
+        return refined(self.parameters, motion, wrench)
+
+    def remarks(self, motion: Motion, wrench: WrenchOverTime = None) -> tuple[str, ...]:
+        """Return what there is to know about the samples of a motion.
+
+        Parameters
+        ----------
+        motion, wrench
+            As for `refined`.
+
+        Returns
+        -------
+        tuple of str
+            Those of `InverseDynamics.warnings` that concern the poses of a file and the number of samples.
+
+        Raises
+        ------
+        InputError
+            If the wrench does not fit, or `motion` is not a `Motion`.
+        """
+        result = self.inverse_dynamics(motion, "compiled", wrench, on_invalid="nan")
+        return remarks_on(self.parameters, result, wrench)
 
     @overload
     def reactions(

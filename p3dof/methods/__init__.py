@@ -1,5 +1,6 @@
 """The two ways from the platform's motion to the forces, over samples, with one kind of result."""
 
+from p3dof.methods.crossings import without_crossings
 from p3dof.methods.evidence import with_evidence
 from p3dof.methods.loads import WrenchOverTime, wrenches_at
 from p3dof.methods.results import (
@@ -26,6 +27,7 @@ __all__ = [
     "exceedances_of",
     "utilisations",
     "with_evidence",
+    "without_crossings",
     "wrenches_at",
     "write_table",
 ]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from p3dof.checks import FloatArray
@@ -11,7 +13,12 @@ from p3dof.motion.wrenches import WRENCH_ROWS
 
 
 def with_evidence(
-    method: str, motion: Motion, solution: Solution, wrench: FloatArray | None
+    method: str,
+    motion: Motion,
+    solution: Solution,
+    wrench: FloatArray | None,
+    crossings: FloatArray | None = None,
+    examine: Callable[[InverseDynamics], tuple[str, ...]] | None = None,
 ) -> InverseDynamics:
     """Balance the power of actuators and wrench with the losses and the rate of change of the energy.
 
@@ -25,6 +32,10 @@ def with_evidence(
         Forces and joints over it, and the power that the bodies take up.
     wrench : ndarray, shape (N, 6), optional
         External force and moment on the platform at P [N, N m].
+    crossings : ndarray, shape (K,), optional
+        Times of the samples after which the motion crosses a singularity [s]; none by default.
+    examine : callable, optional
+        Finds the warnings of the result.
 
     Returns
     -------
@@ -45,4 +56,6 @@ def with_evidence(
         given - solution.dissipation - solution.energy_rate,
         solution.dissipation,
         solution.actuation,
+        np.zeros(0) if crossings is None else crossings,
+        examine,
     )

@@ -5,8 +5,9 @@ from __future__ import annotations
 import csv
 import io
 import os
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -157,6 +158,11 @@ class InverseDynamics:
         Power lost in friction [W].
     actuation : ndarray, shape (N,)
         Angle from the actuation singularity [rad]; see `p3dof.kinematics.Singularity`.
+    crossings : ndarray, shape (K,)
+        Times of the samples after which (or at which) the motion crosses an actuation singularity [s]. The
+        forces are unbounded there: samples near by are invalid, however tame theirs are.
+    examine : callable, optional
+        Finds `warnings` when they are asked for.
     """
 
     method: str
@@ -169,19 +175,27 @@ class InverseDynamics:
     power_residual: FloatArray
     dissipation: FloatArray
     actuation: FloatArray
+    crossings: FloatArray = field(default_factory=lambda: np.zeros(0))
+    examine: Callable[[InverseDynamics], tuple[str, ...]] | None = None
 
     def __repr__(self) -> str:
+        words = f"{self.method}, {self.motion!r}"
+        if not self.possible:
+            invalid = len(self.time) - int(self.valid.sum())
+            return f"InverseDynamics({words}, not possible: {invalid} samples are invalid)"
         peaks = ", ".join(f"{peak:.6g}" for peak in self.peak_forces)
-        return f"InverseDynamics({self.method}, {self.motion!r}, peak forces {peaks} N)"
+        told = f", {len(self.warnings)} warnings" if self.warnings else ""
+        return f"InverseDynamics({words}, peak forces {peaks} N{told})"
 
-    @property
-    def crossings(self) -> FloatArray:
-        """Times of the samples after which the motion crosses an actuation singularity, shape (K,) [s].
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """What a reader of these numbers should know, one sentence each; empty when all is well.
 
-        Between such a sample and the next one the forces are unbounded, however tame they are at both.
+        Invalid samples, crossings of a singularity, exceeded limits; that the samples are too coarse for the
+        peaks and the work between them; that poses look like waypoints, or are too rough to differentiate.
+        The first look takes some milliseconds a thousand samples.
         """
-        side = np.sign(self.actuation)
-        return np.asarray(self.time[:-1][side[:-1] * side[1:] < 0])
+        return () if self.examine is None else self.examine(self)
 
     @property
     def time(self) -> FloatArray:
@@ -213,22 +227,37 @@ class InverseDynamics:
         return np.asarray(np.isfinite(self.forces).all(axis=-1))
 
     @property
+    def possible(self) -> bool:
+        """Whether every sample is valid: else the machine cannot make the motion."""
+        return bool(self.valid.all())
+
+    @property
     def peak_forces(self) -> FloatArray:
-        """Largest magnitude of each actuator's force over the valid samples, shape (3,) [N]; NaN if none."""
-        if not self.valid.any():
+        """Largest magnitude of each actuator's force, shape (3,) [N]; NaN unless the motion is `possible`."""
+        if not self.possible:
             return np.full(3, np.nan)
-        return np.asarray(np.abs(self.forces[self.valid]).max(axis=0))
+        return np.asarray(np.abs(self.forces).max(axis=0))
 
     @property
     def rms_forces(self) -> FloatArray:
-        """Root mean square over time of each force over the valid samples, shape (3,) [N]; NaN if none."""
-        time, forces = self.time[self.valid], self.forces[self.valid]
-        if len(time) < 2:
-            return self.peak_forces  # of one sample, or of none
-        return np.asarray(np.sqrt(np.trapezoid(forces**2, time, axis=0) / (time[-1] - time[0])))
+        """Root mean square of each force over time, shape (3,) [N]; NaN unless the motion is `possible`."""
+        if len(self.time) < 2 or not self.possible:
+            return self.peak_forces
+        mean = np.trapezoid(self.forces**2, self.time, axis=0) / self.motion.duration
+        return np.asarray(np.sqrt(mean))
+
+    @property
+    def force_scale(self) -> FloatArray:
+        """Largest magnitude of each force among the valid samples, shape (3,) [N]: what errors are small to.
+
+        Not a peak: what is between and beside them may be larger. Zero if no sample is valid.
+        """
+        return np.asarray(np.abs(self.forces[self.valid]).max(axis=0, initial=0.0))
 
     def exceedances(self, limits: Limits) -> list[Exceedance]:
         """Return the limits that the motion exceeds, each at its worst sample; see `exceedances_of`.
+
+        Of a motion that is not `possible`, no force and no speed is named: there is no largest one.
 
         Parameters
         ----------
@@ -245,7 +274,9 @@ class InverseDynamics:
         InputError
             If `limits` is not a `Limits`.
         """
-        return exceedances_of(limits, self.motion, self.sliders, self.slider_velocities, self.forces)
+        unknown = np.full_like(self.forces, np.nan)
+        speeds, forces = (self.slider_velocities, self.forces) if self.possible else (unknown, unknown)
+        return exceedances_of(limits, self.motion, self.sliders, speeds, forces)
 
     def utilisations(self, limits: Limits) -> tuple[Utilisation, ...]:
         """Return how much of each limit the motion uses, and when it uses most of it.

@@ -30,7 +30,7 @@ class Utilisation:
         ``"A"``, ``"B"``, ``"C"``, or ``"platform"`` for the tilt.
     value, limit : float
         The value then, and the limit on its side [N, m/s, m or rad]; NaN if there is no largest value, as of
-        forces when a sample is invalid.
+        forces and speeds when a sample is invalid.
     time : float
         When [s].
     """
@@ -74,10 +74,11 @@ def utilisations(result: InverseDynamics, limits: Limits) -> tuple[Utilisation, 
     """
     if not isinstance(limits, Limits):
         raise InputError(f"limits: expected Limits, got {type(limits).__name__}")
-    forces = result.forces if result.valid.all() else np.full_like(result.forces, np.nan)
+    unknown = np.full_like(result.forces, np.nan)
+    forces, speeds = (result.forces, result.slider_velocities) if result.possible else (unknown, unknown)
     columns = (
         ("force", forces, (-limits.force, limits.force)),
-        ("speed", result.slider_velocities, (-limits.speed, limits.speed)),
+        ("speed", speeds, (-limits.speed, limits.speed)),
         ("travel", result.sliders, limits.travel),
     )
     found = [

@@ -1,7 +1,8 @@
 """Motions of the platform: time, pose, velocity, acceleration, by formula, by spline or from a file."""
 
 from p3dof.motion.core import Motion
+from p3dof.motion.curve import Curve
 from p3dof.motion.paper import paper_motion
 from p3dof.motion.wrenches import WrenchHistory
 
-__all__ = ["Motion", "WrenchHistory", "paper_motion"]
+__all__ = ["Curve", "Motion", "WrenchHistory", "paper_motion"]

@@ -17,10 +17,15 @@ from p3dof.errors import MotionError
 from p3dof.files import Source, called, read_text, suffix_of, write_atomic
 from p3dof.motion import csv_files, splines
 from p3dof.motion.consistency import check_consistency
-from p3dof.motion.times import evenly, require_rising, sample_count
+from p3dof.motion.curve import Curve
+from p3dof.motion.remarks import remarks_on_curve
+from p3dof.motion.times import evenly, require_inside, require_rising, sample_count
 
 _JOINT_TOLERANCE = 1e-9
 """By how much poses [m, rad] and velocities [m/s, rad/s] may differ where two motions are joined."""
+
+_FROM_CURVE = 1000
+"""Least number of steps of a motion that is made from a curve."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -42,6 +47,9 @@ class Motion(FrozenArrays):
         column's largest value (`p3dof.motion.consistency` has the details). The check finds wrong units,
         swapped columns and wrong samples. Columns that hardly move (derivatives below 1e-6 in SI units) pass
         unless they are 1e-9 apart, and fewer than 6 samples always pass.
+    curve : Curve, optional
+        What the samples are taken from, where the motion comes from poses alone: `resampled` and `divided`
+        follow it. Without it, they interpolate between the samples.
 
     Raises
     ------
@@ -54,6 +62,7 @@ class Motion(FrozenArrays):
     velocity: FloatArray
     acceleration: FloatArray
     check: InitVar[bool] = True
+    curve: Curve | None = None
 
     def __post_init__(self, check: bool) -> None:
         time = frozen_array("time", self.time, ("N",), MotionError)
@@ -64,6 +73,8 @@ class Motion(FrozenArrays):
         for name in ("pose", "velocity", "acceleration"):
             array = frozen_array(name, getattr(self, name), (len(time), 3), MotionError)
             object.__setattr__(self, name, array)
+        if self.curve is not None and not isinstance(self.curve, Curve):
+            raise MotionError(f"curve: expected a Curve, got {shown(self.curve)}")
         if check:
             check_consistency(self.time, self.pose, self.velocity, self.acceleration)
 
@@ -157,6 +168,9 @@ class Motion(FrozenArrays):
     def from_poses(cls, time: ArrayLike, pose: ArrayLike) -> Motion:
         """Make a motion from poses alone, differentiated by a spline of degree 7.
 
+        The poses are points of a `Curve`, which the motion keeps: `resampled` and `divided` follow it, and
+        `Manipulator.refined` takes as many samples of it as its forces need.
+
         On the paper's motion the largest error, as a share of the largest derivative, is 1e-8 in velocity and
         5e-7 in acceleration with 101 samples, and 4e-12 and 2e-9 with 1001 samples. Noise in the poses, their
         last printed digit included, comes out in the acceleration divided by the square of the time step.
@@ -178,23 +192,15 @@ class Motion(FrozenArrays):
         MotionError
             If an argument does not fit, or the times are too uneven for a spline.
         """
-        time = frozen_array("time", time, ("N",), MotionError)
-        if len(time) < 2:
-            raise MotionError(
-                f"time: expected at least two samples to differentiate, got {len(time)}; "
-                "a single one needs its velocity and acceleration given"
-            )
-        require_rising("time", time)
-        pose = frozen_array("pose", pose, (len(time), 3), MotionError)
-        with np.errstate(all="ignore"):  # the constructor refuses what overflows
-            velocity, acceleration = splines.derivatives(time, pose, 2)
-        return cls(time, pose, velocity, acceleration, check=False)
+        curve = Curve(time, pose)  # type: ignore[arg-type]  # it makes arrays of them
+        _, velocity, acceleration = curve.at(curve.time)
+        return cls(curve.time, curve.pose, velocity, acceleration, check=False, curve=curve)
 
     @classmethod
     def from_csv(cls, path: Source, check: bool = True) -> Motion:
         """Read a motion file.
 
-        The header is ``t,y,z,theta``, for poses alone (differentiated as by `from_poses`), or
+        The header is ``t,y,z,theta``, for poses alone (points of a curve, as for `from_poses`), or
         ``t,y,z,theta,ydot,zdot,thetadot,yddot,zddot,thetaddot``, in this order. A unit in brackets may follow
         each name: ``t [ms]``, ``y [mm]``, ``theta [deg]``, ``ydot [mm/s]``, ``thetaddot [deg/s^2]`` and so
         on; without one, the column is in s, m, rad. Blank lines and lines that begin with ``#`` are skipped.
@@ -296,11 +302,11 @@ class Motion(FrozenArrays):
         )
 
     def resampled(self, samples: int | ArrayLike) -> Motion:
-        """Return the motion at other times, by quintic Hermite interpolation.
+        """Return the motion at other times: on its curve, or by quintic Hermite interpolation.
 
-        The curve takes on pose, velocity and acceleration of every sample, so that the samples themselves
-        come back unchanged; between them it is exact for a polynomial of degree 5 and errs by the sixth power
-        of the time step otherwise.
+        Without a curve, the interpolation takes on pose, velocity and acceleration of every sample, so that
+        the samples themselves come back unchanged; between them it is exact for a polynomial of degree 5 and
+        errs by the sixth power of the time step otherwise.
 
         Parameters
         ----------
@@ -321,14 +327,39 @@ class Motion(FrozenArrays):
         else:
             time = frozen_array("times", samples, ("M",), MotionError)
         require_rising("times", time)
-        for outside in time[(time < self.time[0]) | (time > self.time[-1])]:
-            raise MotionError(
-                f"times: expected times from {self.time[0]:g} to {self.time[-1]:g} s, got {outside:g} s"
-            )
+        require_inside("times", time, float(self.time[0]), float(self.time[-1]))
         if len(self) == 1:
             return self[:]
-        curve = splines.hermite(self.time, self.pose, self.velocity, self.acceleration)
-        return self._along(curve, time)
+        return Motion(time, *self._at(time), check=False, curve=self.curve)
+
+    def divided(self, parts: int) -> Motion:
+        """Return the motion with every step between samples in equal parts; the samples stay as they are.
+
+        Parameters
+        ----------
+        parts : int
+            How many parts.
+
+        Returns
+        -------
+        Motion
+            With ``parts * (len(self) - 1) + 1`` samples, on the curve or interpolated as by `resampled`.
+
+        Raises
+        ------
+        MotionError
+            If `parts` is not a whole number of one or more, or the samples would be too many.
+        """
+        parts = sample_count(parts, least=1)
+        sample_count(parts * (len(self) - 1) + 1, least=1)
+        if parts == 1 or len(self) == 1:
+            return self[:]
+        shares = np.arange(parts) / parts
+        time = np.append((self.time[:-1, None] + np.diff(self.time)[:, None] * shares).ravel(), self.time[-1])
+        columns = self._at(time)
+        for column, known in zip(columns, (self.pose, self.velocity, self.acceleration), strict=True):
+            column[::parts] = known
+        return Motion(time, *columns, check=False, curve=self.curve)
 
     def from_rest(self, ramp: float, stop: float = 0.0, samples: int | None = None) -> Motion:
         """Return the motion along the same path that starts at rest, and may end so too.
@@ -343,7 +374,8 @@ class Motion(FrozenArrays):
         stop : float
             Time from the full rate to rest at the end [s]; zero to end as this motion does.
         samples : int, optional
-            Number of samples, evenly spaced; about as dense as in this motion by default.
+            Number of samples, evenly spaced; by default about as dense as in this motion, of a curve 1001 at
+            least.
 
         Returns
         -------
@@ -362,12 +394,12 @@ class Motion(FrozenArrays):
             )
         duration = self.duration + (ramp + stop) / 2
         if samples is None:
-            samples = round((len(self) - 1) * duration / self.duration) + 1
+            least = 0 if self.curve is None else _FROM_CURVE
+            samples = max(least, round((len(self) - 1) * duration / self.duration)) + 1
         time = evenly(0.0, duration, sample_count(samples, least=2))
         phase, rate, change = splines.eased(time, duration, ramp, stop)
-        curve = splines.hermite(self.time, self.pose, self.velocity, self.acceleration)
         along = np.clip(self.time[0] + phase, self.time[0], self.time[-1])
-        pose, slope, bend = (np.asarray(curve(along, order)) for order in (0, 1, 2))
+        pose, slope, bend = self._at(along)
         acceleration = bend * rate[:, None] ** 2 + slope * change[:, None]
         return Motion(time, pose, slope * rate[:, None], acceleration, check=False)
 
@@ -377,6 +409,25 @@ class Motion(FrozenArrays):
         with np.errstate(all="ignore"):  # the constructor refuses what overflows
             pose, velocity, acceleration = (np.asarray(curve(time, order)) for order in (0, 1, 2))
         return cls(time, pose, velocity, acceleration, check=False)
+
+    def _at(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return pose, velocity and acceleration at times within the motion, between two samples or more."""
+        if self.curve is not None:
+            return self.curve.at(time)
+        curve = splines.hermite(self.time, self.pose, self.velocity, self.acceleration)
+        pose, velocity, acceleration = (np.asarray(curve(time, order)) for order in (0, 1, 2))
+        return pose, velocity, acceleration
+
+    def remarks(self) -> tuple[str, ...]:
+        """Return what to know about poses that were given alone, one sentence each.
+
+        Returns
+        -------
+        tuple of str
+            With which velocities their curve starts and ends, whether they look like waypoints, and whether
+            they are too rough to differentiate. Empty for a motion without a `Curve`.
+        """
+        return () if self.curve is None else remarks_on_curve(self.curve)
 
     @property
     def duration(self) -> float:
@@ -391,9 +442,8 @@ class Motion(FrozenArrays):
         if not isinstance(index, slice):
             i = operator.index(index)
             index = slice(range(len(self))[i], range(len(self))[i] + 1)
-        return Motion(
-            self.time[index], self.pose[index], self.velocity[index], self.acceleration[index], check=False
-        )
+        columns = self.pose[index], self.velocity[index], self.acceleration[index]
+        return Motion(self.time[index], *columns, check=False, curve=self.curve)
 
     def __repr__(self) -> str:
         return f"Motion({len(self)} samples, {self.time[0]:g} to {self.time[-1]:g} s)"

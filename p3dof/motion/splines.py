@@ -42,17 +42,41 @@ def derivatives(time: FloatArray, values: FloatArray, count: int, order: int = O
     MotionError
         If the times are so uneven that the spline cannot be computed.
     """
+    spline, unit = interpolating(time, values, order)
+    local = (time - time[0]) / unit
+    return [np.asarray(spline(local, n)) / unit**n for n in range(1, count + 1)]
+
+
+def interpolating(time: FloatArray, values: FloatArray, order: int) -> tuple[Any, float]:
+    """Return the interpolating spline of columns, in a time of its own.
+
+    Parameters
+    ----------
+    time, values, order
+        As for `derivatives`.
+
+    Returns
+    -------
+    spline : scipy.interpolate.BSpline
+        Of the time since the first sample in `unit`, and of the order of the derivative.
+    unit : float
+        The mean step, which keeps the equations well scaled [s].
+
+    Raises
+    ------
+    MotionError
+        If the times are so uneven that the spline cannot be computed.
+    """
     from scipy.interpolate import make_interp_spline
 
-    unit = (time[-1] - time[0]) / (len(time) - 1)  # the mean step keeps the equations well scaled
+    unit = float((time[-1] - time[0]) / (len(time) - 1))
     local = (time - time[0]) / unit
     order = min(order, len(time) - 1)
     knots = np.repeat(local[[0, -1]], order + 1) if len(time) == order + 1 else None
     try:
-        spline = make_interp_spline(local, values, k=order, t=knots)
+        return make_interp_spline(local, values, k=order, t=knots), unit
     except (np.linalg.LinAlgError, ValueError) as problem:
         raise MotionError(f"time: expected steps even enough for a spline, got {problem}") from problem
-    return [np.asarray(spline(local, n)) / unit**n for n in range(1, count + 1)]
 
 
 def hermite(time: FloatArray, pose: FloatArray, velocity: FloatArray, acceleration: FloatArray) -> Any:
@@ -84,6 +108,36 @@ def hermite(time: FloatArray, pose: FloatArray, velocity: FloatArray, accelerati
         pose[last],
     ]
     return BPoly(np.array(coefficients), time)
+
+
+def between_samples(
+    time: FloatArray, pose: FloatArray, velocity: FloatArray, acceleration: FloatArray, at: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Interpolate a sampled motion so that rounded samples do no harm: each quantity from itself.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        Strictly rising times [s]; at least two.
+    pose, velocity, acceleration : ndarray, shape (N, 3)
+        The samples.
+    at : ndarray, shape (M,)
+        The times asked for [s].
+
+    Returns
+    -------
+    pose, velocity : ndarray, shape (M, 3)
+        By cubic Hermite splines through poses and velocities.
+    slope, acceleration : ndarray, shape (M, 3)
+        The acceleration as the slope of the velocity, and by a cubic spline through the accelerations.
+    """
+    from scipy.interpolate import CubicHermiteSpline
+
+    path = CubicHermiteSpline(time, pose, velocity)
+    speed = CubicHermiteSpline(time, velocity, acceleration)
+    spline, unit = interpolating(time, acceleration, 3)
+    local = (at - time[0]) / unit
+    return path(at), speed(at), speed(at, 1), np.asarray(spline(local))
 
 
 def rest_to_rest(start: FloatArray, end: FloatArray, duration: float, order: int) -> Any:

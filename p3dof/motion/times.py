@@ -83,3 +83,24 @@ def require_rising(name: str, time: FloatArray) -> None:
             f"{name}: expected strictly rising times, got {time[i]:g} s and then {time[i + 1]:g} s "
             f"at index {i + 1}"
         )
+
+
+def require_inside(name: str, time: FloatArray, start: float, end: float) -> None:
+    """Raise unless all times lie between two others.
+
+    Parameters
+    ----------
+    name : str
+        What to call the argument in an error.
+    time : ndarray, shape (N,)
+        The times [s].
+    start, end : float
+        Earliest and latest [s].
+
+    Raises
+    ------
+    MotionError
+        Naming the first time outside.
+    """
+    for outside in time[(time < start) | (time > end)]:
+        raise MotionError(f"{name}: expected times from {start:g} to {end:g} s, got {outside:g} s")

@@ -75,6 +75,11 @@ class ReactionsComparison:
         return self.paper.valid & self.points.valid
 
     @property
+    def possible(self) -> bool:
+        """Whether every sample is valid: else the machine cannot make the motion."""
+        return bool(self.valid.all())
+
+    @property
     def residual(self) -> FloatArray:
         """Largest error of Newton's and Euler's equations in either, shape (N,) [N or N m]."""
         return np.maximum(self.paper.residual, self.points.residual)

@@ -12,7 +12,7 @@ from p3dof.checks import FloatArray
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.closed_loop.reactions import LENGTH_SHARE, JointReactions, ReactionSolver
 from p3dof.errors import DynamicsError, InputError, SampleError
-from p3dof.methods import Solution, WrenchOverTime, pinocchio, wrenches_at
+from p3dof.methods import Solution, WrenchOverTime, pinocchio, without_crossings, wrenches_at
 from p3dof.methods.pinocchio_friction import FrictionForces
 from p3dof.motion import Motion
 from p3dof.parameters import Parameters
@@ -103,6 +103,7 @@ def over_motion(
     solution = pinocchio.solve(
         loop, parameters.geometry.h, *states, loads, parameters.friction, on_invalid, progress
     )
+    solution, _ = without_crossings(motion.time, solution, on_invalid)
     found = [of_solution(loop, parameters, motion, solution, kind, loads, on_invalid) for kind in kinds]
     return ReactionsComparison(*found) if joints == BOTH else found[0]
 

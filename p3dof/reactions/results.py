@@ -107,6 +107,11 @@ class Reactions:
         """Which samples have reactions, shape (N,)."""
         return np.asarray(np.isfinite(self.forces).all(axis=(1, 2)))
 
+    @property
+    def possible(self) -> bool:
+        """Whether every sample is valid: else the machine cannot make the motion."""
+        return bool(self.valid.all())
+
     def in_base(self) -> tuple[FloatArray, FloatArray]:
         """Return forces and moments in the axes of the fixed frame, at the same points.
 
@@ -130,13 +135,14 @@ class Reactions:
         Returns
         -------
         dict of str to Load
+            NaN unless the motion is `possible`: what lies between the samples may be larger.
 
         Raises
         ------
         InputError
             If there is no such joint.
         """
-        return loads_of(self[name], self.time, self.valid)
+        return loads_of(self[name], self.time, self.valid & self.possible)
 
     def peaks(self) -> tuple[Peak, ...]:
         """Return the largest loads of every joint that rigid bodies determine, for sizing its bearings.

@@ -87,8 +87,7 @@ def pictures_of(
     first = results[0]
     motion, row = first.motion, int(np.argmax(first.valid))
     y, z, theta = motion.pose[row]
-    peaks = ", ".join(f"{leg} {force:.4g} N" for leg, force in zip(LEGS, first.peak_forces, strict=True))
-    given, taken = energy.drives.positive_work.sum(), -energy.drives.negative_work.sum()
+    peaks, work = _peaks(first), _work(energy)
     span = f"from t = {motion.time[0]:g} to {motion.time[-1]:g} s"
     return Pictures(
         mechanism=picture(
@@ -105,13 +104,12 @@ def pictures_of(
         ),
         forces=picture(
             plots.forces_figure(list(results)),
-            f"Forces of the three actuators {span} by both methods, and their difference. Peaks: {peaks}.",
+            f"Forces of the three actuators {span} by both methods, and their difference. {peaks}",
             "Actuator forces by both methods (for the paper's motion its Figs. 3–5), and their difference.",
         ),
         energy=picture(
             plots.energy_figure(energy),
-            f"Energy, kinetic energy by bodies, and power of the actuators {span}. The actuators give "
-            f"{given:.4g} J and take back {taken:.4g} J.",
+            f"Energy, kinetic energy by bodies, and power of the actuators {span}. {work}",
             "Change of the energy and the work done, kinetic energy by bodies, power of the actuators.",
         ),
         reactions=picture(
@@ -120,6 +118,20 @@ def pictures_of(
             "Resultant forces and moments in the joints; dashed and dotted what rigid bodies leave open.",
         ),
     )
+
+
+def _peaks(result: InverseDynamics) -> str:
+    if not result.possible:
+        return "Shaded where the machine cannot make the motion."
+    peaks = zip(LEGS, result.peak_forces, strict=True)
+    return f"Peaks: {', '.join(f'{leg} {force:.4g} N' for leg, force in peaks)}."
+
+
+def _work(energy: Energy) -> str:
+    if not energy.valid.all():
+        return "Shaded where the machine cannot make the motion."
+    given, taken = energy.drives.positive_work.sum(), -energy.drives.negative_work.sum()
+    return f"The actuators give {given:.4g} J and take back {taken:.4g} J."
 
 
 def picture(figure: Figure, alternative: str, caption: str) -> Picture:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from p3dof.checks import shown
+from p3dof.checks import FloatArray, shown
 from p3dof.energy import Energy
 from p3dof.errors import InputError, MissingExtraError
 from p3dof.files import suffix_of, write_atomic
@@ -69,18 +69,11 @@ class Findings:
     def agree(self) -> bool:
         """Whether the two methods find the same."""
         same = np.array_equal(self.first.valid, self.second.valid)
-        return same and self.difference <= AGREEMENT * float(self.second.peak_forces.max())
+        return same and self.difference <= AGREEMENT * float(self.second.force_scale.max())
 
-    def warnings(self) -> list[str]:
-        """Return what is wrong with the motion although its forces could be computed."""
-        result, invalid = self.second, int((~self.second.valid).sum())
-        found = [f"{invalid} of {len(result.time)} samples are invalid and left out"] if invalid else []
-        found += [f"limit exceeded: {what}" for what in result.exceedances(self.robot.parameters.limits)]
-        found += [
-            f"after t = {time:g} s the motion crosses an actuation singularity: no force can do that"
-            for time in result.crossings
-        ]
-        return found
+    def warnings(self) -> tuple[str, ...]:
+        """Return what a reader should know; see `InverseDynamics.warnings`."""
+        return self.second.warnings
 
 
 def render(
@@ -248,7 +241,7 @@ def _content(findings: Findings) -> dict[str, Any]:
     parameters, motion = findings.robot.parameters, findings.motion
     first, second, energy = findings.first, findings.second, findings.energy
     pictures: Pictures = pictures_of(findings.robot, (first, second), energy, findings.reactions)
-    largest = float(second.peak_forces.max())
+    largest = float(second.force_scale.max())
     return {
         "agree": findings.agree,
         "difference": f"{findings.difference:.1e}",
@@ -275,12 +268,18 @@ def _content(findings: Findings) -> dict[str, Any]:
 def _key_numbers(findings: Findings) -> dict[str, str]:
     """Return the few numbers that a reader looks for first."""
     drives = findings.energy.drives
-    leg = int(np.argmax(drives.peak_force))
-    fast, strong = int(np.argmax(drives.peak_speed)), int(np.argmax(drives.peak_power))
-    steady = int(np.argmax(drives.rms_force))
-    return {
-        "peak force": f"{drives.peak_force[leg]:.4g} N ({LEGS[leg]})",
-        "RMS force": f"{drives.rms_force[steady]:.4g} N ({LEGS[steady]})",
-        "peak speed": f"{drives.peak_speed[fast]:.4g} m/s ({LEGS[fast]})",
-        "peak power": f"{drives.peak_power[strong]:.4g} W ({LEGS[strong]})",
+    loads = {
+        "peak force": (drives.peak_force, "N"),
+        "RMS force": (drives.rms_force, "N"),
+        "peak speed": (drives.peak_speed, "m/s"),
+        "peak power": (drives.peak_power, "W"),
     }
+    return {name: _largest(values, unit) for name, (values, unit) in loads.items()}
+
+
+def _largest(values: FloatArray, unit: str) -> str:
+    """Return the largest of the actuators' values and whose it is; a dash if there is none."""
+    if np.isnan(values).any():
+        return "–"
+    leg = int(np.argmax(values))
+    return f"{values[leg]:.4g} {unit} ({LEGS[leg]})"

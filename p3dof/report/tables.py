@@ -173,13 +173,13 @@ def agreement_table(first: InverseDynamics, second: InverseDynamics) -> Table:
     Table
     """
     worst = np.abs(first.forces - second.forces)[first.valid & second.valid].max(axis=0, initial=0.0)
-    peak, rms = second.peak_forces, second.rms_forces
+    peak, rms, scale = second.peak_forces, second.rms_forces, second.force_scale
     rows = {
         f"actuator {leg}": (
             number(peak[k]),
             number(rms[k]),
             f"{worst[k]:.1e}",
-            f"{worst[k] / peak[k] if peak[k] else 0.0:.1e}",
+            f"{worst[k] / scale[k] if scale[k] else 0.0:.1e}",
         )
         for k, leg in enumerate(LEGS)
     }
@@ -203,7 +203,7 @@ def evidence_table(*results: InverseDynamics) -> Table:
         result.method: (
             f"{result.closure_error[result.valid].max():.1e}",
             f"{np.abs(result.power_residual[result.valid]).max():.1e}",
-            number(np.abs(result.power[result.valid]).max()),
+            number(np.abs(result.power).max()),  # NaN in one sample: there is no largest one
         )
         for result in results
     }
@@ -276,17 +276,21 @@ def bodies_table(energy: Energy) -> Table:
     -------
     Table
     """
-    most = int(np.nanargmax(energy.kinetic_total))
+    header = ["body", "peak kinetic energy [J]"]
+    if not energy.valid.all():
+        unknown = dict.fromkeys(energy.bodies, (np.nan,))
+        return table_of("Kinetic energy", header, unknown, "Not known in all samples.")
+    most = int(np.argmax(energy.kinetic_total))
     total = energy.kinetic_total[most]
     rows = {
         name: (
-            number(energy.kinetic[energy.valid, k].max()),
+            number(energy.kinetic[:, k].max()),
             f"{energy.kinetic[most, k] / total if total else 0.0:.1%}",
         )
         for k, name in enumerate(energy.bodies)
     }
-    header = ("body", "peak kinetic energy [J]", f"share at t = {number(energy.time[most])} s")
-    done, missed = energy.work_done[energy.valid][-1], np.abs(energy.balance[energy.valid]).max()
+    header.append(f"share at t = {number(energy.time[most])} s")
+    done, missed = energy.work_done[-1], np.abs(energy.balance).max()
     note = (
         f"All bodies at most {number(total)} J. Work done on the mechanism: {number(done)} J; "
         f"it misses the change of the energy by {missed:.1e} J."

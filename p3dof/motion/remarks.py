@@ -1,0 +1,106 @@
+"""What to know about poses from a file: how the curve through them begins and ends, how far to trust it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from p3dof.checks import FloatArray
+from p3dof.errors import MotionError
+from p3dof.motion import splines
+from p3dof.motion.curve import Curve
+
+AT_REST = 1e-3
+"""Share of its largest speed below which a column is at rest."""
+
+FEW, MANY = 20, 200
+"""Poses that are waypoints whatever they are, and that are none."""
+
+_BULGE = 1.1
+"""How many times larger the acceleration between waypoints is than at them."""
+
+_ROUGH = 1e-2
+"""Share of its root mean square by which the acceleration may differ with the degree of the spline."""
+
+_STILL = 1e-6
+"""Acceleration below which nothing moves [SI]."""
+
+_NAMES, _UNITS = ("y", "z", "theta"), ("m/s", "m/s", "rad/s")
+
+
+def remarks_on_curve(curve: Curve) -> tuple[str, ...]:
+    """Return what to know about a curve through poses, one sentence each.
+
+    Parameters
+    ----------
+    curve : Curve
+        The curve.
+
+    Returns
+    -------
+    tuple of str
+    """
+    _, velocity, acceleration = curve.at(curve.time)
+    told = [_ends(curve, velocity), _waypoints(curve, acceleration), _roughness(curve, acceleration)]
+    return tuple(words for words in told if words)
+
+
+def _ends(curve: Curve, velocity: FloatArray) -> str:
+    """Say with what velocities the curve starts and ends, if it does not so at rest."""
+    fastest = np.abs(velocity).max(axis=0)
+    ends = [_speeds(row, fastest) for row in velocity[[0, -1]]]
+    if not any(ends):
+        return ""
+    start, end = (", ".join(words) or "rest" for words in ends)
+    return (
+        f"the curve through the poses starts (t = {curve.time[0]:g} s) with {start}, "
+        f"and ends (t = {curve.time[-1]:g} s) with {end}"
+    )
+
+
+def _speeds(row: FloatArray, fastest: FloatArray) -> list[str]:
+    moving = np.abs(row) > AT_REST * fastest
+    return [
+        f"{name}dot {value:.4g} {unit}"
+        for name, value, unit, moves in zip(_NAMES, row, _UNITS, moving, strict=True)
+        if moves
+    ]
+
+
+def _waypoints(curve: Curve, acceleration: FloatArray) -> str:
+    """Say that poses look like waypoints: few of them, or a curve that swings out between them."""
+    count = len(curve.time)
+    if count > MANY or not np.abs(acceleration).max():
+        return ""
+    if count > FEW:
+        shares = (np.arange(1, 8) / 8)[:, None]
+        between = curve.at((curve.time[:-1] + shares * np.diff(curve.time)).ravel())[2]
+        if np.abs(between).max(axis=0).max() <= _BULGE * np.abs(acceleration).max():
+            return ""
+    step = 1e3 * float(np.diff(curve.time).mean())
+    return (
+        f"{count} poses {step:.4g} ms apart look like waypoints: the forces are those of a smooth curve that "
+        "passes them without a stop (p3dof.Motion.through plans from rest to rest; from a file that is not "
+        "possible yet)"
+    )
+
+
+def _roughness(curve: Curve, acceleration: FloatArray) -> str:
+    """Say that poses are too rough to differentiate: splines of two degrees tell different accelerations."""
+    if len(curve.time) <= FEW:
+        return ""
+    try:
+        other = splines.derivatives(curve.time, curve.pose, 2, splines.ORDER - 2)[1]
+    except MotionError:
+        return ""
+    apart = np.abs(acceleration - other)
+    typical = np.sqrt(np.mean(acceleration**2, axis=0))
+    share = np.sqrt(np.mean(apart**2, axis=0)) / np.maximum(typical, max(_ROUGH * typical.max(), _STILL))
+    column = int(np.argmax(share))
+    if share[column] <= _ROUGH:
+        return ""
+    worst = int(np.argmax(apart[:, column]))
+    return (
+        f"the poses are too rough or too far apart to differentiate: at t = {curve.time[worst]:g} s splines "
+        f"of degree 7 and 5 differ by {apart[worst, column]:.2g} {_UNITS[column]}² in the acceleration of "
+        f"{_NAMES[column]} (rounded or noisy? velocities and accelerations in the file would help)"
+    )
