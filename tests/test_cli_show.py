@@ -34,7 +34,7 @@ PROGRAM = "import sys; import p3dof.cli.show; from p3dof.cli import main; sys.ex
 @contextlib.contextmanager
 def running(*arguments, **how):
     """The command as a process, and the URL that it prints."""
-    command = [sys.executable, "-c", PROGRAM, "show", "--no-open", "--samples", "21", *map(str, arguments)]
+    command = [sys.executable, "-c", PROGRAM, "show", "--no-open", "--samples", "201", *map(str, arguments)]
     how = {"stdin": subprocess.DEVNULL, **how}
     process = subprocess.Popen(
         command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **how

@@ -5,8 +5,12 @@ from __future__ import annotations
 import io
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from p3dof.checks import FloatArray
 from p3dof.errors import InputError, MissingExtraError
 from p3dof.files import suffix_of, write_atomic
 
@@ -16,6 +20,12 @@ if TYPE_CHECKING:
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73")
 """Colours of the legs A, B, C: distinct for colour-blind readers and in grey print."""
+
+
+GAP = "not possible"
+"""What legends call the hatched times without valid samples: out of reach, or near a singularity."""
+
+GAP_STYLE: dict[str, Any] = {"facecolor": "0.94", "edgecolor": "0.75", "hatch": "////", "lw": 0, "zorder": -1}
 
 
 def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
@@ -82,3 +92,43 @@ def tidy(axis: Axes) -> None:
     axis.grid(color="0.9", lw=0.6)
     axis.spines[["top", "right"]].set_visible(False)
     axis.margins(x=0.01)
+
+
+def line(axis: Axes, time: FloatArray, values: FloatArray, valid: NDArray[np.bool_], **style: Any) -> None:
+    """Draw a curve of the valid samples, with gaps; those without a valid neighbour are dots.
+
+    Parameters
+    ----------
+    axis : matplotlib.axes.Axes
+        The panel.
+    time, values : ndarray, shape (N,)
+        The curve.
+    valid : ndarray of bool, shape (N,)
+        Which samples are.
+    **style
+        As for `matplotlib.axes.Axes.plot`.
+    """
+    beside = np.concatenate([[False], valid, [False]])
+    alone = np.flatnonzero(valid & ~beside[:-2] & ~beside[2:])
+    dots = {"marker": "o", "ms": 4, "markevery": alone.tolist()} if len(alone) else {}
+    axis.plot(time, np.where(valid, values, np.nan), **{"lw": 1.4, **dots, **style})
+
+
+def shade_gaps(axis: Axes, time: FloatArray, valid: NDArray[np.bool_]) -> None:
+    """Hatch where no sample is valid, up to the samples beside it: the axis keeps the whole time.
+
+    Parameters
+    ----------
+    axis : matplotlib.axes.Axes
+        The panel; the first gap has a label for its legend.
+    time : ndarray, shape (N,)
+        Times [s].
+    valid : ndarray of bool, shape (N,)
+        Which samples are.
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], valid, [True]])))
+    last = len(time) - 1
+    for number, (start, stop) in enumerate(edges.reshape(-1, 2)):
+        left, right = float(time[max(start - 1, 0)]), float(time[min(stop, last)])
+        label = GAP if number == 0 else None
+        axis.axvspan(left, right, **GAP_STYLE, label=label)

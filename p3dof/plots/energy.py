@@ -10,7 +10,7 @@ from p3dof.checks import FloatArray, shown
 from p3dof.energy import Energy
 from p3dof.errors import InputError
 from p3dof.methods import LEGS
-from p3dof.plots.common import COLOURS, new_figure
+from p3dof.plots.common import COLOURS, line, new_figure, shade_gaps
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,7 +35,7 @@ _DASHED, _DOTTED = (0, (4, 2)), (0, (1, 1.2))
 def energy_figure(energy: Energy) -> Figure:
     """Draw the change of the energy with the work done, the kinetic energy by bodies, and the power.
 
-    Stretches of invalid samples are shaded; the work begins anew behind them, from the energy there. Bodies
+    Stretches of invalid samples are hatched; the work begins anew behind them, from the energy there. Bodies
     that never have kinetic energy are left out.
 
     Parameters
@@ -63,7 +63,7 @@ def energy_figure(energy: Energy) -> Figure:
     for axis, draw in zip(panels, (_draw_balance, _draw_bodies, _draw_power), strict=True):
         draw(axis, energy)
         _keep_flat(axis, energy)
-        _shade_invalid(axis, energy)
+        shade_gaps(axis, energy.time, energy.valid)
         axis.grid(color="0.9", lw=0.6)
         axis.set_axisbelow(True)
         axis.spines[["top", "right"]].set_visible(False)
@@ -127,11 +127,7 @@ def _draw_power(axis: Axes, energy: Energy) -> None:
 
 
 def _line(axis: Axes, energy: Energy, values: FloatArray, **style: Any) -> None:
-    """Draw a curve; valid samples without a valid neighbour are dots."""
-    beside = np.concatenate([[False], energy.valid, [False]])
-    alone = np.flatnonzero(energy.valid & ~beside[:-2] & ~beside[2:])
-    dots = {"marker": "o", "ms": 4, "markevery": alone.tolist()} if len(alone) else {}
-    axis.plot(energy.time, np.where(energy.valid, values, np.nan), **{"lw": 1.4, **dots, **style})
+    line(axis, energy.time, values, energy.valid, **style)
 
 
 def _acts(values: FloatArray, floor: float = 0.0) -> bool:
@@ -147,12 +143,3 @@ def _keep_flat(axis: Axes, energy: Energy) -> None:
     """Show what hardly changes as a straight line instead of a blow-up of its rounding."""
     if not any(_acts(np.asarray(line.get_ydata()), _rounding(energy)) for line in axis.lines):
         axis.set_ylim(0 if axis.get_ylim()[0] == 0 else -1, 1)
-
-
-def _shade_invalid(axis: Axes, energy: Energy) -> None:
-    edges = np.flatnonzero(np.diff(np.concatenate([[True], energy.valid, [True]])))
-    last = len(energy.time) - 1
-    for number, (start, stop) in enumerate(edges.reshape(-1, 2)):
-        left, right = energy.time[max(start - 1, 0)], energy.time[min(stop, last)]
-        label = "no valid samples" if number == 0 else None
-        axis.axvspan(left, right, color="0.93", lw=0, zorder=-1, label=label)

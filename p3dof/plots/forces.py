@@ -9,9 +9,10 @@ import numpy as np
 
 from p3dof.errors import InputError
 from p3dof.methods import InverseDynamics
-from p3dof.plots.common import COLOURS, new_figure, tidy
+from p3dof.plots.common import COLOURS, GAP, GAP_STYLE, line, new_figure, shade_gaps, tidy
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.figure import Figure
 
 _STYLES: tuple[dict[str, Any], ...] = ({"lw": 3.0, "alpha": 0.35}, {"lw": 1.2})
@@ -28,7 +29,7 @@ def forces_figure(results: Sequence[InverseDynamics]) -> Figure:
     Parameters
     ----------
     results : sequence of InverseDynamics
-        One result, or two of the same motion by different methods.
+        One result, or two of the same motion by different methods; invalid samples are hatched gaps.
 
     Returns
     -------
@@ -48,24 +49,30 @@ def forces_figure(results: Sequence[InverseDynamics]) -> Figure:
     rows = len(results)
     figure = new_figure(figsize=(10.5, 3.1 if rows == 1 else 4.8))
     from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
 
+    valid = np.all([result.valid for result in results], axis=0)
     axes = figure.subplots(rows, 3, sharex=True, squeeze=False, height_ratios=(3, 1.4)[:rows])
     for leg, name in enumerate("ABC"):
         top = axes[0, leg]
         for result, style in zip(results, _STYLES[-rows:], strict=True):
-            top.plot(result.time, result.forces[:, leg], color=COLOURS[leg], **style)
+            line(top, result.time, result.forces[:, leg], result.valid, color=COLOURS[leg], **style)
         top.set_title(f"actuator {name}", fontsize=10)
         top.set_ylabel("force [N]")
         if rows == 2:
             difference = results[0].forces[:, leg] - results[1].forces[:, leg]
-            axes[1, leg].plot(results[0].time, difference, color=COLOURS[leg], lw=0.7)
+            line(axes[1, leg], results[0].time, difference, valid, color=COLOURS[leg], lw=0.7)
             axes[1, leg].axhline(0, color="0.6", lw=0.5, zorder=0)
             axes[1, leg].set_ylabel("difference [N]")
             axes[1, leg].ticklabel_format(axis="y", style="sci", scilimits=(0, 0))
         axes[-1, leg].set_xlabel("time [s]")
-    handles = [Line2D([], [], color="0.3", **style) for style in _STYLES[-rows:]]
+    handles: list[Artist] = [Line2D([], [], color="0.3", **style) for style in _STYLES[-rows:]]
     labels = [_NAMES.get(result.method, result.method) for result in results]
-    figure.legend(handles, labels, loc="outside upper center", ncols=2, frameon=False, fontsize=9)
+    if not valid.all():
+        handles.append(Patch(**GAP_STYLE))
+        labels.append(GAP)
+    figure.legend(handles, labels, loc="outside upper center", ncols=3, frameon=False, fontsize=9)
     for axis in axes.ravel():
+        shade_gaps(axis, results[0].time, valid)
         tidy(axis)
     return figure

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from p3dof.checks import FloatArray, shown
+from p3dof.checks import shown
 from p3dof.errors import InputError
 from p3dof.methods import InverseDynamics
-from p3dof.plots.common import COLOURS, new_figure, tidy
+from p3dof.plots.common import COLOURS, line, new_figure, shade_gaps, tidy
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _WIDE: dict[str, Any] = {"lw": 3.2, "alpha": 0.4}
@@ -50,7 +47,7 @@ def joints_figure(result: InverseDynamics) -> Figure:
     Parameters
     ----------
     result : InverseDynamics
-        The joints by either method; rows of invalid samples are left out.
+        The joints by either method; invalid samples are hatched gaps.
 
     Returns
     -------
@@ -75,7 +72,9 @@ def joints_figure(result: InverseDynamics) -> Figure:
         for axis, (quantity, field, rate) in zip(column, _ROWS, strict=True):
             values = getattr(result.joints, field)
             for name, style in lines.items():
-                _line(axis, result, values[:, result.joints.names.index(name)], label=name, **style)
+                drawn = values[:, result.joints.names.index(name)]
+                line(axis, result.time, drawn, result.valid, label=name, **style)
+            shade_gaps(axis, result.time, result.valid)
             axis.axhline(0, color="0.6", lw=0.6, zorder=0)
             axis.set_ylabel(f"{quantity} [{unit}{rate}]")
             tidy(axis)
@@ -91,11 +90,3 @@ def joints_figure(result: InverseDynamics) -> Figure:
         )
     figure.align_ylabels()
     return figure
-
-
-def _line(axis: Axes, result: InverseDynamics, values: FloatArray, **style: Any) -> None:
-    """Draw a curve of the valid samples; those without a valid neighbour are dots."""
-    beside = np.concatenate([[False], result.valid, [False]])
-    alone = np.flatnonzero(result.valid & ~beside[:-2] & ~beside[2:])
-    dots = {"marker": "o", "ms": 4, "markevery": alone.tolist()} if len(alone) else {}
-    axis.plot(result.time, np.where(result.valid, values, np.nan), **{"lw": 1.4, **dots, **style})

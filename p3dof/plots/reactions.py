@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from p3dof.plots.common import COLOURS, new_figure
+from p3dof.plots.common import COLOURS, GAP, GAP_STYLE, line, new_figure, shade_gaps
 from p3dof.reactions import JOINTS, AnyReactions
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -57,19 +58,23 @@ def reactions_figure(result: AnyReactions) -> Figure:
             axis.set_title(f"{name} ({_LABELS[name]})", fontsize=9)
             for side, (kind, _, colour) in zip((axis, axis.twinx()), _KINDS, strict=True):
                 _draw(side, result, name, kind, colour)
+            shade_gaps(axis, result.time, result.valid)
             axis.grid(color="0.9", lw=0.6)
             axis.tick_params(axis="x", labelsize=7)
     for axis in (*axes[-1, :3], axes[-2, 3]):
         axis.tick_params(labelbottom=True)
         axis.set_xlabel("time [s]", fontsize=8)
     from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
 
-    handles = [Line2D([], [], lw=1.2, color=colour, label=label) for _, label, colour in _KINDS]
+    handles: list[Artist] = [Line2D([], [], lw=1.2, color=colour, label=label) for _, label, colour in _KINDS]
     handles.append(Line2D([], [], lw=1.2, color="0.3", label="determined"))
     handles += [
         Line2D([], [], lw=1.2, color="0.3", ls=_STYLES[kind], label=f"open, joints as {kind!r}")
         for kind in result.idealisations
     ]
+    if not result.possible:
+        handles.append(Patch(**GAP_STYLE, label=GAP))
     axes[0, 3].legend(handles=handles, loc="center", frameon=False, fontsize=9)
     note = "Rigid bodies cannot decide\nopen loads: each curve is one\nof many, and none is a bound."
     axes[1, 3].text(0.5, 0.5, note, fontsize=9, ha="center", va="center", transform=axes[1, 3].transAxes)
@@ -92,6 +97,7 @@ def _draw(axis: Axes, result: AnyReactions, name: str, kind: str, colour: str) -
         axis.spines["right"].set_visible(False)
         return
     for idealisation, size in sizes.items():
-        axis.plot(result.time, size, color=colour, lw=1.2, ls=_STYLES.get(idealisation, "-"))
+        style = {"color": colour, "lw": 1.2, "ls": _STYLES.get(idealisation, "-")}
+        line(axis, result.time, size, result.valid, **style)
     axis.set_ylim(0, 1.05 * largest or 1.0)
     axis.tick_params(axis="y", labelsize=7, colors=colour)

@@ -243,6 +243,7 @@ def _content(findings: Findings) -> dict[str, Any]:
     pictures: Pictures = pictures_of(findings.robot, (first, second), energy, findings.reactions)
     largest = float(second.force_scale.max())
     return {
+        "possible": second.possible,
         "agree": findings.agree,
         "difference": f"{findings.difference:.1e}",
         "share": f"{findings.difference / largest if largest else 0.0:.1e}",

@@ -39,9 +39,6 @@ def setup_message(robot: Manipulator, result: InverseDynamics | None, states: St
     """
     limits = robot.parameters.limits
     time, curves = states.curves()
-    warnings = [] if result is None else [f"limit exceeded: {one}" for one in result.exceedances(limits)]
-    if result is not None:
-        warnings += [f"crosses an actuation singularity after t = {t:g} s" for t in result.crossings]
     return {
         "type": "setup",
         "motion": None if result is None else [float(result.time[0]), float(result.time[-1])],
@@ -49,7 +46,7 @@ def setup_message(robot: Manipulator, result: InverseDynamics | None, states: St
         "speeds": [SLOWEST, FASTEST],
         "colours": [[round(255 * part) for part in COLOURS[leg][:3]] for leg in LEGS],
         "limits": {"travel": limits.travel, "force": limits.force},
-        "warnings": warnings,
+        "warnings": [] if result is None else list(result.warnings),
         "time": time.tolist(),
         "curves": {case: [plain(column) for column in rows.T] for case, rows in curves.items()},
     }

@@ -143,6 +143,7 @@ class States:
         poses, wrench = self._result.motion.pose[some], self._result.wrench[some]
         total, rest = self._result.forces[some], np.zeros(3)
         static = self._robot.forces(poses, rest, rest, "virtual-power", wrench, on_invalid="nan")
+        static[~np.isfinite(total)] = np.nan  # near a singularity that is crossed these are of no use either
         return self._result.time[some], {"total": total, "static": static, "dynamic": total - static}
 
     def _static(self, pose: FloatArray, time: float, on_invalid: str = "nan") -> FloatArray:
