@@ -214,7 +214,8 @@ class ComputedTorque(PD):
 
 def _each(name: str, value: ArrayLike) -> FloatArray:
     array = as_floats(name, value)
-    return frozen_array(name, np.full(3, array) if array.ndim == 0 else array, (3,))
+    one = array.ndim == 0
+    return frozen_array(name, np.full(3, frozen_array(name, array, ())) if one else array, (3,))
 
 
 def _parameters(model: Any) -> Parameters:
