@@ -147,7 +147,8 @@ def test_the_command_refuses_and_writes_nothing(files, tmp_path, capsys, name):
 @pytest.mark.parametrize("name", ["crossing_poses", "crossing_samples", "far_poses", "far_samples"])
 @pytest.mark.parametrize("command", ["forces", "energy", "compare", "reactions"])
 def test_commands_leave_gaps_and_tell_no_peak(files, tmp_path, capsys, command, name):
-    arguments = (command, "--motion", files / f"{name}.csv", "--on-invalid", "nan", "--out", tmp_path / "o")
+    place = tmp_path / ("o" if command == "compare" else "o.csv")
+    arguments = (command, "--motion", files / f"{name}.csv", "--on-invalid", "nan", "--out", place)
     code, out, _ = run(capsys, *arguments, *(["--no-plot"] if command == "compare" else []))
     assert code == 1
     assert "samples are invalid and left NaN" in out
@@ -159,7 +160,7 @@ def test_commands_leave_gaps_and_tell_no_peak(files, tmp_path, capsys, command, 
         loads = [line.split()[2:9] for line in tables.splitlines() if re.match(r"\s*[ABC]\d ", line)]
         assert len(loads) == 13
         assert all(cell == "-" for row in loads for cell in row)
-    path = tmp_path / "o" / "forces.csv" if command == "compare" else tmp_path / "o"
+    path = place / "forces.csv" if command == "compare" else place
     table = np.genfromtxt(path, delimiter=",", skip_header=1)
     gaps = np.isnan(table[:, 1:4]).any(axis=1)
     assert 2 <= gaps.sum() < len(gaps) / 2
