@@ -79,7 +79,6 @@ MOTIONS = {
     '{"t": [0, 1]}': "expected t, got",
     "<?xml version='1.0'?>\n<robot name='x'/>": "expected t, got",
     MACHINE: "expected t, got",
-    two("0.5,0,0"): "out of reach",
 }
 
 
