@@ -14,8 +14,9 @@ from test_friction import random_friction
 
 import p3dof
 from p3dof import kinematics
-from p3dof.compiled import MachineKernels, dynamics, levels
+from p3dof.compiled import MachineKernels, levels
 from p3dof.errors import InputError, ReachError, SingularityError
+from p3dof.methods import compiled as dynamics
 from p3dof.methods import equations_of_motion, virtual_power
 
 HOME = np.zeros(3)
