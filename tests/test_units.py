@@ -137,8 +137,9 @@ def test_machines_of_another_unit(tmp_path, capsys, geometry):
     with pytest.raises(ParameterError, match="any_size=True"):
         p3dof.load(file)
     assert p3dof.load(file, any_size=True).parameters.geometry == p3dof.read_parameters(file, True).geometry
-    for command in (["forces"], ["urdf"], ["export"], ["codegen"]):
-        arguments = [*command, "--parameters", str(file), "--out", str(tmp_path / "out")]
+    for command in ("forces", "urdf", "export", "codegen"):
+        out = tmp_path / ("out.csv" if command == "forces" else "out")
+        arguments = [command, "--parameters", str(file), "--out", str(out)]
         assert main(arguments) == 2
         told = capsys.readouterr().err
         assert told.startswith("p3dof: error: ")
