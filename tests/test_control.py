@@ -255,6 +255,16 @@ def test_held_computed_torque_asks_for_the_middle_of_the_hold(sign):
         np.testing.assert_allclose(controller(held), expected, rtol=1e-11)
 
 
+def test_held_feedforward_is_that_of_the_middle_of_the_hold():
+    robot, controller = p3dof.load(), Feedforward(PAPER, ENTERED)
+    hold, t, none = 0.01, 0.6, np.zeros(3, dtype=bool)
+    pose, velocity, _ = Reference(ENTERED).at(t)
+    sliders = robot.inverse_kinematics(pose).sliders
+    on_track = Measurement(t, hold, sliders, robot.jacobian(pose) @ velocity, none, PAPER.geometry)
+    expected = robot.forces(*Reference(ENTERED).at(t + hold / 2))
+    np.testing.assert_allclose(controller(on_track), expected, rtol=1e-10)
+
+
 def test_computed_torque_gives_the_errors_the_dynamics_it_was_designed_for():
     """At any state: ẍ = ẍ_d + 2ζω (ẋ_d - ẋ) + ω² (x_d - x), by the forward dynamics of the machine."""
     robot, zeta, omega = p3dof.load(), 0.7, 2 * math.pi * 3

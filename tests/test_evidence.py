@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from machines import drops
 from scipy.integrate import solve_ivp
 
 import p3dof
@@ -16,7 +17,8 @@ from p3dof import PAPER, Friction, kinematics
 from p3dof.closed_loop.linear import Decomposition
 from p3dof.errors import DynamicsError
 from p3dof.methods import pinocchio, virtual_power, with_evidence
-from p3dof.simulation.plants import ConstrainedPlant
+from p3dof.simulation.equations import Equations
+from p3dof.simulation.plants import ConstrainedPlant, MinimalPlant
 
 METHODS = ("pinocchio", "virtual-power")
 ROUGH = replace(PAPER, friction=Friction({"sliders": 20.0, "joints": 0.5}))
@@ -211,6 +213,51 @@ def test_the_residual_of_a_batch_shows_a_solver_that_is_off(robot, monkeypatch):
 
 def rnea(robot, q, v, a):
     return np.array(pin.rnea(robot.model, robot.model.createData(), q, v, a))
+
+
+def test_both_plants_say_the_same_of_a_state():
+    """Rates, sliders, pose, acceleration, joints and how far each leg hangs down, in motion under forces."""
+    robot = p3dof.load(ROUGH)
+    minimal = MinimalPlant(ROUGH, Equations(ROUGH))
+    constrained = ConstrainedPlant(ROUGH, robot.loop, 10.0)
+    pose, velocity = np.array([0.02, -0.03, 0.25]), np.array([0.3, -0.2, 1.5])
+    found = robot.mechanism_motion(pose, velocity, HOME)
+    names = robot.model.names[1:]
+    one = minimal.state(pose, velocity)
+    other = np.array([*(found.position[name] for name in names), *(found.velocity[name] for name in names)])
+    forces = np.array([70.0, 20.0, 60.0])
+    rates = minimal.rate(one, forces, WRENCH), constrained.rate(other, forces, WRENCH)
+    a = [
+        plant.acceleration(x, rate)
+        for plant, x, rate in zip((minimal, constrained), (one, other), rates, strict=True)
+    ]
+    np.testing.assert_allclose(
+        a[0], robot.forward_dynamics(pose, velocity, forces, wrench=WRENCH), rtol=1e-11
+    )
+    np.testing.assert_allclose(a[1], a[0], rtol=0, atol=1e-10)
+    for plant, x in ((minimal, one), (constrained, other)):
+        np.testing.assert_allclose(plant.pose(x), (pose, velocity), rtol=0, atol=1e-14)
+        np.testing.assert_allclose(
+            plant.sliders(x), (found.sliders, found.slider_velocities), rtol=0, atol=1e-14
+        )
+    (first, gap), (second, other_gap) = (
+        plant.joints(np.array([x]), np.array([rate]))
+        for plant, x, rate in zip((minimal, constrained), (one, other), rates, strict=True)
+    )
+    assert first.names == second.names == tuple(names)
+    for quantity in ("q", "v", "a"):
+        scale = np.abs(getattr(first, quantity)).max()
+        np.testing.assert_allclose(
+            getattr(first, quantity), getattr(second, quantity), rtol=0, atol=1e-11 * scale
+        )
+    assert max(gap, other_gap) < 1e-14
+    opened = other.copy()
+    opened[0] += 1e-4
+    assert constrained.joints(np.array([opened]), np.array([rates[1]]))[1] == pytest.approx([1e-4], rel=1e-9)
+    across = np.sqrt(1 - (pose[0] / ROUGH.geometry.L) ** 2)  # of leg C, in the plane across y0
+    np.testing.assert_allclose(
+        constrained.drops(other), drops(ROUGH.geometry, pose) / [1, 1, across], rtol=1e-12
+    )
 
 
 def test_baumgarte_closes_a_gap_as_it_says():
