@@ -11,6 +11,7 @@ from .compiled import MachineKernels
 
 # What is found
 from .energy import Energy
+from .manipulator import Comparison
 
 # Errors
 from .errors import (
@@ -66,6 +67,7 @@ __all__ = [
     "Bodies",
     "Body",
     "ClosedLoopModel",
+    "Comparison",
     "ComputedTorque",
     "ControllerError",
     "Dimensions",

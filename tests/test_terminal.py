@@ -113,7 +113,7 @@ def test_letters_are_spelled_where_there_are_none():
     ("arguments", "wanted"),
     [
         ((*TABLES["simulate"],), ("theta [mrad]", "x real")),
-        (("compare", "--no-plot", *SHORT), (" us ",)),
+        (("compare", "--no-plot", *SHORT), ("time per sample",)),
         (("simulate", "--help"), ("theta",)),
     ],
 )  # fmt: skip

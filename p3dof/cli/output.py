@@ -11,8 +11,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from p3dof.checks import FloatArray
-from p3dof.manipulator import InverseDynamics
+from p3dof.manipulator import Comparison, InverseDynamics
 from p3dof.methods.results import LEGS
 from p3dof.parameters import Limits
 
@@ -40,25 +39,23 @@ class Update:
         self._bar.update(self._task, completed=done, total=total)
 
 
-def agreement_table(first: InverseDynamics, second: InverseDynamics, difference: FloatArray) -> Table:
-    """Return the largest difference of two methods for each actuator.
+def agreement_table(found: Comparison) -> Table:
+    """Return the largest difference of the two methods for each actuator.
 
     Parameters
     ----------
-    first, second : InverseDynamics
-        Results of the two methods.
-    difference : ndarray, shape (N, 3)
-        |first - second| where both are valid [N].
+    found : Comparison
+        Both methods over a motion.
 
     Returns
     -------
     rich.table.Table
     """
     table = Table("actuator", "largest force [N]", "largest difference [N]", "of its largest force")
-    table.title = f"{first.method} against {second.method}"
-    worst = difference.max(axis=0, initial=0)
+    table.title = f"{found.first.method} against {found.second.method}"
+    worst = found.difference[found.both_valid].max(axis=0, initial=0)
     for leg, name in enumerate(LEGS):
-        peak, scale = second.peak_forces[leg], second.force_scale[leg]
+        peak, scale = found.second.peak_forces[leg], found.second.force_scale[leg]
         share = worst[leg] / scale if scale else 0
         table.add_row(name, fixed(peak, 6), f"{worst[leg]:.1e}", f"{share:.1e}")
     return table

@@ -1,15 +1,18 @@
 """The facade: `Manipulator` puts parameters, description and both dynamics behind a few calls."""
 
+from p3dof.manipulator.comparison import Comparison, Opinion
 from p3dof.manipulator.facade import Manipulator, load
 from p3dof.manipulator.methods import METHODS, Method
 from p3dof.methods.results import Exceedance, InverseDynamics, JointStates
 
 __all__ = [
     "METHODS",
+    "Comparison",
     "Exceedance",
     "InverseDynamics",
     "JointStates",
     "Manipulator",
     "Method",
+    "Opinion",
     "load",
 ]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import nullcontext
 from functools import partial
 from typing import Any, Literal, TypeAlias, overload
 
@@ -15,6 +16,7 @@ from p3dof.checks import FloatArray
 from p3dof.energy import Energy, energy_of
 from p3dof.errors import InputError
 from p3dof.kinematics.states import holdable_states
+from p3dof.manipulator.comparison import TOLERANCE, Comparison, compare
 from p3dof.manipulator.differential import DifferentialMachine
 from p3dof.manipulator.methods import Method, check_method
 from p3dof.manipulator.sampling import refined, remarks_on, warnings_about
@@ -325,6 +327,48 @@ class Manipulator(DifferentialMachine):
             If the wrench does not fit, the idealisation is unknown, or `motion` is not a `Motion`.
         """
         return over_motion(self.loop, self.parameters, motion, joints, wrench, on_invalid, progress)
+
+    def compare(
+        self,
+        motion: Motion,
+        wrench: WrenchOverTime = None,
+        on_invalid: OnInvalid = "raise",
+        others: Iterable[str] = (),
+        tolerance: float = TOLERANCE,
+        progress: Progress | None = None,
+    ) -> Comparison:
+        """Return the forces over a motion by Pinocchio, by virtual powers and by others, with a verdict.
+
+        Parameters
+        ----------
+        motion : Motion
+            The motion of the platform.
+        wrench : array-like, shape (6,) or (N, 6), or callable, optional
+            External force and moment on the platform at P, as for `inverse_dynamics` [N, N m].
+        on_invalid : {"raise", "nan"}
+            Raise for samples that both methods refuse, or leave NaN in their rows. Samples that only one of
+            them refuses never raise: the comparison tells them, and the methods disagree.
+        others : iterable of str
+            Engines to ask too, of `p3dof.engines.ENGINES`, or ``"all"``; the compiled kernels always are.
+        tolerance : float
+            Largest difference that passes, as a share of the largest force; at least 1e-9 for the others.
+        progress : callable, optional
+            Called with (done, total) while each solves.
+
+        Returns
+        -------
+        Comparison
+
+        Raises
+        ------
+        ReachError, SingularityError
+            Naming the first bad sample and how many there are.
+        InputError
+            If an argument does not fit, or an engine is unknown.
+        MissingExtraError
+            If the library of an engine is not installed.
+        """
+        return compare(self, motion, wrench, on_invalid, others, tolerance, lambda *_: nullcontext(progress))
 
     def energy(self, result: InverseDynamics) -> Energy:
         """Return energy, momentum, work and drive loads over a motion; see `p3dof.energy`.

@@ -19,8 +19,8 @@ from p3dof.checks import FloatArray, shown
 from p3dof.energy import Energy
 from p3dof.errors import InputError, MissingExtraError
 from p3dof.files import suffix_of, write_atomic
-from p3dof.manipulator import Manipulator
-from p3dof.methods import LEGS, InverseDynamics, WrenchOverTime
+from p3dof.manipulator import Comparison, Manipulator
+from p3dof.methods import LEGS, WrenchOverTime
 from p3dof.motion import Motion
 from p3dof.reactions import BOTH, UNDECIDED, AnyReactions, Choice, how_chosen
 from p3dof.report import joint_tables, tables
@@ -28,9 +28,6 @@ from p3dof.report.figures import Pictures, pictures_of
 from p3dof.samples import OnInvalid
 
 TITLE = "Inverse dynamics of a 3-DOF spatial parallel manipulator"
-AGREEMENT = 1e-10
-"""Largest difference of the two methods that passes, as a share of the largest force."""
-
 PACKAGES = ("p3dof", "pin", "numpy", "scipy", "matplotlib", "Jinja2")
 
 
@@ -44,36 +41,19 @@ class Findings:
         The machine.
     motion : Motion
         Its motion.
-    first, second : InverseDynamics
-        The forces by Pinocchio, and by virtual powers.
+    comparison : Comparison
+        The forces by Pinocchio, by virtual powers and by the kernels.
     energy : Energy
-        Of the first.
+        Of the forces by Pinocchio.
     reactions : Reactions or ReactionsComparison
         In all joints.
     """
 
     robot: Manipulator
     motion: Motion
-    first: InverseDynamics
-    second: InverseDynamics
+    comparison: Comparison
     energy: Energy
     reactions: AnyReactions
-
-    @property
-    def difference(self) -> float:
-        """Largest difference of the two methods [N]."""
-        both = self.first.valid & self.second.valid
-        return float(np.abs(self.first.forces - self.second.forces)[both].max(initial=0.0))
-
-    @property
-    def agree(self) -> bool:
-        """Whether the two methods find the same."""
-        same = np.array_equal(self.first.valid, self.second.valid)
-        return same and self.difference <= AGREEMENT * float(self.second.force_scale.max())
-
-    def warnings(self) -> tuple[str, ...]:
-        """Return what a reader should know; see `InverseDynamics.warnings`."""
-        return self.second.warnings
 
 
 def render(
@@ -140,12 +120,11 @@ def render(
     _check(robot, title=title, command=command, animation=animation, no_animation=no_animation)
     if date is not None and not isinstance(date, datetime):
         raise InputError(f"date: expected a datetime, got {shown(date)}")
-    first = robot.inverse_dynamics(motion, "pinocchio", wrench, on_invalid, progress)
-    second = robot.inverse_dynamics(motion, "virtual-power", wrench, on_invalid)
-    if not (first.valid.any() and second.valid.any()):
+    comparison = robot.compare(motion, wrench, on_invalid, progress=progress)
+    if not (comparison.first.valid.any() and comparison.second.valid.any()):
         raise InputError(f"no sample of the motion is within what the machine can do ({len(motion)} samples)")
     reactions = robot.reactions(motion, joints, wrench, on_invalid, progress)
-    findings = Findings(robot, motion, first, second, robot.energy(first), reactions)
+    findings = Findings(robot, motion, comparison, robot.energy(comparison.first), reactions)
     when = datetime.now().astimezone() if date is None else date
     words: dict[str, Any] = {
         "title": TITLE if title is None else title,
@@ -239,20 +218,20 @@ def _versions() -> dict[str, str]:
 def _content(findings: Findings) -> dict[str, Any]:
     """Return what the template shows of the numbers."""
     parameters, motion = findings.robot.parameters, findings.motion
-    first, second, energy = findings.first, findings.second, findings.energy
+    comparison, energy = findings.comparison, findings.energy
+    first, second = comparison.first, comparison.second
     pictures: Pictures = pictures_of(findings.robot, (first, second), energy, findings.reactions)
-    largest = float(second.force_scale.max())
     return {
         "possible": second.possible,
-        "agree": findings.agree,
-        "difference": f"{findings.difference:.1e}",
-        "share": f"{findings.difference / largest if largest else 0.0:.1e}",
+        "agree": comparison.agree,
+        "difference": f"{comparison.largest_difference:.1e}",
+        "share": f"{comparison.share:.1e}",
         "samples": int(second.valid.sum()),
-        "warnings": findings.warnings(),
+        "warnings": comparison.warnings,
         "key": _key_numbers(findings),
         "parameters": tables.parameter_tables(parameters),
         "motion": tables.motion_table(motion, second.wrench),
-        "agreement": tables.agreement_table(first, second),
+        "agreement": tables.agreement_table(comparison),
         "evidence": tables.evidence_table(first, second),
         "drives": tables.drives_table(energy),
         "kinetic": tables.bodies_table(energy),

@@ -6,6 +6,7 @@ import numpy as np
 
 from p3dof.checks import FloatArray
 from p3dof.energy import Energy
+from p3dof.manipulator import Comparison
 from p3dof.methods import LEGS, InverseDynamics
 from p3dof.motion import Motion
 from p3dof.parameters import Body, Friction, Geometry, Limits, Parameters
@@ -160,19 +161,19 @@ def motion_table(motion: Motion, wrench: FloatArray) -> Table:
     return table_of("Motion", header, rows, note)
 
 
-def agreement_table(first: InverseDynamics, second: InverseDynamics) -> Table:
-    """Return how well the forces of two methods agree.
+def agreement_table(found: Comparison) -> Table:
+    """Return how well the forces of the two methods agree.
 
     Parameters
     ----------
-    first, second : InverseDynamics
-        Of the same motion.
+    found : Comparison
+        Both methods over a motion.
 
     Returns
     -------
     Table
     """
-    worst = np.abs(first.forces - second.forces)[first.valid & second.valid].max(axis=0, initial=0.0)
+    worst, second = found.difference[found.both_valid].max(axis=0, initial=0.0), found.second
     peak, rms, scale = second.peak_forces, second.rms_forces, second.force_scale
     rows = {
         f"actuator {leg}": (
@@ -184,7 +185,7 @@ def agreement_table(first: InverseDynamics, second: InverseDynamics) -> Table:
         for k, leg in enumerate(LEGS)
     }
     header = ("", "largest force [N]", "RMS force [N]", "largest difference [N]", "of its largest force")
-    return table_of(f"Forces by {first.method} and by {second.method}", header, rows)
+    return table_of(f"Forces by {found.first.method} and by {second.method}", header, rows)
 
 
 def evidence_table(*results: InverseDynamics) -> Table:
