@@ -1,4 +1,5 @@
-# `make demo` runs the main job, `make test` every check. Both need only python3 (>= 3.10), make and a network.
+# `make help` says what there is. `make demo` runs the main job, `make test` every check. Both need only
+# python3 (>= 3.10), make and a network.
 # `make test EXTRAS=all` also installs every tool that the exports are tested in (about 4 GB, from PyPI and,
 # where apt-get is there and may be used, from Debian); without it, tests of tools that are missing are skipped,
 # unless P3DOF_REQUIRE=all is set: then a skipped test has failed.
@@ -20,59 +21,73 @@ LOWEST := .venv-lowest
 COUNT ?= 300
 ONLY ?=
 
-.PHONY: demo test lint types layers generated pytest fuzz mutants lowest benchmark export pictures clean
+.PHONY: help demo quick test lint types layers generated pytest docs fuzz mutants lowest benchmark export
+.PHONY: pictures clean
 
-demo: $(VENV)/.demo
+demo: $(VENV)/.demo ## run the main job on the paper's motion, into out/
 	$(BIN)/p3dof compare --out $(OUT)
 	$(BIN)/p3dof show --out $(OUT)/animation.html
 
-test: lint types layers generated pytest
+help: ## say what there is
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 19
+	@echo "Settings: PYTHON=python3.x  EXTRAS=all (every tool that reads the exports)  OUT=folder  SEED=number"
 
-lint: $(DEV)
+quick: $(DEV) lint types layers ## lint, types, layers and the fast tests: about a minute
+	$(BIN)/pytest -n auto --quick --ignore tests/interop tests
+
+test: lint types layers generated pytest ## run every check
+
+lint: $(DEV) ## ruff: style and form
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 
-types: $(DEV)
+types: $(DEV) ## mypy
 	$(BIN)/mypy
 
-layers: $(DEV)
+layers: $(DEV) ## import-linter: who may import whom
 	$(BIN)/lint-imports
 
-generated: $(DEV)
+generated: $(DEV) ## are the committed generated files up to date?
 	$(BIN)/p3dof export --check
 	$(BIN)/p3dof codegen --kernels --check
 
-pytest: $(DEV)
+pytest: $(DEV) ## all tests
 	$(BIN)/pytest -n auto
 
-fuzz: $(DEV)
+docs: $(VENV)/.docs ## build the documentation site into out/docs, and check its links
+	$(BIN)/python -m sphinx -W --keep-going -q -b html -d $(OUT)/doctrees docs $(OUT)/docs
+	$(BIN)/pytest -q tests/built_docs.py --site $(OUT)/docs
+
+fuzz: $(DEV) ## random searches with a fresh seed, which SEED=... repeats
 	@echo "repeat with: make fuzz SEED=$(SEED)"
 	$(BIN)/pytest -n auto -m "fuzz or hypothesis" --hypothesis-profile=fuzz --hypothesis-seed=$(SEED) tests
 
 # Breaks the sources on purpose, COUNT times (0: in every way), and lists what no test notices.
-mutants: $(DEV)
+mutants: $(DEV) ## break the sources in COUNT places, and list what no test notices
 	$(BIN)/python tests/mutants.py --count $(COUNT) --seed $(SEED) --only "$(ONLY)"
 
 # A quick part of the tests with the lowest versions that pyproject.toml declares. Their own deprecated calls of
 # newer libraries beneath them are none of ours.
-lowest: $(LOWEST)/.ready
+lowest: $(LOWEST)/.ready ## a quick part of the tests with the lowest versions declared
 	$(LOWEST)/bin/pytest -n auto -m "not fuzz" -W ignore::DeprecationWarning \
 		$(addprefix tests/test_,$(addsuffix .py,checks parameters files motion kinematics manipulator closed_loop \
 		description tracing plots cli cli_machine viewer_scene))
 
-benchmark: $(DEV)
+benchmark: $(DEV) ## time a sample, of all contenders
 	$(BIN)/python tests/benchmarks/kernels.py --out $(OUT)/benchmark
 	$(BIN)/python tests/benchmarks/simulation.py
 
-export: $(DEV)
+export: $(DEV) ## write the files of urdf/ anew
 	$(BIN)/p3dof export
 
-pictures: $(DEV)
+pictures: $(DEV) ## draw the pictures of the README anew
 	$(BIN)/p3dof show --at 0.48 --screenshot pictures/machine.png
 	$(BIN)/p3dof forces --figure pictures/forces.png
 
-clean:
+clean: ## remove what was installed, built and computed
 	rm -rf $(VENV) $(LOWEST) $(OUT) build p3dof.egg-info p3dof/compiled/extension/_compiled*.so
+	rm -rf docs/reference/api docs/reference/generated docs/_static/animation.html docs/contributing.md docs/tests.md
+	rm -f docs/tutorials/*.ipynb
 
 $(VENV)/pyvenv.cfg:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || \
@@ -100,3 +115,9 @@ $(VENV)/.devall: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt $(SOURCES)
 		echo "Debian's packages could not be installed; their tests will be skipped: $(DEBIAN)"; fi
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,interop]'
 	@touch $@ $(VENV)/.dev $(VENV)/.demo
+
+$(VENV)/.docs: $(DEV)
+	@$(BIN)/python -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+		{ echo "the documentation needs Python 3.11 or newer; make clean, then: make docs PYTHON=python3.x"; exit 1; }
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
+	@touch $@

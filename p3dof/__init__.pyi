@@ -1,17 +1,41 @@
 # What `import p3dof` offers, by topic; each name is imported when it is first used.
 
-# Rooms that are used by their own name: p3dof.viewer.save_animation, p3dof.engines.load, ...
-from . import closed_loop, codegen, engines, plots, report, simulation, viewer
+# The machine
+from .manipulator import Manipulator, load
+from .parameters import (
+    PAPER,
+    SOLIDS,
+    Bodies,
+    Body,
+    Dimensions,
+    Friction,
+    Geometry,
+    Limits,
+    Parameters,
+    of_solids,
+    read_parameters,
+    write_parameters,
+)
 
-# Any robot with closed loops
-from .closed_loop import ClosedLoopModel, FrameTarget, Sidecar
+# What it does, and what acts on it
+from .motion import Motion, WrenchHistory, paper_motion
+
+# What is found
+from .manipulator import Comparison
+from .methods import InverseDynamics
+from .energy import Energy
+from .reactions import Reactions, ReactionsComparison
+from .methods.compiled import ForceDerivatives
+from .methods.regressor import ForceRegressor
+
+# Runs in time
+from .simulation import PD, ComputedTorque, Feedforward, Measurement, Noise, Simulation, Springs
 
 # Speed
 from .compiled import MachineKernels
 
-# What is found
-from .energy import Energy
-from .manipulator import Comparison
+# Any robot with closed loops
+from .closed_loop import ClosedLoopModel, FrameTarget, Sidecar
 
 # Errors
 from .errors import (
@@ -31,32 +55,10 @@ from .errors import (
     SingularityError,
 )
 
-# The machine
-from .manipulator import Manipulator, load
-from .methods import InverseDynamics
-from .methods.compiled import ForceDerivatives
-from .methods.regressor import ForceRegressor
+# Rooms that are used by their own name: p3dof.viewer.save_animation, p3dof.engines.load, ...
+from . import closed_loop, codegen, engines, plots, report, simulation, viewer
 
-# What it does, and what acts on it
-from .motion import Motion, WrenchHistory, paper_motion
-from .parameters import (
-    PAPER,
-    SOLIDS,
-    Bodies,
-    Body,
-    Dimensions,
-    Friction,
-    Geometry,
-    Limits,
-    Parameters,
-    of_solids,
-    read_parameters,
-    write_parameters,
-)
-from .reactions import Reactions, ReactionsComparison
-
-# Runs in time
-from .simulation import PD, ComputedTorque, Feedforward, Measurement, Noise, Simulation, Springs
+# The version
 from .version import __version__
 
 __all__ = [

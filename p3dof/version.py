@@ -3,3 +3,4 @@
 from importlib.metadata import version
 
 __version__ = version("p3dof")
+"""The version of the package, such as ``0.1.0``."""

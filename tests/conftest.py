@@ -6,6 +6,7 @@ import os
 import re
 import sys
 
+import durations
 import pytest
 from hypothesis import HealthCheck, settings
 
@@ -25,6 +26,22 @@ EXCEPTIONS = {
     "(mujoco|usd-core|rerun|Newton|viser) not installed": sys.version_info < (3, 11),  # no wheels before
 }
 """Reasons to skip that are no failed installation, and where they hold."""
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--quick", action="store_true", help="leave out the tests that take long")
+    parser.addoption("--measure", action="store_true", help="write down how long tests take; without -n")
+    parser.addoption("--site", help="folder of the documentation that built_docs.py looks at")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if config.getoption("--measure"):
+        config.pluginmanager.register(durations.Measuring())
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if config.getoption("--quick"):
+        durations.deselect_slow(config, items)
 
 
 def _must_run(report: pytest.TestReport | pytest.CollectReport) -> None:

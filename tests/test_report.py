@@ -215,9 +215,9 @@ def test_one_key_ties_the_drawing_to_the_tables(page):
     table = page.tables["Largest reactions that rigid bodies determine: to size joints for"]
     assert [row[0] for row in table[1:]] == [f"{joint.name} ({joint.label})" for joint in JOINTS]
     assert names == {joint.name: joint.label for joint in JOINTS}
-    readme = Path(__file__).parents[1].joinpath("README.md").read_text(encoding="utf-8")
+    reference = Path(__file__).parents[1].joinpath("docs/reference/names.md").read_text(encoding="utf-8")
     for label, name, meaning in rows:
-        assert f"| {label} | `{name}` | {meaning} |" in readme
+        assert f"| {label} | `{name}` | {meaning} |" in reference
 
 
 @pytest.mark.usefixtures("undrawn")

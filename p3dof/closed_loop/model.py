@@ -19,7 +19,26 @@ from p3dof.errors import InputError
 
 
 class ClosedLoopModel(LoopModel):
-    """What `LoopModel` is, and the same for many samples at once."""
+    """Kinematics and dynamics of any robot with (or without) loop closures, for one sample and for many.
+
+    Parameters
+    ----------
+    model : pin.Model
+        A tree. Its frames and joints must stay as they are; masses and gravity may be changed.
+    sidecar : Sidecar
+        Loop closures and actuated joints.
+
+    Raises
+    ------
+    ModelError
+        If a frame or joint that the sidecar names does not exist, both frames of a closure are on the same
+        body, or an actuated joint has not exactly one degree of freedom.
+
+    Notes
+    -----
+    An instance owns workspaces that every method writes to: it is not thread-safe. Give each thread a `copy`.
+    Arrays in results are read-only copies.
+    """
 
     def complete_batch(
         self,

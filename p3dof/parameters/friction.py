@@ -47,8 +47,8 @@ class Friction:
     coulomb : mapping of str to float
         Forces [N] and moments [N m] likewise.
     smoothing : float
-        Rate over which Coulomb friction turns around [m/s, rad/s]: three quarters of it are there at this
-        rate, all but a thousandth at four times as much.
+        How smoothly Coulomb friction changes its sign [m/s, rad/s]: at this rate it has three quarters of its
+        full value, at four times this rate 99.9 %.
 
     Raises
     ------

@@ -69,7 +69,7 @@ class Geometry:
 
 @dataclass(frozen=True, eq=False)
 class Bodies:
-    """The ten moving bodies, one `Body` a link.
+    """The ten moving bodies, one `Body` for each link.
 
     Parameters
     ----------

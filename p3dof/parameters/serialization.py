@@ -116,7 +116,7 @@ def write_parameters(parameters: Parameters, path: str | os.PathLike[str]) -> No
     InputError
         If its name ends neither in ``.yaml`` nor in ``.yml``.
     ParameterError
-        If `parameters` are none.
+        If `parameters` is something else.
     """
     if not isinstance(parameters, Parameters):
         raise ParameterError(f"parameters: expected Parameters, got {type(parameters).__name__}")

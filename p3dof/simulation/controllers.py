@@ -177,7 +177,25 @@ class PD:
 class Feedforward(PD):
     """The forces that the wanted motion takes by the model, and PD or PID at the sliders on top.
 
-    Held forces are those of the middle of the hold. Arguments as for `PD`.
+    Between two calls the forces are held: the forward part is that of the middle of this time.
+
+    Parameters
+    ----------
+    model : Parameters or Manipulator
+        What the forces are computed from; it may differ from the machine that is controlled.
+    motion : Motion
+        What to follow.
+    frequency : float
+        ω / 2π [Hz].
+    damping : float
+        ζ; 1 is critical.
+    integral_time : float
+        T [s]; infinite for no integral.
+
+    Raises
+    ------
+    InputError
+        If an argument does not fit.
     """
 
     def __call__(self, measured: Measurement) -> FloatArray:
@@ -189,9 +207,27 @@ class Feedforward(PD):
 class ComputedTorque(PD):
     """Inverse dynamics in the loop: the machine behaves as three independent masses on springs and dampers.
 
-    The model is evaluated at the pose that it computes from the sliders, and asked for the acceleration
-    ẍ_d + 2 ζ ω (ẋ_d - ẋ) + ω² (x_d - x + ∫(x_d - x) dt / T). When forces are held, pose, velocity and wanted
-    acceleration are those of the middle of the hold. Arguments as for `PD`.
+    The pose is computed from the sliders. The forces are what the model needs there for the acceleration
+    ẍ_d + 2 ζ ω (ẋ_d - ẋ) + ω² (x_d - x + ∫(x_d - x) dt / T). Between two calls the forces are held: pose,
+    velocity and wanted acceleration are then those of the middle of this time.
+
+    Parameters
+    ----------
+    model : Parameters or Manipulator
+        What the forces are computed from; it may differ from the machine that is controlled.
+    motion : Motion
+        What to follow.
+    frequency : float
+        ω / 2π [Hz].
+    damping : float
+        ζ; 1 is critical.
+    integral_time : float
+        T [s]; infinite for no integral.
+
+    Raises
+    ------
+    InputError
+        If an argument does not fit.
     """
 
     def __call__(self, measured: Measurement) -> FloatArray:

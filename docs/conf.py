@@ -1,0 +1,76 @@
+"""Sphinx settings: `make docs` builds the site, offline, with every warning an error."""
+
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE / "_ext"))
+
+import p3dof
+
+project = "p3dof"
+author = "The p3dof developers"
+copyright = author  # noqa: A001 - the name that Sphinx reads
+version = release = p3dof.__version__
+
+extensions = [
+    "from_program",  # _ext: pages made from the program itself
+    "formulas",  # _ext: formulas without a network
+    "myst_nb",
+    "numpydoc",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx_click",
+    "sphinx_copybutton",
+    "sphinx_design",
+]
+exclude_patterns = ["_build", "_ext", "_templates", "reference/generated"]
+templates_path = ["_templates"]
+nitpicky = False
+suppress_warnings = ["config.cache"]
+
+# Docstrings: NumPy style; one page a public name, signatures with the defaults as they are written.
+default_role = "autolink"
+autosummary_generate = True
+autodoc_preserve_defaults = True
+autodoc_typehints = "none"
+autodoc_member_order = "bysource"
+numpydoc_show_class_members = False
+numpydoc_xref_param_type = False
+add_module_names = False
+python_display_short_literal_types = True
+maximum_signature_line_length = 88
+toc_object_entries_show_parents = "hide"
+
+# Pages in Markdown; notebooks run in the build, and the build fails with them.
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "fieldlist"]
+myst_heading_anchors = 3
+nb_execution_mode = "cache"
+nb_execution_cache_path = str(HERE.parent / "out" / "notebooks")
+nb_execution_timeout = 300
+nb_execution_raise_on_error = True
+nb_merge_streams = True
+nb_ipywidgets_js = {}
+
+html_theme = "pydata_sphinx_theme"
+html_title = "p3dof"
+html_static_path = ["_static"]
+html_css_files = ["p3dof.css"]
+html_show_sourcelink = False
+html_copy_source = False
+html_theme_options = {
+    "logo": {"text": "p3dof"},
+    "show_prev_next": True,
+    "navigation_with_keys": False,
+    "navbar_align": "left",
+    "header_links_before_dropdown": 6,
+    "secondary_sidebar_items": ["page-toc"],
+    "footer_start": ["copyright"],
+    "footer_end": [],
+    "show_toc_level": 2,
+    "pygments_light_style": "a11y-light",
+    "pygments_dark_style": "a11y-dark",
+}
+html_sidebars = {"index": [], "contributing": [], "tests": [], "changelog": []}
+copybutton_prompt_text = "$ "
+copybutton_only_copy_prompt_lines = True

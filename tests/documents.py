@@ -1,0 +1,71 @@
+"""Runs what a page of the documentation says: its files, its commands and its Python, in their order.
+
+In a page, a block of the language
+
+* ``python`` is run; all blocks of a page are one session;
+* ``console`` holds commands after ``$``: ``p3dof ...`` is run and must end with exit code 0,
+  ``python -c "..."`` is run, others (``make``, ``pip``) are not;
+* ``yaml`` or ``text`` whose first line is a comment with a file name, as ``# machine.yaml``, is written to
+  that file; what has none is read only.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+from p3dof import engines
+from p3dof.cli import main
+
+ROOT = Path(__file__).parents[1]
+_BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+_COMMAND = re.compile(r"^\$ (?:\.venv/bin/)?(p3dof|python -c) (.*)$")
+_FILE = re.compile(r"# ([\w./-]+\.\w+)\n")
+
+
+@dataclass(frozen=True)
+class Block:
+    """A block of a page: its language and its text."""
+
+    language: str
+    text: str
+
+
+def blocks(page: Path) -> list[Block]:
+    return [Block(*found) for found in _BLOCK.findall(page.read_text(encoding="utf-8"))]
+
+
+def commands(page: Path) -> list[str]:
+    """The commands of a page that are run."""
+    lines = "\n".join(block.text for block in blocks(page) if block.language == "console").splitlines()
+    return [line for line in lines if _COMMAND.match(line)]
+
+
+def run(page: Path, folder: Path) -> dict[str, object]:
+    """Run a page in a folder that is the working directory; return the names of its Python session."""
+    shutil.copytree(ROOT / "urdf", folder / "urdf")
+    (folder / "out").mkdir()
+    session: dict[str, object] = {}
+    for block in blocks(page):
+        if block.language == "python":
+            exec(compile(block.text, str(page), "exec"), session)  # noqa: S102 - our own text
+        elif block.language == "console":
+            for line in block.text.splitlines():
+                _run_command(line)
+        elif named := _FILE.match(block.text):
+            (folder / named[1]).write_text(block.text, encoding="utf-8")
+    return session
+
+
+def _run_command(line: str) -> None:
+    found = _COMMAND.match(line)
+    if found is None or ("--engines" in line and not all(map(engines.available, engines.ENGINES))):
+        return
+    words = shlex.split(found[2], comments=True)
+    if found[1] == "p3dof":
+        assert main(words) == 0, line
+    else:
+        exec(words[0], {})  # noqa: S102 - our own text

@@ -1,0 +1,60 @@
+"""What the pages of the documentation say runs, and what they point to is there."""
+
+import subprocess
+
+import numpy as np
+import pytest
+from documents import ROOT, blocks, commands, run
+
+import p3dof
+
+DOCS = ROOT / "docs"
+PAGES = sorted(path for path in DOCS.rglob("*.md") if "generated" not in path.parts)
+RUN = [page for page in PAGES if commands(page) or any(block.language == "python" for block in blocks(page))]
+
+
+def name(page):
+    return str(page.relative_to(DOCS))
+
+
+@pytest.mark.parametrize("page", RUN, ids=name)
+def test_what_a_page_says_runs(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    run(page, tmp_path)
+
+
+def test_pages_are_run():
+    assert {"index.md", "how-to/your-own-machine.md", "how-to/motion-files.md"} <= set(map(name, RUN))
+    assert sum(len(commands(page)) for page in RUN) >= 10
+
+
+def test_the_parameter_file_is_one(tmp_path):
+    """The complete example is the paper's machine, with an inertia about the joint as the paper prints it."""
+    (text,) = (
+        block.text for block in blocks(DOCS / "how-to/your-own-machine.md") if block.language == "yaml"
+    )
+    (tmp_path / "machine.yaml").write_text(text, encoding="utf-8")
+    parameters = p3dof.read_parameters(tmp_path / "machine.yaml")
+    assert parameters.geometry == p3dof.PAPER.geometry
+    expected = p3dof.PAPER.bodies.leg_a.inertia
+    np.testing.assert_allclose(parameters.bodies.leg_a.inertia, expected, rtol=1e-12, atol=1e-12)
+
+
+def test_the_c_of_a_controller_compiles(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    page = DOCS / "how-to/controller-in-c.md"
+    run(page, tmp_path)
+    (text,) = (block.text for block in blocks(page) if block.language == "c")
+    includes, body = text.split("\n\n", 1)
+    source = f"{includes}\nvoid stop(void);\nvoid period(void);\nvoid period(void)\n{{\n{body}}}\n"
+    command = ["cc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "-Iout/c", "-xc", "-"]
+    # In the text the state has no values yet: that it is read is all that the compiler may find.
+    command.insert(4, "-Wno-maybe-uninitialized")
+    done = subprocess.run(command, input=source, text=True, capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_blocks_that_are_not_run_are_few():
+    """Of the pages' languages, only these hold something that no test runs."""
+    languages = {block.language for page in PAGES for block in blocks(page)}
+    assert languages <= {"python", "console", "yaml", "text", "c"}
