@@ -20,12 +20,14 @@ from types import FunctionType, ModuleType
 from typing import Any
 from xml.etree import ElementTree
 
+import click
 import yaml
 from sphinx.application import Sphinx
 from sphinx.config import Config
 from sphinx.pycode import ModuleAnalyzer
 
 import p3dof
+from p3dof.cli import app as program
 from p3dof.cli import main
 
 PACKAGE = Path(p3dof.__file__).parent
@@ -43,6 +45,7 @@ RECORDED = (
 def write_pages(app: Sphinx, _config: Config) -> None:
     """Write all pages; Sphinx calls this when it has read its settings."""
     source = Path(app.srcdir)
+    load_commands()
     for page, original in {"contributing.md": "CONTRIBUTING.md", "tests.md": "tests/README.md"}.items():
         _write(source / page, _moved((ROOT / original).read_text(encoding="utf-8")))
     tutorials = source / "tutorials"
@@ -58,6 +61,13 @@ def write_pages(app: Sphinx, _config: Config) -> None:
         _write(source / f"reference/api/p3dof.{name}.rst", data_page(name))
     _write(source / "reference/generated/names.md", names_page())
     _write(source / "reference/generated/equations.md", equations_page())
+
+
+def load_commands() -> None:
+    """Import every command: sphinx-click takes those that are there for all that there are."""
+    context = click.Context(program)
+    for name in program.list_commands(context):
+        program.get_command(context, name)
 
 
 def _moved(text: str) -> str:
