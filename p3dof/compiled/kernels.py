@@ -66,7 +66,7 @@ def in_words() -> str:
 
 
 class MachineKernels:
-    """The kernels of one machine; any number of threads may use it at once.
+    """The compiled formulas of one machine; any number of threads may use them at once.
 
     Parameters
     ----------

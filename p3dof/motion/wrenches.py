@@ -21,7 +21,7 @@ WRENCH_ROWS = (1, 2, 4)
 class WrenchHistory(FrozenArrays):
     """External force and moment on the platform at P, in the fixed frame, sampled in time.
 
-    Between samples it is interpolated linearly; before the first and after the last one it stays.
+    Between samples it changes linearly; before the first and after the last one it keeps their values.
 
     Parameters
     ----------

@@ -103,4 +103,4 @@ PAPER = _paper()
 """The printed numbers of the paper, completed by the reconstructed mass centres; massless cross-bars."""
 
 SOLIDS = of_solids()
-"""Every body computed from its steel solid; its masses round to the paper's."""
+"""Every body computed from its steel solid; the masses, rounded, are those of the paper."""

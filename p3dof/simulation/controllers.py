@@ -77,7 +77,7 @@ class Springs:
 
 
 class PD:
-    """Feedback at each slider on its own, with the forces that hold the machine at home; or PID.
+    """PD or PID feedback at each slider, plus the forces that hold the machine at home.
 
     f = f_home + K (λ_d - λ) + D (λ̇_d - λ̇) + K/T ∫(λ_d - λ) dt
 
@@ -175,7 +175,7 @@ class PD:
 
 
 class Feedforward(PD):
-    """The forces that the wanted motion takes by the model, and PD or PID at the sliders on top.
+    """The forces that the model needs for the wanted motion, plus PD or PID feedback at the sliders.
 
     Between two calls the forces are held: the forward part is that of the middle of this time.
 
