@@ -1,5 +1,6 @@
 """Sphinx settings: `make docs` builds the site, offline, with every warning an error."""
 
+import os
 import sys
 from pathlib import Path
 
@@ -51,6 +52,14 @@ nb_execution_timeout = 300
 nb_execution_raise_on_error = True
 nb_merge_streams = True
 nb_ipywidgets_js = {}
+
+# Kernels for the build alone: no settings of the user, no warning that they talk to this machine in the open.
+profile = HERE.parent / "out" / "ipython" / "profile_default"
+profile.mkdir(parents=True, exist_ok=True)
+(profile / "ipython_kernel_config.py").write_text(
+    "get_config().IPKernelApp.log_level = 40\n", encoding="utf-8"
+)
+os.environ["IPYTHONDIR"] = str(profile.parent)
 
 html_theme = "pydata_sphinx_theme"
 html_title = "p3dof"
