@@ -31,6 +31,7 @@ nitpicky = False
 suppress_warnings = ["config.cache"]
 
 # Docstrings: NumPy style; one page a public name, signatures with the defaults as they are written.
+highlight_language = "text"
 default_role = "autolink"
 autosummary_generate = True
 autodoc_preserve_defaults = True

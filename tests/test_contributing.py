@@ -31,7 +31,9 @@ def test_the_map_is_that_of_the_import_rules():
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     (contract,) = [c for c in settings["tool"]["importlinter"]["contracts"] if c["type"] == "layers"]
     floors = [set(re.findall(r"\w+", layer)) for layer in contract["layers"]]
-    drawn = [rooms(line) for line in re.search(r"```\n(cli .*?)```", CONTRIBUTING, re.DOTALL)[1].splitlines()]
+    drawn = [
+        rooms(line) for line in re.search(r"```text\n(cli .*?)```", CONTRIBUTING, re.DOTALL)[1].splitlines()
+    ]
     assert drawn[0] == {"cli"}
     assert set.union(*drawn) == set.union(*floors) - {"__main__", "version"}
     heights = {room: height for height, floor in enumerate(floors) for room in floor}
