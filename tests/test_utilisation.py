@@ -44,11 +44,11 @@ def test_what_is_exceeded_is_used_by_more_than_all(result):
     assert 4 <= len(more) < 10
 
 
-def test_a_motion_with_invalid_samples_has_no_largest_force(result):
+def test_a_motion_with_invalid_samples_has_no_largest_force_and_speed(result):
     forces = result.forces.copy()
     forces[40] = np.nan
     found = replace(result, forces=forces).utilisations(PAPER.limits)
-    assert [np.isnan(one.value) for one in found] == [True] * 3 + [False] * 7
+    assert [np.isnan(one.value) for one in found] == [True] * 6 + [False] * 4
     assert all(np.isnan(one.share) == np.isnan(one.time) for one in found)
     with pytest.raises(InputError, match="limits: expected Limits, got int"):
         result.utilisations(3)
