@@ -101,7 +101,7 @@ class Comparison:
 
     @property
     def difference(self) -> FloatArray:
-        """|first - second|, shape (N, 3), NaN where one of them is [N]."""
+        """Magnitude of first less second, shape (N, 3), NaN where one of them is [N]."""
         return np.abs(self.first.forces - self.second.forces)
 
     @property
