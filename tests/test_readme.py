@@ -18,4 +18,6 @@ def test_it_is_a_front_page():
     assert len(README.read_text(encoding="utf-8").splitlines()) <= 150
     assert len(commands(README)) == 5
     (python,) = (block.text for block in blocks(README) if block.language == "python")
-    assert len([line for line in python.splitlines() if line]) == 5
+    first, *lines = [line for line in python.splitlines() if line]
+    assert first == "import p3dof"
+    assert len(lines) == 5
