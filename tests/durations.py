@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 TABLE = Path(__file__).with_name("durations.txt")
-QUICK = 0.4
+QUICK = 0.3
 """Most processor time that a quick test may take, over all its parameters [s]."""
 KEPT = 0.1
 """Shorter times are not written down [s]."""
