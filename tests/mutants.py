@@ -27,9 +27,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-SHARED = ("evidence", "manipulator", "virtual_power", "friction", "kinematics", "minimal")
-CLOSED = ("evidence", "closed_loop", "closed_loop_assembly", "manipulator", "closed_loop_batch")
-RUNS = ("evidence", "control")
+SHARED = ("evidence", "thresholds", "manipulator", "virtual_power", "friction", "kinematics", "minimal")
+CLOSED = ("evidence", "thresholds", "closed_loop", "closed_loop_assembly", "manipulator", "closed_loop_batch")
+RUNS = ("evidence", "thresholds", "control")
 TESTS = {
     "p3dof/algebra.py": SHARED,
     "p3dof/paper/formulas.py": SHARED,

@@ -296,6 +296,8 @@ def test_a_reference_rests_before_and_after():
         np.testing.assert_array_equal(pose, motion.pose[end])
         assert not velocity.any()
         assert not acceleration.any()
+    np.testing.assert_allclose(reference.poses(motion.time[[3, 50]]), motion.pose[[3, 50]], atol=1e-12)
+    np.testing.assert_array_equal(reference.poses(np.array([2.0])), motion.pose[-1:])
     late = p3dof.Motion(motion.time + 5, motion.pose, motion.velocity, motion.acceleration)
     np.testing.assert_allclose(Reference(late).at(0.5)[0], motion.pose[50], atol=1e-12)
 

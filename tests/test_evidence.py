@@ -260,6 +260,29 @@ def test_both_plants_say_the_same_of_a_state():
     )
 
 
+@pytest.mark.parametrize("theta", [1.0, -2.5, -4.0, -7.0])
+def test_a_turned_platform_keeps_its_whole_turns(theta):
+    robot = p3dof.load()
+    found = robot.mechanism_motion([0.01, 0.02, theta], HOME, HOME)
+    joints = {name: float(found.position[name]) for name in robot.model.names[1:]}
+    whole = (
+        theta - joints["hinge_c"] - joints["hinge_platform"]
+    )  # the closed form may wind an angle up itself
+    joints["hinge_platform"] += whole
+    plant = ConstrainedPlant(PAPER, robot.loop, 10.0)
+    pose, _ = plant.pose(np.array([*joints.values(), *np.zeros(10)]))
+    np.testing.assert_allclose(pose, [0.01, 0.02, theta], rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("count", [1, 3, 41])
+def test_the_power_of_a_batch_is_that_of_each_sample(count, robot):
+    joints = robot.inverse_dynamics(MOTION, "pinocchio").joints
+    q, v, a = joints.q[-count:], joints.v[-count:], joints.a[-count:]
+    expected = [robot.loop.power(*row) for row in zip(q, v, a, strict=True)]
+    assert np.abs(expected).max() > 1
+    np.testing.assert_allclose(robot.loop.power_batch(q, v, a), expected, rtol=1e-11)
+
+
 def test_baumgarte_closes_a_gap_as_it_says():
     """A gap e₀ at rest follows ë + 2β ė + β² e = 0, that is e = e₀ (1 + βt) exp(-βt)."""
     robot = p3dof.load()
