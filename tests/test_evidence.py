@@ -251,6 +251,7 @@ def test_both_plants_say_the_same_of_a_state():
             getattr(first, quantity), getattr(second, quantity), rtol=0, atol=1e-11 * scale
         )
     assert max(gap, other_gap) < 1e-14
+    np.testing.assert_array_equal(constrained.checked_state(other[:10], other[10:], 1e-9), other)
     opened = other.copy()
     opened[0] += 1e-4
     assert constrained.joints(np.array([opened]), np.array([rates[1]]))[1] == pytest.approx([1e-4], rel=1e-9)

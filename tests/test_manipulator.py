@@ -275,6 +275,7 @@ def test_a_result_without_a_valid_sample_has_no_peaks(robot):
     poses = np.full((3, 3), 9.0)
     motion = p3dof.Motion(np.arange(3.0), poses, 0 * poses, 0 * poses, check=False)
     result = robot.inverse_dynamics(motion, "virtual-power", on_invalid="nan")
+    assert result.peak_forces.shape == (3,)
     assert np.isnan(result.peak_forces).all()
     assert np.isnan(result.rms_forces).all()
 
