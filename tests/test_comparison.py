@@ -128,6 +128,12 @@ def test_bad_arguments(robot, named, message):
         robot.compare(p3dof.paper_motion(5), **named)
 
 
+@pytest.mark.parametrize("motion", [None, [0, 1], "m.csv"])
+def test_what_is_no_motion_is_refused(robot, motion):
+    with pytest.raises(InputError, match="motion: expected a Motion, got"):
+        robot.compare(motion)
+
+
 def test_progress_is_told(robot):
     told = []
     robot.compare(p3dof.paper_motion(21), progress=lambda done, total: told.append((done, total)))

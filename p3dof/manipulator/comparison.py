@@ -241,6 +241,8 @@ def compare(
     -------
     Comparison
     """
+    if not isinstance(motion, Motion):
+        raise InputError(f"motion: expected a Motion, got {type(motion).__name__}")
     names = _engine_names(others)
     allowed = float(frozen_array("tolerance", tolerance, ()))
     if allowed < 0:

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from p3dof.checks import FloatArray, shown
-from p3dof.errors import InputError
-from p3dof.files import suffix_of, write_atomic
+from p3dof.errors import FileError, InputError, MotionError
+from p3dof.files import called, suffix_of, write_atomic
 from p3dof.methods import LEGS, Exceedance, JointStates, exceedances_of, write_table
 from p3dof.motion import Motion
 from p3dof.motion.times import require_rising
@@ -243,9 +243,13 @@ class Simulation:
         stop = Stop(words[0], float(found["stop_time"]), words[1]) if words else None
         time, pose, velocity, acceleration = (found[name] for name in _MOTION)
         names = tuple(str(name) for name in found["joint_names"])
+        try:
+            motion = Motion(time, pose, velocity, acceleration, check=False)
+        except MotionError as error:  # numbers that are too large for a motion
+            raise FileError(f"{called(path)}: expected a run saved as .npz ({error})") from error
         return cls(
             method=str(found["method"]),
-            motion=Motion(time, pose, velocity, acceleration, check=False),
+            motion=motion,
             joints=JointStates(names, found["q"], found["v"], found["a"]),
             reference=found.get("reference"),
             stop=stop,
