@@ -191,6 +191,15 @@ runpy.run_module("p3dof", run_name="__main__")
 @pytest.mark.skipif(sys.platform.startswith("win"), reason="POSIX signals")
 @pytest.mark.parametrize("module", ["p3dof.cli", "pinocchio", "click", "rich.table", "p3dof.plots"])
 def test_an_interrupt_during_start_up_is_one_line(tmp_path, module):
+    # As from a terminal: what a shell starts in the background ignores Ctrl-C, and so do its children.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        _interrupt_start_up(tmp_path, module)
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _interrupt_start_up(tmp_path, module):
     code = SLOW_IMPORT.format(module=module, figure=str(tmp_path / "f.png"))
     with subprocess.Popen(
         [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
