@@ -215,6 +215,24 @@ def rnea(robot, q, v, a):
     return np.array(pin.rnea(robot.model, robot.model.createData(), q, v, a))
 
 
+@pytest.mark.parametrize("row", range(6))
+def test_each_component_of_a_wrench_acts_alone_in_both_plants(row):
+    robot = p3dof.load(ROUGH)
+    minimal = MinimalPlant(ROUGH, Equations(ROUGH))
+    constrained = ConstrainedPlant(ROUGH, robot.loop, 10.0)
+    pose, velocity, forces = np.array([0.02, -0.03, 0.25]), np.array([0.3, -0.2, 1.5]), np.full(3, 50.0)
+    wrench = np.zeros(6)
+    wrench[row] = 8.0
+    found = []
+    for plant in (minimal, constrained):
+        state = plant.state(pose, velocity)
+        with_it, without = (plant.rate(state, forces, load) for load in (wrench, np.zeros(6)))
+        found.append([plant.acceleration(state, rate) for rate in (with_it, without)])
+    np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-10)
+    works = row in {1, 2, 4}  # F_y, F_z and M_y
+    assert (np.abs(found[0][0] - found[0][1]).max() > 0.1) == works
+
+
 def test_both_plants_say_the_same_of_a_state():
     """Rates, sliders, pose, acceleration, joints and how far each leg hangs down, in motion under forces."""
     robot = p3dof.load(ROUGH)
