@@ -170,7 +170,7 @@ class BatchDynamics:
             R, omega, alpha = samples.R[:, 1:], V[..., 3:], A[..., 3:]
             centre = samples.p[:, 1:] + apply(R, c)
             vc = V[..., :3] + cross(omega, centre)
-            ac = A[..., :3] + cross(alpha, centre) + cross(omega, vc)
+            ac = A[..., :3] + cross(alpha, centre)  # less ω × vc, which has no power: it is across vc
             turned = R @ inertia @ np.swapaxes(R, -1, -2)
             torque = apply(turned, alpha) + cross(omega, apply(turned, omega))
             each = m[:, None] * vc * (ac - model.gravity.linear) + omega * torque
