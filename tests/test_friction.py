@@ -12,8 +12,7 @@ from machines import SEEDS, random_machine, random_states
 
 import p3dof
 from p3dof.errors import ParameterError
-from p3dof.parameters import PAPER, Body, Friction
-from p3dof.parameters.friction import PASSIVE, SLIDES
+from p3dof.parameters import PAPER, PASSIVE, SLIDES, Body, Friction
 from p3dof.parameters.serialization import dump, parse
 
 HINGES = {  # the two bodies of each hinge; None is at rest

@@ -21,7 +21,7 @@ from p3dof.closed_loop.reactions import ClosureJoint, ReactionSolver, loop_react
 from p3dof.errors import DynamicsError, InputError, ModelError, ReachError, SampleError, SingularityError
 from p3dof.methods import pinocchio, virtual_power
 from p3dof.motion import Motion, paper_motion
-from p3dof.parameters import PAPER, SOLIDS, Bodies, Body, Friction, Parameters, friction
+from p3dof.parameters import PAPER, PASSIVE, SLIDES, SOLIDS, Bodies, Body, Friction, Parameters
 from p3dof.reactions import JOINTS, how_chosen, of_solution, over_motion
 from p3dof.reactions.joints import cuts
 
@@ -227,7 +227,7 @@ def test_the_ground_bears_momentum_weight_and_load(name, kind):
 def test_friction_lies_along_the_joints_freedoms(seed, kind):
     parameters, motion, wrench = case(str(seed))
     rng = np.random.default_rng(seed)
-    names = (*friction.SLIDES, *friction.PASSIVE)
+    names = (*SLIDES, *PASSIVE)
     viscous, coulomb = ({name: rng.uniform(0, 3) for name in names} for _ in range(2))
     friction_ = Friction(viscous, coulomb, smoothing=0.3)
     parameters = Parameters(
@@ -246,7 +246,7 @@ def test_friction_lies_along_the_joints_freedoms(seed, kind):
     states = motion.pose, motion.velocity, motion.acceleration
     moving = kinematics.mechanism_motion(parameters.geometry, *states)
     actuators = virtual_power.forces(parameters, *states, wrench)
-    for k, name in enumerate(friction.SLIDES):
+    for k, name in enumerate(SLIDES):
         along = actuators[:, k] + resisting(name, moving.slider_velocities[:, k])
         assert np.all(np.abs(result[name].forces[:, 2] - along) <= 1e-10 * force)
     for joint in result.joints[:10]:

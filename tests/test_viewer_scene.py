@@ -17,7 +17,7 @@ import p3dof
 pytest.importorskip("meshcat", reason="meshcat is not installed")
 import umsgpack
 
-from p3dof.parameters.machine import LINKS
+from p3dof.parameters import LINKS
 from p3dof.viewer import ArrowScale, Scene, SceneWindow, joints_of, trace_of
 from p3dof.viewer.scene import LINKS_OF_LEGS, MARK, ROOT
 

@@ -21,8 +21,8 @@ from p3dof.manipulator import METHODS, InverseDynamics, Manipulator, load
 from p3dof.motion import Motion, WrenchHistory, paper_motion
 from p3dof.motion.splines import eased
 from p3dof.parameters import Body, read_parameters
+from p3dof.parameters.plain import require_near
 from p3dof.parameters.quantities import LENGTH, MASS
-from p3dof.parameters.serialization import require_near
 from p3dof.reactions import BOTH, IDEALISATIONS, AnyReactions, Choice
 
 _PARAMETERS = click.option(

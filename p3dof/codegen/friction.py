@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from p3dof.algebra import Namespace, Scalar, Vector, dot, plus, times
 from p3dof.compiled.reduced import Shape
-from p3dof.parameters.friction import PASSIVE, SLIDES
+from p3dof.parameters import PASSIVE, SLIDES
 
 JOINTS = (*SLIDES, *PASSIVE)
 """All joints that can have friction."""

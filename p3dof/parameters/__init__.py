@@ -5,16 +5,24 @@ every body from the solids that reproduce the printed masses. All classes are fr
 given; `dataclasses.replace` makes variants.
 """
 
+from p3dof.parameters.bodies import Bodies
 from p3dof.parameters.body import Body
 from p3dof.parameters.friction import Friction
-from p3dof.parameters.machine import LINKS, Bodies, Geometry, Limits, Parameters
+from p3dof.parameters.geometry import Geometry
+from p3dof.parameters.limits import Limits
+from p3dof.parameters.machine import Parameters
 from p3dof.parameters.named import PAPER, SOLIDS, of_solids
+from p3dof.parameters.names import LEGS, LINKS, PASSIVE, PLATFORM, SLIDES
 from p3dof.parameters.serialization import read_parameters, write_parameters
 from p3dof.parameters.solids import STEEL_DENSITY, Dimensions, box, cylinder, rounded_plate
 
 __all__ = [
+    "LEGS",
     "LINKS",
     "PAPER",
+    "PASSIVE",
+    "PLATFORM",
+    "SLIDES",
     "SOLIDS",
     "STEEL_DENSITY",
     "Bodies",

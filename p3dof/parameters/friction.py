@@ -2,32 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 
 from p3dof.checks import frozen_array, positive, shown
 from p3dof.errors import ParameterError
-
-SLIDES = ("slide_a", "slide_b", "slide_c")
-PASSIVE = (
-    "hinge_a",
-    "hinge_b",
-    "hinge_c",
-    "hinge_left",
-    "hinge_right",
-    "hinge_lower",
-    "hinge_platform",
-    "universal_a",
-    "universal_b",
-    "hinge_lower_right",
-)
-"""The passive joints: those of the URDF's tree, and the three at which its loops are cut."""
-
-GROUPS = {"sliders": SLIDES, "joints": PASSIVE}
-"""Names that stand for several joints."""
+from p3dof.parameters.names import JOINT_GROUPS, PASSIVE, SLIDES
 
 _REST = 1e-3
+
+
+class _Coefficients(Mapping[str, float]):
+    """Numbers by joint that nobody can change; a copy of them is a plain dictionary."""
+
+    def __init__(self, by_joint: Mapping[str, float]) -> None:
+        self._by_joint = dict(by_joint)
+
+    def __getitem__(self, name: str) -> float:
+        return self._by_joint[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._by_joint)
+
+    def __len__(self) -> int:
+        return len(self._by_joint)
+
+    def __repr__(self) -> str:
+        return repr(self._by_joint)
+
+    def __deepcopy__(self, memo: dict[int, object]) -> dict[str, float]:
+        return dict(self._by_joint)  # for `dataclasses.asdict`
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +66,7 @@ class Friction:
 
     def __post_init__(self) -> None:
         for name in ("viscous", "coulomb"):
-            object.__setattr__(self, name, MappingProxyType(_by_joint(name, getattr(self, name))))
+            object.__setattr__(self, name, _Coefficients(_by_joint(name, getattr(self, name))))
         object.__setattr__(self, "smoothing", positive("smoothing", self.smoothing, ParameterError))
 
     @property
@@ -86,13 +90,13 @@ def _by_joint(what: str, given: Mapping[str, float]) -> dict[str, float]:
     if not isinstance(given, Mapping):
         raise ParameterError(f"{what}: expected coefficients by joint, got {shown(given)}")
     found: dict[str, float] = {}
-    for name in sorted(given, key=lambda name: name not in GROUPS):
-        if name not in GROUPS and name not in SLIDES and name not in PASSIVE:
-            known = ", ".join((*GROUPS, *SLIDES, *PASSIVE))
+    for name in sorted(given, key=lambda name: name not in JOINT_GROUPS):
+        if name not in JOINT_GROUPS and name not in SLIDES and name not in PASSIVE:
+            known = ", ".join((*JOINT_GROUPS, *SLIDES, *PASSIVE))
             raise ParameterError(f"{what}: unknown joint {shown(name)}, expected one of {known}")
         value = float(frozen_array(f"{what}.{name}", given[name], (), ParameterError))
         if value < 0:
             raise ParameterError(f"{what}.{name}: expected zero or more, got {value:g}")
-        for joint in GROUPS.get(name, (name,)):
+        for joint in JOINT_GROUPS.get(name, (name,)):
             found[joint] = value
     return {name: value for name, value in found.items() if value}

@@ -1,203 +1,19 @@
-"""`Geometry`, `Bodies`, `Limits` and `Parameters`: one machine of the paper's kind."""
+"""`Parameters`: one machine of the paper's kind."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
 
-from p3dof.checks import FloatArray, FrozenArrays, frozen_array, positive
+from p3dof.checks import FloatArray, FrozenArrays, frozen_array
 from p3dof.errors import ParameterError
+from p3dof.parameters.bodies import Bodies
 from p3dof.parameters.body import Body
 from p3dof.parameters.friction import Friction
-
-PARALLEL = 1e-6
-"""Least R - r, as a share of L: half the angle between the legs A and B at home [rad]."""
-
-
-@dataclass(frozen=True)
-class Geometry:
-    """Lengths of the mechanism [m]; the defaults are the paper's.
-
-    Parameters
-    ----------
-    r : float
-        Size of the platform: distance from P to each of its joints A3, B3, C5.
-    R : float
-        Size of the base: distance from O to each guide-way.
-    L : float
-        Length of the legs and of the rods of the parallelogram.
-    b : float
-        Half width of the parallelogram. The paper does not give it, and no force depends on it.
-
-    Raises
-    ------
-    ParameterError
-        Unless 0 < r < R, L > R - r >= 1e-6 L and b > 0. Were R - r smaller, the legs A and B would be
-        parallel at home, and could not hold the platform sideways.
-    """
-
-    r: float = 0.1
-    R: float = 0.25
-    L: float = 0.4
-    b: float = 0.05
-
-    def __post_init__(self) -> None:
-        for item in fields(self):
-            value = positive(item.name, getattr(self, item.name), ParameterError)
-            object.__setattr__(self, item.name, value)
-        if self.r >= self.R:
-            raise ParameterError(
-                f"r, R: expected r < R (r = R is singular everywhere), got r = {self.r:g}, R = {self.R:g} m"
-            )
-        if not self.R - self.r >= PARALLEL * self.L:
-            raise ParameterError(
-                f"R - r: expected at least {PARALLEL:g} L = {PARALLEL * self.L:g} m, or the legs A and B are "
-                f"parallel and cannot hold the platform; got {self.R - self.r:g} m"
-            )
-        if not self.R - self.r < self.L:
-            raise ParameterError(
-                f"L: expected more than R - r = {self.R - self.r:g} m to reach the platform, got {self.L:g} m"
-            )
-
-    @property
-    def h(self) -> float:
-        """Depth of the platform below the sliders at home, h = √(L² - (R-r)²) [m] (paper, eq. 7)."""
-        width = self.R - self.r
-        return math.sqrt((self.L - width) * (self.L + width))
-
-
-@dataclass(frozen=True, eq=False)
-class Bodies:
-    """The ten moving bodies, one `Body` for each link.
-
-    Parameters
-    ----------
-    slider_a, leg_a, slider_b, leg_b, slider_c : Body
-        Sliders (T1) and legs (T2) of the legs A and B, slider of leg C.
-    crossbar_upper, rod_left, crossbar_lower, platform, rod_right : Body
-        T2, T3, T4, T5 and T6 of leg C. Only the cross-bars may be massless.
-
-    Raises
-    ------
-    ParameterError
-        If a field is not a `Body`, or a body other than a cross-bar has no mass.
-    """
-
-    slider_a: Body
-    leg_a: Body
-    slider_b: Body
-    leg_b: Body
-    slider_c: Body
-    crossbar_upper: Body
-    rod_left: Body
-    crossbar_lower: Body
-    platform: Body
-    rod_right: Body
-
-    def __post_init__(self) -> None:
-        for name, body in self.items():
-            if not isinstance(body, Body):
-                raise ParameterError(f"{name}: expected a Body, got {type(body).__name__}")
-            if body.mass == 0 and not name.startswith("crossbar"):
-                raise ParameterError(f"{name}: expected a positive mass, got 0 kg")
-
-    @classmethod
-    def alike(cls, *, slider: Body, leg: Body, crossbar: Body, platform: Body) -> Bodies:
-        """Make the usual set: equal sliders, equal legs and rods, equal cross-bars.
-
-        Parameters
-        ----------
-        slider, leg, crossbar, platform : Body
-            One body of each kind.
-
-        Returns
-        -------
-        Bodies
-        """
-        return cls(
-            slider_a=slider,
-            leg_a=leg,
-            slider_b=slider,
-            leg_b=leg,
-            slider_c=slider,
-            crossbar_upper=crossbar,
-            rod_left=leg,
-            crossbar_lower=crossbar,
-            platform=platform,
-            rod_right=leg,
-        )
-
-    def items(self) -> Iterator[tuple[str, Body]]:
-        """Iterate over (link name, body)."""
-        return ((item.name, getattr(self, item.name)) for item in fields(self))
-
-    def scaled(self, factor: float) -> Bodies:
-        """Return the bodies with all masses and inertias times a factor: a model that is wrong by so much.
-
-        Parameters
-        ----------
-        factor : float
-            Positive.
-
-        Returns
-        -------
-        Bodies
-
-        Raises
-        ------
-        ParameterError
-            If the factor is not positive.
-        """
-        by = positive("factor", factor, ParameterError)
-        return Bodies(
-            **{name: Body(by * body.mass, body.com, by * body.inertia) for name, body in self.items()}
-        )
-
-    @property
-    def mass(self) -> float:
-        """Total moving mass [kg]."""
-        return sum(body.mass for _, body in self.items())
-
-
-LINKS = tuple(item.name for item in fields(Bodies))
-"""The ten moving bodies by name."""
-
-
-@dataclass(frozen=True)
-class Limits:
-    """What the actuators can do, and how far the platform may turn; the paper gives none of these.
-
-    Parameters
-    ----------
-    travel : tuple of float
-        Lowest and highest slider position [m]; home (0) lies between.
-    speed : float
-        Largest slider speed [m/s].
-    force : float
-        Largest actuator force [N].
-    tilt : tuple of float
-        Smallest and largest platform rotation θ [rad]; home (0) lies between.
-
-    Raises
-    ------
-    ParameterError
-        If a number is not finite, not positive where it must be, or a range does not hold home.
-    """
-
-    travel: tuple[float, float] = (-0.2, 0.2)
-    speed: float = 2.0
-    force: float = 500.0
-    tilt: tuple[float, float] = (-math.pi / 4, math.pi / 4)
-
-    def __post_init__(self) -> None:
-        for name in ("travel", "tilt"):
-            low, high = (float(end) for end in frozen_array(name, getattr(self, name), (2,), ParameterError))
-            if not low < 0 < high:
-                raise ParameterError(f"{name}: expected a range around 0 (home), got [{low:g}, {high:g}]")
-            object.__setattr__(self, name, (low, high))
-        for name in ("speed", "force"):
-            object.__setattr__(self, name, positive(name, getattr(self, name), ParameterError))
+from p3dof.parameters.geometry import Geometry
+from p3dof.parameters.limits import Limits
+from p3dof.parameters.plain import named, read_parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,3 +86,61 @@ class Parameters(FrozenArrays):
         if not self.payloads:
             return self
         return replace(self, bodies=replace(self.bodies, platform=self.bodies.platform.parts[0]))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain numbers, lists and texts: what the parameter file holds, ready for JSON.
+
+        Returns
+        -------
+        dict
+            With the names and the nesting of the parameter file, in SI units; each link has its own entry. No
+            friction and no payload if the machine has none.
+        """
+        limits = {
+            name: list(value) if isinstance(value, tuple) else value
+            for name, value in asdict(self.limits).items()
+        }
+        data: dict[str, Any] = {
+            "geometry": asdict(self.geometry),
+            "gravity": self.gravity.tolist(),
+            "limits": limits,
+            "bodies": {name: body.to_dict() for name, body in self.unladen.bodies.items()},
+        }
+        if self.friction.to_dict() != Friction().to_dict():
+            data["friction"] = self.friction.to_dict()
+        payloads = [body.to_dict() for body in self.payloads]
+        if payloads:
+            data["payload"] = payloads[0] if len(payloads) == 1 else payloads
+        return data
+
+    @classmethod
+    def from_dict(
+        cls, data: Mapping[str, Any], source: str = "parameters", any_size: bool = False
+    ) -> Parameters:
+        """Make a machine from plain data: what `to_dict` returns, or anything that a parameter file may hold.
+
+        Parameters
+        ----------
+        data : mapping
+            With the names and the nesting of the parameter file; units in texts (``"120 mm"``) too.
+        source : str
+            What to call it in an error.
+        any_size : bool
+            Take a machine of more than 20 m or less than 1 mm too.
+
+        Returns
+        -------
+        machine : Parameters
+            `to_dict` of a machine gives the same numbers back to the last bit.
+
+        Raises
+        ------
+        ParameterError
+            If a field is missing, unknown, in a wrong unit or not physical, or the machine is too large or
+            too small; the message names `source` and the field.
+        """
+        parts, payloads = read_parts(data, source, any_size)
+        machine = named(source, lambda: cls(**parts))
+        for payload in payloads:
+            machine = machine.carrying(payload)
+        return machine

@@ -6,8 +6,11 @@ import numpy as np
 
 from p3dof.checks import FloatArray
 from p3dof.errors import ParameterError
+from p3dof.parameters.bodies import Bodies
 from p3dof.parameters.body import Body
-from p3dof.parameters.machine import Bodies, Geometry, Limits, Parameters
+from p3dof.parameters.geometry import Geometry
+from p3dof.parameters.limits import Limits
+from p3dof.parameters.machine import Parameters
 from p3dof.parameters.solids import STEEL_DENSITY, Dimensions, box, cylinder, rounded_plate
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -88,10 +89,10 @@ class Quantity:
             If a text is no number with a unit of this kind, a list is too long, or in a list some numbers
             have a unit and others, but zeros, have none.
         """
-        if isinstance(value, list):
-            rows = [item for item in value if isinstance(item, list)]
+        if isinstance(value, list | tuple):
+            rows = [item for item in value if isinstance(item, list | tuple)]
             if len(value) > _DEEPEST or any(
-                len(row) > _DEEPEST or any(isinstance(x, list) for x in row) for row in rows
+                len(row) > _DEEPEST or any(isinstance(x, list | tuple) for x in row) for row in rows
             ):
                 raise ParameterError(f"{where}: expected at most 3 × 3 numbers")
             self._require_one_way(value, where)
@@ -118,9 +119,9 @@ class Quantity:
         except OverflowError:
             raise self._refused(text, where) from None
 
-    def _require_one_way(self, values: list[Any], where: str) -> None:
+    def _require_one_way(self, values: Sequence[Any], where: str) -> None:
         """Raise where a unit in a list seems to be meant for its other numbers too."""
-        entries = [x for item in values for x in (item if isinstance(item, list) else [item])]
+        entries = [x for item in values for x in (item if isinstance(item, list | tuple) else [item])]
         plain = [x for x in entries if _is_plain(x) and float(x) != 0]
         if plain and any(isinstance(x, str) and not _is_plain(x) for x in entries):
             raise ParameterError(

@@ -33,44 +33,12 @@ refused unless the caller says ``any_size``.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, fields
-from typing import Any, TypeVar
 
 import yaml
 
-from p3dof.checks import shown
 from p3dof.errors import ParameterError
 from p3dof.files import Source, called, parse_yaml, read_text, suffix_of, write_atomic
-from p3dof.parameters.body import Body
-from p3dof.parameters.friction import SLIDES, Friction
-from p3dof.parameters.machine import LINKS, Bodies, Geometry, Limits, Parameters
-from p3dof.parameters.quantities import (
-    ACCELERATION,
-    ANGLE,
-    FORCE,
-    HINGE_DAMPING,
-    INERTIA,
-    LENGTH,
-    MASS,
-    MOMENT,
-    RATE,
-    SLIDE_DAMPING,
-    SPEED,
-    Quantity,
-)
-
-_ANYWAY = "--any-size, or any_size=True, takes it as it is"
-_METRES = f"lengths are in metres; did you mean mm? Write '120 mm' ({_ANYWAY})"
-LARGEST, SMALLEST = 20.0, 1e-3
-"""Largest and smallest machine that is believed, by its longest length [m]."""
-_GEOMETRY = dict.fromkeys(("r", "R", "L", "b"), LENGTH)
-_LIMITS = {"travel": LENGTH, "speed": SPEED, "force": FORCE, "tilt": ANGLE}
-_BODY = {"mass": MASS, "com": LENGTH, "inertia": INERTIA, "about": LENGTH}
-_FRICTION = {"viscous": (SLIDE_DAMPING, HINGE_DAMPING), "coulomb": (FORCE, MOMENT)}
-_SLIDES = {"sliders", *SLIDES}
-_KINDS = ("slider", "leg", "crossbar", "platform")
-_T = TypeVar("_T")
+from p3dof.parameters.machine import Parameters
 
 
 def read_parameters(path: Source, any_size: bool = False) -> Parameters:
@@ -125,190 +93,11 @@ def write_parameters(parameters: Parameters, path: str | os.PathLike[str]) -> No
 
 
 def parse(text: str, source: str = "parameters", any_size: bool = False) -> Parameters:
-    """Read parameters from YAML text.
-
-    Parameters
-    ----------
-    text : str
-        The YAML text.
-    source : str
-        What to call it in an error: usually the file name.
-    any_size : bool
-        As for `read_parameters`.
-
-    Returns
-    -------
-    parameters : Parameters
-
-    Raises
-    ------
-    ParameterError
-        As `read_parameters`; the message names `source` and the field.
-    """
-    data = _mapping(
-        parse_yaml(text, source, ParameterError),
-        source,
-        required=("geometry", "bodies"),
-        optional=("limits", "gravity", "friction", "payload"),
-    )
-    geometry = _record(data["geometry"], f"{source}: geometry", Geometry, _GEOMETRY, ("r", "R", "L"))
-    if not any_size:
-        _require_size(geometry, f"{source}: geometry")
-    bodies = _bodies(data["bodies"], f"{source}: bodies")
-    rest: dict[str, Any] = {}
-    if "limits" in data:
-        rest["limits"] = _record(data["limits"], f"{source}: limits", Limits, _LIMITS)
-    if "gravity" in data:
-        rest["gravity"] = ACCELERATION.read(data["gravity"], f"{source}: gravity")
-    if "friction" in data:
-        rest["friction"] = _friction(data["friction"], f"{source}: friction")
-    machine = _named(source, lambda: Parameters(geometry, bodies, **rest))
-    payloads = _payloads(data.get("payload", []), f"{source}: payload")
-    if not any_size:
-        for name, body in (*bodies.items(), *(("payload", payload) for payload in payloads)):
-            require_near(body, f"{source}: {name}: com")
-    for payload in payloads:
-        machine = machine.carrying(payload)
-    return machine
+    """Read parameters from YAML text; as `Parameters.from_dict` reads plain data."""
+    return Parameters.from_dict(parse_yaml(text, source, ParameterError), source, any_size)
 
 
 def dump(parameters: Parameters) -> str:
-    """Return the YAML text of parameters; `parse` gives the same numbers back to the last bit.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        What to write.
-
-    Returns
-    -------
-    str
-    """
-    limits = {
-        key: list(value) if isinstance(value, tuple) else value
-        for key, value in asdict(parameters.limits).items()
-    }
-    data = {
-        "geometry": asdict(parameters.geometry),
-        "gravity": parameters.gravity.tolist(),
-        "limits": limits,
-        "bodies": {name: body.to_dict() for name, body in parameters.unladen.bodies.items()},
-    }
-    if parameters.friction:
-        data["friction"] = parameters.friction.to_dict()
-    payloads = [body.to_dict() for body in parameters.payloads]
-    if payloads:
-        data["payload"] = payloads[0] if len(payloads) == 1 else payloads
+    """Return the YAML text of parameters; `parse` gives the same numbers back to the last bit."""
     header = "# p3dof parameters: m, kg, kg m² about the mass centre, m/s, N, rad, m/s²\n"
-    return header + yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=110)
-
-
-def require_near(body: Body, where: str) -> None:
-    """Raise if a mass centre is so far away that millimetres were meant.
-
-    Parameters
-    ----------
-    body : Body
-        The body.
-    where : str
-        What to call the mass centre in an error.
-
-    Raises
-    ------
-    ParameterError
-        If it is more than 20 m from the origin of the body.
-    """
-    far = float(abs(body.com).max())
-    if far > LARGEST:
-        raise ParameterError(f"{where}: {far:g} m is more than {LARGEST:g} m: {_METRES}")
-
-
-def _require_size(geometry: Geometry, where: str) -> None:
-    """Raise if lengths are so large or so small that another unit was meant."""
-    name, longest = max(asdict(geometry).items(), key=lambda item: float(item[1]))
-    if longest > LARGEST:
-        raise ParameterError(f"{where}: {name} = {longest:g} m is more than {LARGEST:g} m: {_METRES}")
-    if longest < SMALLEST:
-        raise ParameterError(
-            f"{where}: the longest length, {name} = {longest:g} m, is less than {SMALLEST:g} m: "
-            f"lengths are in metres ({_ANYWAY})"
-        )
-
-
-def _bodies(data: Any, where: str) -> Bodies:
-    kinds = isinstance(data, Mapping) and not set(data) - set(_KINDS)
-    names = _KINDS if kinds else LINKS
-    data = _mapping(data, where, required=names)
-    bodies = {name: _body(data[name], f"{where}.{name}") for name in names}
-    return _named(where, lambda: Bodies.alike(**bodies) if kinds else Bodies(**bodies))
-
-
-def _body(data: Any, where: str) -> Body:
-    data = _mapping(data, where, required=("mass", "com", "inertia"), optional=("about",))
-    values = {key: _BODY[key].read(value, f"{where}.{key}") for key, value in data.items()}
-    point = values.pop("about", None)
-    return _named(where, lambda: Body(**values) if point is None else Body.about(point, **values))
-
-
-def _payloads(data: Any, where: str) -> list[Body]:
-    """Read one payload, or a list of them."""
-    if isinstance(data, list):
-        return [_body(item, f"{where}[{i}]") for i, item in enumerate(data)]
-    return [_body(data, where)]
-
-
-def _friction(data: Any, where: str) -> Friction:
-    data = _mapping(data, where, optional=("viscous", "coulomb", "smoothing"))
-    values: dict[str, Any] = {}
-    for key, value in data.items():
-        if isinstance(value, Mapping) and key in _FRICTION:
-            of_slide, of_hinge = _FRICTION[key]
-            values[key] = {
-                name: (of_slide if name in _SLIDES else of_hinge).read(number, f"{where}.{key}.{name}")
-                for name, number in value.items()
-            }
-        else:
-            values[key] = RATE.read(value, f"{where}.{key}") if key == "smoothing" else value
-    return _named(where, lambda: Friction(**values))
-
-
-def _record(
-    data: Any,
-    where: str,
-    kind: Callable[..., _T],
-    quantities: Mapping[str, Quantity],
-    required: Iterable[str] = (),
-) -> _T:
-    """Make a flat dataclass from a mapping."""
-    known = [item.name for item in fields(kind)]  # type: ignore[arg-type]
-    data = _mapping(data, where, required, known)
-    values = {key: quantities[key].read(value, f"{where}.{key}") for key, value in data.items()}
-    return _named(where, lambda: kind(**values))
-
-
-def _mapping(
-    data: Any, where: str, required: Iterable[str] = (), optional: Iterable[str] = ()
-) -> Mapping[str, Any]:
-    required = list(required)
-    known = [*required, *(name for name in optional if name not in required)]
-    if not isinstance(data, Mapping):
-        raise ParameterError(f"{where}: expected the fields {', '.join(known)}, got {_kind(data)}")
-    unknown = [str(key) for key in data if key not in known]
-    if unknown:
-        raise ParameterError(f"{where}: unknown field {unknown[0]!r}, expected {', '.join(known)}")
-    missing = [key for key in required if key not in data]
-    if missing:
-        raise ParameterError(f"{where}: the field {missing[0]!r} is missing")
-    return data
-
-
-def _kind(value: Any) -> str:
-    return "nothing" if value is None else shown(value)
-
-
-def _named(where: str, make: Callable[[], _T]) -> _T:
-    """Put the place in the file before the error of a constructor."""
-    try:
-        return make()
-    except ParameterError as error:
-        raise ParameterError(f"{where}: {error}") from error
+    return header + yaml.safe_dump(parameters.to_dict(), sort_keys=False, default_flow_style=None, width=110)

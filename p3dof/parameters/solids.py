@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from p3dof.checks import FloatArray, frozen_array, positive
 from p3dof.errors import ParameterError
 from p3dof.parameters.body import Body
-from p3dof.parameters.machine import Geometry
+from p3dof.parameters.geometry import Geometry
 
 STEEL_DENSITY = 7801.0
 """Density that reproduces the paper's masses [kg/m³]: the customary default steel of ADAMS."""
