@@ -2,7 +2,7 @@
 
 from p3dof.manipulator.comparison import Comparison, Opinion
 from p3dof.manipulator.facade import Manipulator, load
-from p3dof.manipulator.methods import METHODS, Method
+from p3dof.methods.registry import METHODS, Method
 from p3dof.methods.results import Exceedance, InverseDynamics, JointStates
 
 __all__ = [

@@ -6,10 +6,10 @@ from numpy.typing import ArrayLike
 
 from p3dof.errors import InputError
 from p3dof.manipulator.minimal_form import MovingMachine
-from p3dof.methods import WrenchOverTime, compiled, wrenches_at
+from p3dof.methods import compiled
 from p3dof.methods.compiled import ForceDerivatives
 from p3dof.methods.regressor import ForceRegressor, force_regressor
-from p3dof.motion import Motion
+from p3dof.motion import Load, Motion, WrenchOverTime
 from p3dof.samples import OnInvalid
 
 
@@ -48,7 +48,7 @@ class DifferentialMachine(MovingMachine):
         """
         if not isinstance(motion, Motion):
             raise InputError(f"motion: expected a Motion, got {type(motion).__name__}")
-        loads = None if wrench is None else wrenches_at(motion.time, wrench, on_invalid)
+        loads = None if wrench is None else Load(wrench).over(motion.time, on_invalid)
         return self.force_derivatives(motion.pose, motion.velocity, motion.acceleration, loads, on_invalid)
 
     def force_derivatives(

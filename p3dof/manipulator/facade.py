@@ -18,19 +18,17 @@ from p3dof.errors import InputError
 from p3dof.kinematics.states import holdable_states
 from p3dof.manipulator.comparison import TOLERANCE, Comparison, compare
 from p3dof.manipulator.differential import DifferentialMachine
-from p3dof.manipulator.methods import Method, check_method
 from p3dof.manipulator.sampling import refined, remarks_on, warnings_about
 from p3dof.methods import (
     InverseDynamics,
-    WrenchOverTime,
     compiled,
     pinocchio,
     virtual_power,
     with_evidence,
     without_crossings,
-    wrenches_at,
 )
-from p3dof.motion import Motion, WrenchHistory
+from p3dof.methods.registry import Method, check_method
+from p3dof.motion import Load, Motion, WrenchHistory, WrenchOverTime
 from p3dof.parameters import PAPER, Parameters, read_parameters
 from p3dof.reactions import (
     BOTH,
@@ -190,7 +188,7 @@ class Manipulator(DifferentialMachine):
         if not isinstance(motion, Motion):
             raise InputError(f"motion: expected a Motion, got {type(motion).__name__}")
         given = motion.pose, motion.velocity, motion.acceleration
-        loads = None if wrench is None else wrenches_at(motion.time, wrench, on_invalid)
+        loads = None if wrench is None else Load(wrench).over(motion.time, on_invalid)
         if method == "pinocchio":  # which decides by itself which samples are valid
             states = finite_states(*given, on_invalid)
             solution = pinocchio.solve(

@@ -8,8 +8,8 @@ from p3dof import kinematics
 from p3dof.checks import FloatArray
 from p3dof.kinematics import InverseKinematics, MechanismMotion, Singularity
 from p3dof.manipulator.machine import Machine
-from p3dof.manipulator.methods import CLOSED_FORMS, ClosedForm, check_method
 from p3dof.methods import compiled
+from p3dof.methods.registry import CLOSED_FORMS, ClosedForm, check_method
 from p3dof.samples import OnInvalid
 
 

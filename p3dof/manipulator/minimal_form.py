@@ -6,8 +6,8 @@ from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray
 from p3dof.manipulator.kinematic import KinematicMachine
-from p3dof.manipulator.methods import CLOSED_FORMS, ClosedForm, Method, check_method
 from p3dof.methods import compiled, equations_of_motion, pinocchio
+from p3dof.methods.registry import CLOSED_FORMS, ClosedForm, Method, check_method
 from p3dof.samples import OnInvalid, finite_states, wrench_like
 
 

@@ -18,9 +18,9 @@ from p3dof.compiled import MachineKernels
 from p3dof.energy import imbalance, work_given
 from p3dof.errors import InputError
 from p3dof.kinematics import singularity
-from p3dof.methods import LEGS, InverseDynamics, WrenchOverTime, compiled, wrenches_at
+from p3dof.methods import LEGS, InverseDynamics, compiled
 from p3dof.methods.crossings import crossing_told, crossings_of
-from p3dof.motion import Motion, WrenchHistory
+from p3dof.motion import Load, Motion, WrenchHistory, WrenchOverTime
 from p3dof.motion.splines import between_samples
 from p3dof.parameters import Parameters
 
@@ -193,7 +193,7 @@ def _load(motion: Motion, wrench: WrenchOverTime) -> WrenchHistory:
     """Return a load as a function of time: linear between the samples where it is given at these."""
     if isinstance(wrench, WrenchHistory):
         return wrench
-    return WrenchHistory(motion.time, wrenches_at(motion.time, wrench, "raise"))
+    return WrenchHistory(motion.time, Load(wrench).over(motion.time))
 
 
 def _with_load_rows(motion: Motion, load: WrenchHistory) -> Motion:

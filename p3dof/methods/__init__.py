@@ -2,7 +2,7 @@
 
 from p3dof.methods.crossings import without_crossings
 from p3dof.methods.evidence import with_evidence
-from p3dof.methods.loads import WrenchOverTime, wrenches_at
+from p3dof.methods.registry import DEFAULT_METHOD, METHODS, Method, check_method
 from p3dof.methods.results import (
     LEGS,
     SLIDES,
@@ -16,18 +16,20 @@ from p3dof.methods.results import (
 from p3dof.methods.utilisation import Utilisation, utilisations
 
 __all__ = [
+    "DEFAULT_METHOD",
     "LEGS",
+    "METHODS",
     "SLIDES",
     "Exceedance",
     "InverseDynamics",
     "JointStates",
+    "Method",
     "Solution",
     "Utilisation",
-    "WrenchOverTime",
+    "check_method",
     "exceedances_of",
     "utilisations",
     "with_evidence",
     "without_crossings",
-    "wrenches_at",
     "write_table",
 ]

@@ -3,6 +3,6 @@
 from p3dof.motion.core import Motion
 from p3dof.motion.curve import Curve
 from p3dof.motion.paper import paper_motion
-from p3dof.motion.wrenches import WrenchHistory
+from p3dof.motion.wrenches import Load, WrenchHistory, WrenchOverTime
 
-__all__ = ["Curve", "Motion", "WrenchHistory", "paper_motion"]
+__all__ = ["Curve", "Load", "Motion", "WrenchHistory", "WrenchOverTime", "paper_motion"]

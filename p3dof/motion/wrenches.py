@@ -1,20 +1,115 @@
-"""`WrenchHistory`: an external load on the platform that changes in time."""
+"""External loads on the platform over time: as users give them, and `WrenchHistory` from a file."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, FrozenArrays, as_floats, frozen_array
-from p3dof.errors import MotionError
+from p3dof.errors import InputError, MotionError
 from p3dof.files import Source, called, read_text
 from p3dof.motion import csv_files
 from p3dof.motion.times import require_rising
+from p3dof.samples import OnInvalid, wrench_like
 
 WRENCH_ROWS = (1, 2, 4)
 """What of a wrench works on the platform, which moves in y, z and θ: F_y, F_z and M_y."""
+
+WrenchOverTime: TypeAlias = ArrayLike | Callable[[Any], ArrayLike] | None
+"""A wrench (6,) that stays, one a sample (N, 6), or a function of one time or of many, as `WrenchHistory`."""
+
+
+class Load:
+    """A wrench over time, whatever it was given as: `at` one time, or `over` many.
+
+    A function may take one time and return (6,), or many times (N,) and return (N, 6): either serves both.
+    Where a result could mean both, the function is asked time by time.
+
+    Parameters
+    ----------
+    wrench : array-like, shape (6,) or (N, 6), or callable, optional
+        External force and moment on the platform at P, in the fixed frame [N, N m]; none by default.
+    """
+
+    def __init__(self, wrench: WrenchOverTime = None) -> None:
+        self._wrench: Any = np.zeros(6) if wrench is None else wrench
+        self._takes_arrays = False
+
+    def at(self, time: float) -> FloatArray:
+        """Return the wrench at a time [s], shape (6,) [N, N m].
+
+        Raises
+        ------
+        InputError
+            If it has another shape, is not finite, or the function raises; the message has the time.
+        """
+        if not callable(self._wrench):
+            return frozen_array("wrench", self._wrench, (6,))
+        return frozen_array(f"wrench at t = {time:g} s", self._at(time), (6,))
+
+    def over(self, times: FloatArray, on_invalid: OnInvalid = "raise") -> FloatArray:
+        """Return the wrenches at times (N,) [s], shape (N, 6) [N, N m].
+
+        With ``on_invalid="nan"``, rows that are not finite are let through as NaN.
+
+        Raises
+        ------
+        InputError
+            If the shape does not fit, a number is not finite, or the function raises; the message has the
+            sample or the time.
+        """
+        found = self._over(times) if callable(self._wrench) else self._wrench
+        return wrench_like(found, times.shape, on_invalid)
+
+    def _over(self, times: FloatArray) -> FloatArray:
+        known = self._of_many(times)
+        if known is not None and known.shape != (6, 6):
+            return known
+        try:
+            return np.array([self._at(float(time)) for time in times]).reshape(-1, 6)
+        except InputError:
+            if known is None:
+                raise
+            return known
+
+    def _of_many(self, times: FloatArray) -> FloatArray | None:
+        """Return what the function says to all times (N,) at once, (N, 6); None if it takes one only."""
+        if len(times) == 1:
+            return None  # an array of one passes for a number in too many places
+        try:
+            found = as_floats("wrench", self._wrench(times))
+        except Exception:  # whatever a function raises that takes one time: it is asked again
+            return None
+        return found if found.shape == (len(times), 6) else None
+
+    def _at(self, time: float) -> FloatArray:
+        """Return what the function says to one time, (6,)."""
+        try:
+            return self._asked(time, self._takes_arrays)
+        except InputError as error:
+            problem = error
+        try:
+            found = self._asked(time, not self._takes_arrays)
+        except InputError:
+            raise problem from problem.__cause__
+        self._takes_arrays = not self._takes_arrays
+        return found
+
+    def _asked(self, time: float, as_array: bool) -> FloatArray:
+        """Ask the function for one time, as a number or as an array of one."""
+        name = f"wrench at t = {time:g} s"
+        try:
+            found = self._wrench(np.array([time]) if as_array else time)
+        except Exception as error:
+            raise InputError(f"{name}: {error}") from error
+        array = as_floats(name, found)
+        if array.shape not in ((6,), (1, 6)):
+            raise InputError(f"{name}: expected shape (6,), or (N, 6) for N times, got {array.shape}")
+        return array.reshape(6)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

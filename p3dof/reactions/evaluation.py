@@ -12,9 +12,9 @@ from p3dof.checks import FloatArray
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.closed_loop.reactions import LENGTH_SHARE, JointReactions, ReactionSolver
 from p3dof.errors import DynamicsError, InputError, SampleError
-from p3dof.methods import Solution, WrenchOverTime, pinocchio, without_crossings, wrenches_at
+from p3dof.methods import Solution, pinocchio, without_crossings
 from p3dof.methods.pinocchio_friction import FrictionForces
-from p3dof.motion import Motion
+from p3dof.motion import Load, Motion, WrenchOverTime
 from p3dof.parameters import Parameters
 from p3dof.reactions.comparison import AnyReactions, ReactionsComparison
 from p3dof.reactions.joints import BOTH, IDEALISATIONS, JOINTS, Choice, Idealisation, cuts
@@ -99,7 +99,7 @@ def over_motion(
     if not isinstance(motion, Motion):
         raise InputError(f"motion: expected a Motion, got {type(motion).__name__}")
     states = finite_states(motion.pose, motion.velocity, motion.acceleration, on_invalid)
-    loads = None if wrench is None else wrenches_at(motion.time, wrench, on_invalid)
+    loads = None if wrench is None else Load(wrench).over(motion.time, on_invalid)
     solution = pinocchio.solve(
         loop, parameters.geometry.h, *states, loads, parameters.friction, on_invalid, progress
     )

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from p3dof.checks import FloatArray, frozen_array, positive, shown
 from p3dof.errors import InputError, ReachError, SingularityError
 from p3dof.manipulator import Manipulator
-from p3dof.methods import InverseDynamics, WrenchOverTime
-from p3dof.motion import Motion
+from p3dof.methods import InverseDynamics
+from p3dof.motion import Motion, WrenchOverTime
 from p3dof.viewer.connections import Message
 from p3dof.viewer.panel import AXES, arrow_scales, off_scale, plain, setup_message, slider_ranges
 from p3dof.viewer.player import FASTEST, SLOWEST, Frames, Player, within

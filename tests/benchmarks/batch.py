@@ -13,7 +13,7 @@ from rounds import Contender, calling
 import p3dof
 from p3dof.compiled import MachineKernels
 from p3dof.compiled.kernels import NUMPY, levels
-from p3dof.manipulator.methods import Method
+from p3dof.methods.registry import Method
 from p3dof.parameters import Parameters
 
 BEST = levels()[-1]

@@ -14,6 +14,9 @@ reduced formulas of `p3dof.compiled.reduced`, compiled."""
 ClosedForm: TypeAlias = Literal["virtual-power", "compiled"]
 """The ways to what Pinocchio is not asked for."""
 
+DEFAULT_METHOD: Method = "pinocchio"
+"""Wherever a method can be chosen."""
+
 METHODS: tuple[str, ...] = get_args(Method)
 CLOSED_FORMS: tuple[str, ...] = get_args(ClosedForm)
 
