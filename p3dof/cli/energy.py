@@ -17,7 +17,7 @@ from p3dof.cli.payloads import print_payloads
 from p3dof.cli.terminal import print_table
 from p3dof.energy import Energy
 from p3dof.manipulator import InverseDynamics
-from p3dof.methods import LEGS
+from p3dof.parameters import LEGS
 
 ROUNDING = 1e-9
 """Share of the whole energy below which nothing moves."""

@@ -13,7 +13,7 @@ from p3dof.cli.options import FIGURE, METHOD, Case, with_case
 from p3dof.cli.output import evidence_table, fixed, limits_table, print_plain, print_warnings
 from p3dof.cli.payloads import print_payloads
 from p3dof.cli.terminal import print_table
-from p3dof.methods import LEGS
+from p3dof.parameters import LEGS
 
 
 @app.command()

@@ -12,8 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from p3dof.manipulator import Comparison, InverseDynamics
-from p3dof.methods.results import LEGS
-from p3dof.parameters import Limits
+from p3dof.parameters import LEGS, Limits
 
 
 @contextmanager

@@ -26,7 +26,7 @@ from p3dof.checks import FloatArray
 from p3dof.description.mechanism import Closure, Joint, Link, Mechanism, Mimic, Placement
 from p3dof.description.ranges import joint_limits
 from p3dof.description.shapes import Solids
-from p3dof.parameters import Body, Geometry, Parameters
+from p3dof.parameters import PLATFORM, SLIDES, Body, Geometry, Parameters
 
 _Point = tuple[float, float, float]
 _ORIGIN: _Point = (0.0, 0.0, 0.0)
@@ -38,9 +38,6 @@ CLOSURES = (
     Closure("loop_c", "rod_right_tip", "crossbar_lower_right"),
 )
 """Where the tree was cut."""
-
-ACTUATED = ("slide_a", "slide_b", "slide_c")
-"""The joints with an actuator."""
 
 
 def describe(parameters: Parameters) -> Mechanism:
@@ -69,7 +66,7 @@ def describe(parameters: Parameters) -> Mechanism:
         Link(name, bodies.get(name), solids.visuals.get(name, ()), solids.collisions.get(name, ()))
         for name in ("base_link", *(joint.child for joint in joints))
     )
-    return Mechanism("p3dof", links, joints, CLOSURES, ACTUATED, parameters.gravity)
+    return Mechanism("p3dof", links, joints, CLOSURES, SLIDES, parameters.gravity)
 
 
 def _moved(body: Body, place: Placement) -> Body:
@@ -106,7 +103,7 @@ def _joints(parameters: Parameters) -> tuple[Joint, ...]:
         hinge("hinge_platform", "crossbar_lower", "platform", _at((0.0, 0.0, b), rod.T)),
         _marker("platform", "platform_a", (r, -r, 0.0)),
         _marker("platform", "platform_b", (r, r, 0.0)),
-        _marker("platform", "platform_center", (r, 0.0, 0.0)),
+        _marker("platform", PLATFORM, (r, 0.0, 0.0)),
         hinge(
             "hinge_right",
             "crossbar_upper",

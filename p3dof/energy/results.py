@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray
-from p3dof.methods import LEGS, write_table
+from p3dof.methods import write_table
+from p3dof.parameters import LEGS
 
 
 @dataclass(frozen=True, eq=False)

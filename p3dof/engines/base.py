@@ -27,9 +27,6 @@ CLOSED = 1e-9
 FREEDOMS = 3
 """Freedoms of the closed mechanism, one for each actuator."""
 
-PLATFORM = "platform_center"
-"""The marker frame at P."""
-
 _RANK = 1e-9
 """Relative size of the singular values that are zero."""
 

@@ -13,10 +13,10 @@ from p3dof.checks import FloatArray
 from p3dof.description import Mechanism
 from p3dof.description.drake_text import drake
 from p3dof.engines.bare import bare_mechanism
-from p3dof.engines.base import PLATFORM, Engine
+from p3dof.engines.base import Engine
 from p3dof.engines.inputs import library
 from p3dof.engines.samples import FinalState, FrameMotion, Sample
-from p3dof.parameters import PAPER, Parameters
+from p3dof.parameters import PAPER, PLATFORM, Parameters
 
 _STEP = 1e-3
 """Time step of the plant that never moves [s]: Drake keeps ball constraints in discrete plants only."""

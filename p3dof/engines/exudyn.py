@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, one_line
-from p3dof.engines.base import PLATFORM, Engine
+from p3dof.engines.base import Engine
 from p3dof.engines.exudyn_model import ExudynModel
 from p3dof.engines.poses import carrier
 from p3dof.engines.samples import FinalState, FrameMotion, Sample
 from p3dof.errors import DynamicsError
-from p3dof.parameters import PAPER, Parameters
+from p3dof.parameters import PAPER, PLATFORM, Parameters
 
 TOLERANCE = 1e-10
 """Residual of Newton's method, relative and absolute, in a simulation."""

@@ -9,9 +9,9 @@ import numpy as np
 
 from p3dof.checks import FloatArray
 from p3dof.description import Joint, Mechanism, Placement
-from p3dof.engines.base import PLATFORM
 from p3dof.engines.inputs import library
 from p3dof.engines.poses import axis_frame, carrier, homogeneous, link_motions
+from p3dof.parameters import PLATFORM
 
 PLANAR = ("loop_b", "loop_c")
 """Closures held across their hinge's axis only: along it, the loops are closed already."""

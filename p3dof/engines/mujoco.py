@@ -12,10 +12,10 @@ from p3dof.checks import FloatArray, one_line
 from p3dof.description import Mechanism
 from p3dof.description.mjcf_text import mjcf
 from p3dof.engines.bare import bare_mechanism
-from p3dof.engines.base import FREEDOMS, PLATFORM, Engine
+from p3dof.engines.base import FREEDOMS, Engine
 from p3dof.engines.samples import FinalState, FrameMotion, Sample
 from p3dof.errors import DynamicsError
-from p3dof.parameters import PAPER, Parameters
+from p3dof.parameters import PAPER, PLATFORM, Parameters
 
 
 class MujocoEngine(Engine):

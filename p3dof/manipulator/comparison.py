@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from p3dof import engines
 from p3dof.checks import FloatArray, frozen_array
 from p3dof.errors import InputError, SampleError
-from p3dof.methods import LEGS, InverseDynamics, write_table
+from p3dof.methods import InverseDynamics, write_table
 from p3dof.methods.registry import Method
 from p3dof.motion import Motion, WrenchOverTime
+from p3dof.parameters import LEGS
 from p3dof.samples import OnInvalid
 
 if TYPE_CHECKING:

@@ -18,11 +18,11 @@ from p3dof.compiled import MachineKernels
 from p3dof.energy import imbalance, work_given
 from p3dof.errors import InputError
 from p3dof.kinematics import singularity
-from p3dof.methods import LEGS, InverseDynamics, compiled
+from p3dof.methods import InverseDynamics, compiled
 from p3dof.methods.crossings import crossing_told, crossings_of
 from p3dof.motion import Load, Motion, WrenchHistory, WrenchOverTime
 from p3dof.motion.splines import between_samples
-from p3dof.parameters import Parameters
+from p3dof.parameters import LEGS, Parameters
 
 COARSE = 1e-3
 """Share by which a number may change with more samples, and the work may miss the energy, without a word."""

@@ -4,8 +4,6 @@ from p3dof.methods.crossings import without_crossings
 from p3dof.methods.evidence import with_evidence
 from p3dof.methods.registry import DEFAULT_METHOD, METHODS, Method, check_method
 from p3dof.methods.results import (
-    LEGS,
-    SLIDES,
     Exceedance,
     InverseDynamics,
     JointStates,
@@ -17,9 +15,7 @@ from p3dof.methods.utilisation import Utilisation, utilisations
 
 __all__ = [
     "DEFAULT_METHOD",
-    "LEGS",
     "METHODS",
-    "SLIDES",
     "Exceedance",
     "InverseDynamics",
     "JointStates",

@@ -7,9 +7,10 @@ from collections.abc import Callable
 import numpy as np
 
 from p3dof.checks import FloatArray
-from p3dof.methods.results import SLIDES, InverseDynamics, Solution
+from p3dof.methods.results import InverseDynamics, Solution
 from p3dof.motion import Motion
 from p3dof.motion.wrenches import WRENCH_ROWS
+from p3dof.parameters import SLIDES
 
 
 def with_evidence(

@@ -19,10 +19,10 @@ from p3dof.closed_loop.batch.linear import BLOCK, FEW, IndexArray
 from p3dof.closed_loop.batch.states import complete_near
 from p3dof.closed_loop.batch.targets import FrameTargets
 from p3dof.errors import AssemblyError, DynamicsError, SingularityError
-from p3dof.methods.pinocchio_friction import PLATFORM, FrictionForces
+from p3dof.methods.pinocchio_friction import FrictionForces
 from p3dof.methods.pinocchio_gate import Gate, Verdict
 from p3dof.methods.results import JointStates, Solution
-from p3dof.parameters import Friction
+from p3dof.parameters import PLATFORM, Friction
 
 MASK = (False, True, True, False, True, False)
 """What a pose prescribes of the platform's placement: y, z and the rotation about y0."""

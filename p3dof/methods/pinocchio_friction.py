@@ -13,14 +13,11 @@ import pinocchio as pin
 from p3dof.checks import FloatArray
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.closed_loop.batch.kinematics import Sweep
-from p3dof.parameters import Friction
+from p3dof.parameters import PLATFORM, Friction
 
 _UNIVERSALS = ("universal_a", "universal_b")
 _UNIVERSAL = np.eye(3)[:2]
 """In the closed mechanism a leg turns about x0 only, the platform about y0 only."""
-
-PLATFORM = "platform_center"
-"""The frame at P."""
 
 CUTS = {
     "universal_a": ("leg_a_tip", "platform_a"),

@@ -22,7 +22,7 @@ from p3dof.checks import FloatArray
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.closed_loop.batch.targets import FrameTargets
 from p3dof.errors import P3dofError, SampleError, SingularityError
-from p3dof.methods.pinocchio_friction import PLATFORM
+from p3dof.parameters import PLATFORM
 from p3dof.samples import ACTUATION_TOLERANCE, raise_out_of_reach, raise_singular
 
 _CHAINS = (

@@ -17,11 +17,7 @@ from p3dof.errors import InputError
 from p3dof.files import suffix_of, write_atomic
 from p3dof.methods.utilisation import Utilisation, utilisations
 from p3dof.motion import Motion
-from p3dof.parameters import Limits
-
-LEGS = ("A", "B", "C")
-SLIDES = ("slide_a", "slide_b", "slide_c")
-"""The actuated joints, in the order of the legs."""
+from p3dof.parameters import LEGS, SLIDES, Limits
 
 
 @dataclass(frozen=True, eq=False)

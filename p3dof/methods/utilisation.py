@@ -9,7 +9,7 @@ import numpy as np
 
 from p3dof.checks import FloatArray
 from p3dof.errors import InputError
-from p3dof.parameters import Limits
+from p3dof.parameters import LEGS, Limits
 
 if TYPE_CHECKING:
     from p3dof.methods.results import InverseDynamics
@@ -84,7 +84,7 @@ def utilisations(result: InverseDynamics, limits: Limits) -> tuple[Utilisation, 
     found = [
         _most_of(quantity, name, result.time, values[:, leg], ends)
         for quantity, values, ends in columns
-        for leg, name in enumerate("ABC")
+        for leg, name in enumerate(LEGS)
     ]
     found.append(_most_of("tilt", "platform", result.time, result.motion.pose[:, 2], limits.tilt))
     return tuple(found)

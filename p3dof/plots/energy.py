@@ -9,7 +9,7 @@ import numpy as np
 from p3dof.checks import FloatArray, shown
 from p3dof.energy import Energy
 from p3dof.errors import InputError
-from p3dof.methods import LEGS
+from p3dof.parameters import LEGS
 from p3dof.plots.common import COLOURS, line, new_figure, shade_gaps
 
 if TYPE_CHECKING:

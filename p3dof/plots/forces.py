@@ -9,6 +9,7 @@ import numpy as np
 
 from p3dof.errors import InputError
 from p3dof.methods import InverseDynamics
+from p3dof.parameters import LEGS
 from p3dof.plots.common import COLOURS, GAP, GAP_STYLE, line, new_figure, shade_gaps, tidy
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ def forces_figure(results: Sequence[InverseDynamics]) -> Figure:
 
     valid = np.all([result.valid for result in results], axis=0)
     axes = figure.subplots(rows, 3, sharex=True, squeeze=False, height_ratios=(3, 1.4)[:rows])
-    for leg, name in enumerate("ABC"):
+    for leg, name in enumerate(LEGS):
         top = axes[0, leg]
         for result, style in zip(results, _STYLES[-rows:], strict=True):
             line(top, result.time, result.forces[:, leg], result.valid, color=COLOURS[leg], **style)

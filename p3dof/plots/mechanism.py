@@ -13,6 +13,7 @@ from p3dof.checks import FloatArray, frozen_array, shown
 from p3dof.errors import InputError
 from p3dof.manipulator import Manipulator
 from p3dof.motion import Motion
+from p3dof.parameters import PLATFORM
 from p3dof.plots.common import new_figure
 from p3dof.plots.sheet import Sheet, between
 from p3dof.plots.views import Ball, Prism, View, link_frames, solids_of
@@ -139,7 +140,7 @@ def _scene(robot: Manipulator, pose: FloatArray, motion: Motion | None) -> Scene
         if link.visuals
         for solid in solids_of(link, *frames[link.name])
     ]
-    named = {**SLIDES, **HINGES, **UNIVERSAL, "P": "platform_center"}
+    named = {**SLIDES, **HINGES, **UNIVERSAL, "P": PLATFORM}
     points = {name: frames[link][0] for name, link in named.items()}
     trace: FloatArray = np.zeros((0, 3))
     if motion is not None:

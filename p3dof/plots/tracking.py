@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from p3dof.errors import InputError
-from p3dof.methods import LEGS
+from p3dof.parameters import LEGS
 from p3dof.plots.common import new_figure, tidy
 from p3dof.simulation import Simulation
 

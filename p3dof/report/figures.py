@@ -12,7 +12,8 @@ import numpy as np
 from p3dof import plots
 from p3dof.energy import Energy
 from p3dof.manipulator import Manipulator
-from p3dof.methods import LEGS, InverseDynamics
+from p3dof.methods import InverseDynamics
+from p3dof.parameters import LEGS
 from p3dof.plots.joints import joints_figure
 from p3dof.plots.mechanism import mechanism_figure
 from p3dof.reactions import AnyReactions

@@ -20,8 +20,8 @@ from p3dof.energy import Energy
 from p3dof.errors import InputError, MissingExtraError
 from p3dof.files import suffix_of, write_atomic
 from p3dof.manipulator import Comparison, Manipulator
-from p3dof.methods import LEGS
 from p3dof.motion import Motion, WrenchOverTime
+from p3dof.parameters import LEGS
 from p3dof.reactions import BOTH, UNDECIDED, AnyReactions, Choice, how_chosen
 from p3dof.report import joint_tables, tables
 from p3dof.report.figures import Pictures, pictures_of

@@ -7,9 +7,9 @@ import numpy as np
 from p3dof.checks import FloatArray
 from p3dof.energy import Energy
 from p3dof.manipulator import Comparison
-from p3dof.methods import LEGS, InverseDynamics
+from p3dof.methods import InverseDynamics
 from p3dof.motion import Motion
-from p3dof.parameters import Body, Friction, Geometry, Limits, Parameters
+from p3dof.parameters import LEGS, Body, Friction, Geometry, Limits, Parameters
 from p3dof.report.table import Table, number, table_of
 
 

@@ -13,7 +13,7 @@ from p3dof.compiled.tracing import Tape, straight_line
 from p3dof.errors import InputError
 from p3dof.kinematics.validity import reach_margins
 from p3dof.paper.formulas import Lengths, configuration
-from p3dof.parameters import Parameters
+from p3dof.parameters import LEGS, Parameters
 
 KINDS = ("slider stop", "tilt limit", "reach limit", "singular pose")
 """What can end a run; the reach limit always does."""
@@ -21,7 +21,6 @@ KINDS = ("slider stop", "tilt limit", "reach limit", "singular pose")
 HORIZONTAL = 1e-3
 """A leg is at its reach when its drop is this share of its length: .06° from horizontal."""
 
-_LEGS = "ABC"
 _REACH = slice(8, 11)  # where the legs' reach is among the margins
 
 
@@ -81,10 +80,10 @@ class Margins:
         self._values = straight_line(self._formula, 3)
         low, high = limits.travel
         down, up = limits.tilt
-        names = [("slider stop", f"slider {leg} at its lower end, {low:g} m") for leg in _LEGS]
-        names += [("slider stop", f"slider {leg} at its upper end, {high:g} m") for leg in _LEGS]
+        names = [("slider stop", f"slider {leg} at its lower end, {low:g} m") for leg in LEGS]
+        names += [("slider stop", f"slider {leg} at its upper end, {high:g} m") for leg in LEGS]
         names += [("tilt limit", f"the platform at {angle:g} rad") for angle in (down, up)]
-        names += [("reach limit", f"leg {leg} horizontal") for leg in _LEGS]
+        names += [("reach limit", f"leg {leg} horizontal") for leg in LEGS]
         names += [("singular pose", "the sliders cannot hold the platform's rotation (det J = 0)")]
         self._names = names
         counted = np.array([kind in kinds or kind == "reach limit" for kind, _ in names])

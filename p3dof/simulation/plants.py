@@ -12,10 +12,10 @@ from p3dof import kinematics
 from p3dof.checks import FloatArray, frozen_array
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.errors import DynamicsError, InputError
-from p3dof.methods import SLIDES, JointStates, pinocchio
-from p3dof.methods.pinocchio_friction import PLATFORM, FrictionForces
+from p3dof.methods import JointStates, pinocchio
+from p3dof.methods.pinocchio_friction import FrictionForces
 from p3dof.motion.wrenches import WRENCH_ROWS
-from p3dof.parameters import Parameters
+from p3dof.parameters import PLATFORM, SLIDES, Parameters
 from p3dof.simulation.equations import CompiledEquations, Equations
 
 _NOWHERE = (ValueError, ArithmeticError)

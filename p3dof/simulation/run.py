@@ -12,10 +12,10 @@ import numpy as np
 from p3dof.checks import FloatArray, shown
 from p3dof.errors import FileError, InputError, MotionError
 from p3dof.files import called, suffix_of, write_atomic
-from p3dof.methods import LEGS, Exceedance, JointStates, exceedances_of, write_table
+from p3dof.methods import Exceedance, JointStates, exceedances_of, write_table
 from p3dof.motion import Motion
 from p3dof.motion.times import require_rising
-from p3dof.parameters import Limits
+from p3dof.parameters import LEGS, Limits
 from p3dof.simulation import archive
 from p3dof.simulation.limits import KINDS, Stop
 

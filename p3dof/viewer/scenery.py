@@ -10,9 +10,10 @@ import numpy as np
 
 from p3dof.checks import FloatArray
 from p3dof.description.shapes import LEG_A, LEG_B, LEG_C
+from p3dof.parameters import LEGS as ACTUATORS
 from p3dof.parameters import Dimensions, Parameters
 
-LEGS = ("a", "b", "c")
+LEGS = tuple(leg.lower() for leg in ACTUATORS)
 COLOURS = {"a": LEG_A.rgba, "b": LEG_B.rgba, "c": LEG_C.rgba}
 """Red, green, blue and opacity of what belongs to a leg."""
 TOP, BOTTOM = (1.0, 1.0, 1.0), (0.86, 0.89, 0.92)

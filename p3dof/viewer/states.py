@@ -10,8 +10,9 @@ import numpy as np
 from p3dof.checks import FloatArray
 from p3dof.errors import SingularityError
 from p3dof.manipulator import Manipulator
-from p3dof.methods import LEGS, SLIDES, InverseDynamics
+from p3dof.methods import InverseDynamics
 from p3dof.motion import Motion
+from p3dof.parameters import LEGS, SLIDES
 from p3dof.viewer.scene import joints_of
 
 CASES = ("total", "static", "dynamic")

@@ -17,7 +17,7 @@ from rounds import Contender, described, measure, wide_console
 
 import p3dof
 from p3dof import engines
-from p3dof.methods import SLIDES
+from p3dof.parameters import SLIDES
 
 ROUNDS = 5
 DURATION = 0.5
