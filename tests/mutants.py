@@ -3,6 +3,7 @@
     make mutants                        # a sample of 300
     make mutants COUNT=0                # all of them: hours
     make mutants ONLY=paper SEED=7      # a sample of the modules whose path holds this word
+    make mutants ONLY=reference.py:36:  # what is changed in one line
 
 Each mutant is one changed operator, sign, comparison, number, function or returned array in one of the
 modules below. A child process imports the mutated module and runs the module's tests until the first fails.
@@ -121,8 +122,12 @@ def replacements(node: ast.AST) -> Iterator[tuple[str, ast.AST]]:
 
 
 def _is_shape(node: ast.AST) -> bool:
-    """Whether a call only puts an array into another shape or makes an empty one."""
-    return isinstance(node, ast.Call) and getattr(node.func, "attr", "") in {"reshape", "empty", "swapaxes"}
+    """Whether a call only puts an array into another shape, or makes an empty one or one of NaN."""
+    if not isinstance(node, ast.Call):
+        return False
+    name = getattr(node.func, "attr", "")
+    of_nan = name == "full" and ast.unparse(node.args[-1]) == "np.nan"
+    return of_nan or name in {"reshape", "empty", "swapaxes"}
 
 
 def changes(tree: ast.AST) -> Iterator[tuple[ast.AST, str, int | None, ast.AST, str]]:
@@ -267,7 +272,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=300, help="how many to try; 0 for all")
     parser.add_argument("--seed", type=int, default=random.SystemRandom().randrange(2**32))
-    parser.add_argument("--only", default="", help="part of the path of the modules")
+    parser.add_argument("--only", default="", help="part of path:line: of what to break")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--limit", type=float, default=600.0, help="seconds that a mutant may take")
     given = parser.parse_args()
@@ -283,9 +288,9 @@ def main() -> int:
         "hypothesis",
     ):
         importlib.import_module(name)  # once, before the children are made; p3dof itself comes later
-    modules = [module for module in TESTS if given.only in module]
-    chosen = [mutant for module in modules for mutant in mutants_of(module)]
-    total = len(chosen)
+    everywhere = [mutant for module in TESTS for mutant in mutants_of(module)]
+    chosen = [mutant for mutant in everywhere if given.only in f"{mutant.module}:{mutant.line}:"]
+    total, modules = len(chosen), {mutant.module for mutant in chosen}
     random.Random(given.seed).shuffle(chosen)  # noqa: S311 - no secret
     chosen = chosen[: given.count or None]
     say(

@@ -294,12 +294,33 @@ def test_a_reference_rests_before_and_after():
     for time, end in ((-0.1, 0), (1.1, -1)):
         pose, velocity, acceleration = reference.at(time)
         np.testing.assert_array_equal(pose, motion.pose[end])
+        assert velocity.shape == acceleration.shape == (3,)
         assert not velocity.any()
         assert not acceleration.any()
     np.testing.assert_allclose(reference.poses(motion.time[[3, 50]]), motion.pose[[3, 50]], atol=1e-12)
     np.testing.assert_array_equal(reference.poses(np.array([2.0])), motion.pose[-1:])
     late = p3dof.Motion(motion.time + 5, motion.pose, motion.velocity, motion.acceleration)
     np.testing.assert_allclose(Reference(late).at(0.5)[0], motion.pose[50], atol=1e-12)
+
+
+def test_two_samples_are_a_reference_that_moves():
+    motion = p3dof.Motion(
+        [0.0, 1.0], [HOME, [0.02, 0.01, 0.1]], np.zeros((2, 3)), np.zeros((2, 3)), check=False
+    )
+    np.testing.assert_allclose(Reference(motion).at(0.5)[0], [0.01, 0.005, 0.05], rtol=1e-12)
+
+
+def test_a_hold_whose_middle_is_beyond_reach_is_taken_at_its_beginning():
+    """Leg A has 10 mm left and comes 50 mm nearer in half a hold; the other legs reach on."""
+    pose, velocity = np.array([0.24, 0.0, 0.1]), np.array([1.0, 0.0, 0.0])
+    time = np.array([0.0, 1.0])
+    still = p3dof.Motion(time, np.tile(pose, (2, 1)), np.zeros((2, 3)), np.zeros((2, 3)))
+    controller, robot, none = ComputedTorque(PAPER, still), p3dof.load(), np.zeros(3, dtype=bool)
+    sliders = robot.inverse_kinematics(pose).sliders
+    held = Measurement(0.0, 0.1, sliders, robot.jacobian(pose) @ velocity, none, PAPER.geometry)
+    correction = -2 * OMEGA * velocity  # the pose is the wanted one
+    expected = robot.forces(pose, velocity, correction)
+    np.testing.assert_allclose(controller(held), expected, rtol=1e-9)
 
 
 @pytest.mark.parametrize(

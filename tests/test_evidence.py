@@ -279,7 +279,7 @@ def test_both_plants_say_the_same_of_a_state():
     )
 
 
-@pytest.mark.parametrize("theta", [1.0, -2.5, -4.0, -7.0])
+@pytest.mark.parametrize("theta", [1.0, -2.5, -4.0, -7.0, 10.0, -13.0])
 def test_a_turned_platform_keeps_its_whole_turns(theta):
     robot = p3dof.load()
     found = robot.mechanism_motion([0.01, 0.02, theta], HOME, HOME)
@@ -291,6 +291,35 @@ def test_a_turned_platform_keeps_its_whole_turns(theta):
     plant = ConstrainedPlant(PAPER, robot.loop, 10.0)
     pose, _ = plant.pose(np.array([*joints.values(), *np.zeros(10)]))
     np.testing.assert_allclose(pose, [0.01, 0.02, theta], rtol=0, atol=1e-13)
+
+
+def test_a_plant_has_no_rate_where_no_dynamics_is():
+    """A trial step of an integrator may go anywhere: what comes back has the shape of a state."""
+    plant = ConstrainedPlant(PAPER, p3dof.load().loop, 10.0)
+    state = plant.state(np.array([0.02, 0.03, 0.15]), HOME)
+    for there, forces in ((np.full(20, np.nan), HOME), (state, np.full(3, np.nan))):
+        rate = plant.rate(there, forces, np.zeros(6))
+        assert rate.shape == (20,)
+        assert np.isnan(rate).all()
+
+
+@pytest.mark.parametrize("method", [*METHODS, "compiled"])
+def test_without_a_wrench_a_result_has_six_zeros_a_sample(method, robot):
+    result = robot.inverse_dynamics(MOTION, method=method)
+    assert result.wrench.shape == (len(MOTION), 6)
+    assert not result.wrench.any()
+
+
+@pytest.mark.parametrize("method", [*METHODS, "compiled"])
+def test_a_wrench_that_is_not_known_leaves_nothing_of_its_sample(method, robot):
+    """Neither forces nor power: one component that is missing is as bad as six."""
+    wrench = np.zeros((len(MOTION), 6))
+    wrench[3, 4] = np.nan
+    result = robot.inverse_dynamics(MOTION, method=method, wrench=wrench, on_invalid="nan")
+    assert np.flatnonzero(~result.valid).tolist() == [3]
+    for values in (result.forces, result.power, result.power_residual[:, None]):
+        assert np.isnan(values[3]).all()
+        assert np.isfinite(np.delete(values, 3, axis=0)).all()
 
 
 @pytest.mark.parametrize("count", [1, 3, 41])
