@@ -29,7 +29,18 @@ from .methods.compiled import ForceDerivatives
 from .methods.regressor import ForceRegressor
 
 # Runs in time
-from .simulation import PD, ComputedTorque, Feedforward, Measurement, Noise, Simulation, Springs
+from .simulation import (
+    PD,
+    ComputedTorque,
+    ControlLoop,
+    Feedforward,
+    InitialState,
+    Integration,
+    Measurement,
+    Noise,
+    Simulation,
+    Springs,
+)
 
 # Speed
 from .compiled import MachineKernels
@@ -71,6 +82,7 @@ __all__ = [
     "ClosedLoopModel",
     "Comparison",
     "ComputedTorque",
+    "ControlLoop",
     "ControllerError",
     "Dimensions",
     "DynamicsError",
@@ -82,7 +94,9 @@ __all__ = [
     "FrameTarget",
     "Friction",
     "Geometry",
+    "InitialState",
     "InputError",
+    "Integration",
     "InverseDynamics",
     "Limits",
     "MachineKernels",

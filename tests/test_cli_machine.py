@@ -189,7 +189,7 @@ def test_reactions(tmp_path, capsys, wrench_file, joints):
 
 
 def test_simulate_shows_what_the_inverse_model_gains(tmp_path, capsys):
-    code, out, err = run(capsys, "simulate", "--samples", 201, "--out", tmp_path)
+    code, out, err = run(capsys, "simulate", "--samples", 201, "--method", "virtual-power", "--out", tmp_path)
     assert (code, err) == (0, "")
     lines = [line.split("larger by ")[1] for line in out.splitlines() if "larger by" in line]
     gains = [float(part.split()[0]) for line in lines for part in line.split(", ")]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import p3dof
-from p3dof import PAPER, PD, ComputedTorque, Feedforward, Noise, Springs
+from p3dof import PAPER, PD, ComputedTorque, ControlLoop, Feedforward, InitialState, Noise, Springs
 from p3dof.errors import ControllerError, InputError, SingularityError
 from p3dof.simulation import Measurement, Reference
 
@@ -17,9 +17,10 @@ ENTERED = p3dof.paper_motion(1001).from_rest(0.2)
 OMEGA = 2 * math.pi * 5
 
 
-def followed(controller, method="virtual-power", **options):
+def followed(controller, method="virtual-power", **limits):
+    control = ControlLoop(1000, **limits)
     return p3dof.load().simulate(
-        ENTERED.duration, controller=controller, rate=1000, method=method, samples=1101, **options
+        ENTERED.duration, controller=controller, control=control, method=method, samples=1101
     )
 
 
@@ -65,10 +66,10 @@ def test_cut_off_forces_cost_little_and_are_made_up_for():
     """80 N where 95 N are needed in the last fifth of a motion that ends at rest, and half a second there."""
     motion = p3dof.paper_motion(1001).from_rest(0.2, stop=0.2)
     controller, end = ComputedTorque(PAPER, motion), motion.duration + 0.5
-    options = {"controller": controller, "rate": 1000, "samples": 1701}
-    free = p3dof.load().simulate(end, **options)
+    options = {"controller": controller, "method": "virtual-power", "samples": 1701}
+    free = p3dof.load().simulate(end, control=ControlLoop(1000), **options)
     assert np.abs(free.forces).max() > 95
-    run = p3dof.load().simulate(end, **options, saturation=80.0)
+    run = p3dof.load().simulate(end, control=ControlLoop(1000, saturation=80.0), **options)
     assert run.finished
     assert np.abs(run.forces).max() == 80
     assert np.abs(run.asked).max() > 80
@@ -92,7 +93,7 @@ def test_an_error_at_the_start_dies_out_as_a_critically_damped_mass():
     still = p3dof.Motion([0.0], [HOME], [HOME], [HOME])
     for method in ("virtual-power", "pinocchio"):
         controller = ComputedTorque(PAPER, still)
-        run = p3dof.load().simulate(0.3, start, controller=controller, method=method, samples=31)
+        run = p3dof.load().simulate(0.3, start=start, controller=controller, method=method, samples=31)
         expected = start * ((1 + OMEGA * run.time) * np.exp(-OMEGA * run.time))[:, None]
         np.testing.assert_allclose(run.pose, expected, rtol=0, atol=1e-9)
 
@@ -101,7 +102,7 @@ def test_the_damping_ratio_is_what_it_says():
     start, zeta = np.array([0.01, 0.0, 0.05]), 0.3
     still = p3dof.Motion([0.0], [HOME], [HOME], [HOME])
     controller = ComputedTorque(PAPER, still, damping=zeta)
-    run = p3dof.load().simulate(0.5, start, controller=controller, samples=51)
+    run = p3dof.load().simulate(0.5, start=start, controller=controller, method="virtual-power", samples=51)
     fast = OMEGA * math.sqrt(1 - zeta**2)
     wave = np.cos(fast * run.time) + zeta * OMEGA / fast * np.sin(fast * run.time)
     np.testing.assert_allclose(
@@ -113,9 +114,19 @@ def test_the_damping_ratio_is_what_it_says():
 def test_an_integral_takes_away_what_a_wrong_mass_leaves(controller):
     still = p3dof.Motion([0.0], [HOME], [HOME], [HOME])
     robot = p3dof.load()
-    without = robot.simulate(3, controller=controller(scaled(1.1), still), rate=500, samples=31)
+    without = robot.simulate(
+        3,
+        controller=controller(scaled(1.1), still),
+        control=ControlLoop(500),
+        method="virtual-power",
+        samples=31,
+    )
     with_it = robot.simulate(
-        3, controller=controller(scaled(1.1), still, integral_time=0.2), rate=500, samples=31
+        3,
+        controller=controller(scaled(1.1), still, integral_time=0.2),
+        control=ControlLoop(500),
+        method="virtual-power",
+        samples=31,
     )
     assert np.abs(without.pose[-1]).max() > 5e-4
     assert np.abs(with_it.pose[-1]).max() < 1e-7
@@ -134,7 +145,13 @@ def test_an_integral_does_not_wind_up_while_forces_are_cut_off():
     np.testing.assert_array_equal(cut, first)
     assert np.all(np.abs(further) > np.abs(first) - 1e-12)
     assert np.any(further != first)
-    run = robot.simulate(2, controller=controller, rate=500, saturation=90.0, samples=201)
+    run = robot.simulate(
+        2,
+        controller=controller,
+        control=ControlLoop(500, saturation=90.0),
+        method="virtual-power",
+        samples=201,
+    )
     assert run.finished
     assert np.abs(run.pose[-1] - [0.05, 0.05, 0.3]).max() < 1e-3
 
@@ -154,7 +171,13 @@ def test_a_reference_out_of_reach_is_named():
     far = p3dof.Motion([0.0], [[0.3, 0.0, 0.0]], [HOME], [HOME])
     for controller in (PD, Feedforward):  # computed torque only takes the difference
         with pytest.raises(ControllerError, match="out of reach: leg A is too short"):
-            p3dof.load().simulate(0.1, controller=controller(PAPER, far), rate=100, stop_at=())
+            p3dof.load().simulate(
+                0.1,
+                controller=controller(PAPER, far),
+                control=ControlLoop(100),
+                method="virtual-power",
+                stop_at=(),
+            )
 
 
 def test_a_controller_can_be_used_again():
@@ -197,14 +220,25 @@ def test_what_is_measured_is_the_machine_and_its_noise():
 
     robot = p3dof.load()
     run = robot.simulate(
-        0.1, [0.01, 0.02, 0.1], [0.1, 0, 0.2], controller, rate=1000, noise=Noise(1e-3, 1e-2), samples=101
+        0.1,
+        start=InitialState([0.01, 0.02, 0.1], [0.1, 0, 0.2]),
+        controller=controller,
+        control=ControlLoop(1000, noise=Noise(1e-3, 1e-2)),
+        method="virtual-power",
+        samples=101,
     )
     sliders = np.array([measured.sliders for measured in seen]) - run.sliders[:100]
     speeds = np.array([measured.slider_velocities for measured in seen]) - run.slider_velocities[:100]
     assert sliders.std() == pytest.approx(1e-3, rel=0.15)
     assert speeds.std() == pytest.approx(1e-2, rel=0.15)
     exact = []
-    robot.simulate(0.01, [0.01, 0.02, 0.1], [0.1, 0, 0.2], lambda m: (exact.append(m), HOME)[1], rate=1000)
+    robot.simulate(
+        0.01,
+        start=InitialState([0.01, 0.02, 0.1], [0.1, 0, 0.2]),
+        controller=lambda m: (exact.append(m), HOME)[1],
+        control=ControlLoop(1000),
+        method="virtual-power",
+    )
     np.testing.assert_allclose(exact[0].pose, [0.01, 0.02, 0.1], atol=1e-14)
     np.testing.assert_allclose(exact[0].velocity, [0.1, 0, 0.2], atol=1e-14)
 
@@ -348,7 +382,7 @@ def test_bad_input_is_one_clear_error(make, message):
 def test_an_integral_needs_a_rate():
     controller = PD(PAPER, ENTERED, integral_time=0.1)
     with pytest.raises(InputError, match="an integral needs a control rate, this run is continuous"):
-        p3dof.load().simulate(0.1, controller=controller)
+        p3dof.load().simulate(0.1, controller=controller, method="virtual-power")
 
 
 def test_a_model_that_is_asked_at_a_singular_pose_says_so():
@@ -361,5 +395,5 @@ def test_a_model_that_is_asked_at_a_singular_pose_says_so():
         theta -= value * step / (robot.singularity([0, 0, theta + step]).actuation - value)
     controller = Feedforward(PAPER, p3dof.Motion([0.0], [[0, 0, theta]], [HOME], [HOME]))
     with pytest.raises(ControllerError, match="actuation-singular") as caught:
-        robot.simulate(0.1, controller=controller, rate=100)
+        robot.simulate(0.1, controller=controller, control=ControlLoop(100), method="virtual-power")
     assert isinstance(caught.value.__cause__, SingularityError)

@@ -840,7 +840,10 @@ def test_a_wrench_file(tmp_path):
     np.testing.assert_array_equal(given.wrench, history(motion.time))
     assert np.abs(given.power_residual).max() < 1e-10 * np.abs(given.power).max()
     run = robot.simulate(
-        0.1, controller=lambda _: robot.forces(np.zeros(3), np.zeros(3), np.zeros(3)), wrench=history
+        0.1,
+        controller=lambda _: robot.forces(np.zeros(3), np.zeros(3), np.zeros(3)),
+        wrench=history,
+        method="virtual-power",
     )
     np.testing.assert_allclose(run.wrench, history(run.time), rtol=1e-15)
 

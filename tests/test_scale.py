@@ -55,7 +55,9 @@ def test_evidence_and_runs_at_every_scale(s):
     assert 0 < result.closure_error.max() < 1e-14 * s
     assert np.abs(result.power_residual).max() < 1e-13 * np.abs(result.power).max()
     runs = [
-        p3dof.load(machine).simulate(0.1, velocity=[0, 0, 1.0], method="pinocchio", samples=3, stop_at=())
+        p3dof.load(machine).simulate(
+            0.1, start=p3dof.InitialState(velocity=[0, 0, 1.0]), method="pinocchio", samples=3, stop_at=()
+        )
         for machine in (PAPER, scaled_machine(PAPER, s))
     ]
     np.testing.assert_allclose(runs[1].pose, runs[0].pose * by, rtol=1e-7, atol=1e-9 * s)

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from test_friction import random_friction
 
 import p3dof
-from p3dof import PAPER, Friction, Limits, Springs
+from p3dof import PAPER, ControlLoop, Friction, InitialState, Integration, Limits, Springs
 from p3dof.errors import ControllerError, DynamicsError, FileError, InputError, ReachError
 from p3dof.simulation.work import estimate
 
@@ -21,12 +21,25 @@ HOME = np.zeros(3)
 WIDE = replace(PAPER, limits=Limits(travel=(-5, 5), tilt=(-3, 3)))
 
 
-def swinging(method, duration, samples, **options):
+def grouped(arguments):
+    """Make the settings of a run; they are given as mappings where making them is what fails."""
+    kinds = {"start": InitialState, "control": ControlLoop, "integration": Integration}
+    made = {k: kinds[k](**v) for k, v in arguments.items() if k in kinds and isinstance(v, dict)}
+    return {"method": "virtual-power", **arguments, **made}
+
+
+def swinging(method, duration, samples, **integration):
     """Undamped, the sliders on springs: a conservative system within the limits."""
     robot = p3dof.load()
     springs = Springs(2000.0, preload=robot.forces(HOME, HOME, HOME))
-    start = {"pose": [0.02, 0.03, 0.15], "velocity": [0.1, 0, 0.2]}
-    run = robot.simulate(duration, **start, controller=springs, method=method, samples=samples, **options)
+    run = robot.simulate(
+        duration,
+        start=InitialState([0.02, 0.03, 0.15], [0.1, 0, 0.2]),
+        controller=springs,
+        method=method,
+        samples=samples,
+        integration=Integration(**integration),
+    )
     return robot, springs, run
 
 
@@ -98,12 +111,12 @@ def test_any_machine_moves_as_lagrange_has_it(method, seed):
 
     exact = solve_ivp(rate, (0, duration), np.concatenate([pose, HOME]), "DOP853", rtol=1e-12, atol=1e-14)
     options = {"method": method, "controller": lambda measured: forces(measured.time), "wrench": wrench}
-    options |= {"rtol": 1e-12, "atol": 1e-14}
-    run = robot.simulate(duration, pose, **options)
+    options["integration"] = Integration(rtol=1e-12, atol=1e-14)
+    run = robot.simulate(duration, start=pose, **options)
     assert run.finished
     np.testing.assert_allclose(run.pose[-1], exact.y[:3, -1], rtol=0, atol=1e-11 * max(1, size))
     assert np.abs(run.pose[-1] - pose).max() > 1e-3 * size
-    lossy = p3dof.load(replace(machine, friction=rough)).simulate(duration, pose, **options)
+    lossy = p3dof.load(replace(machine, friction=rough)).simulate(duration, start=pose, **options)
     power = np.sum(lossy.forces * lossy.slider_velocities, axis=1)
     power += np.sum(lossy.wrench[:, (1, 2, 4)] * lossy.velocity, axis=1)
     result = p3dof.load(replace(machine, friction=rough)).inverse_dynamics(
@@ -134,17 +147,17 @@ def test_let_go_at_home_it_falls_freely_to_its_stops(method):
 @pytest.mark.parametrize(
     ("kind", "start", "forces"),
     [
-        ("reach limit", {"velocity": [2.0, 0, 0]}, None),
-        ("reach limit", {"velocity": [-2.0, 0, 0]}, None),
-        ("singular pose", {"pose": [0, 0, 0.5], "velocity": [0, 0, 10.0]}, None),
-        ("singular pose", {"pose": [0, 0, -2.0], "velocity": [0, 0, -9.0]}, None),
-        ("tilt limit", {"velocity": [0, 0, 5.0]}, (-0.8, 0.8)),
-        ("tilt limit", {"velocity": [0, 0, -5.0]}, (-0.8, 0.8)),
+        ("reach limit", InitialState(velocity=[2.0, 0, 0]), None),
+        ("reach limit", InitialState(velocity=[-2.0, 0, 0]), None),
+        ("singular pose", InitialState([0, 0, 0.5], [0, 0, 10.0]), None),
+        ("singular pose", InitialState([0, 0, -2.0], [0, 0, -9.0]), None),
+        ("tilt limit", InitialState(velocity=[0, 0, 5.0]), (-0.8, 0.8)),
+        ("tilt limit", InitialState(velocity=[0, 0, -5.0]), (-0.8, 0.8)),
     ],
 )
 def test_what_ends_a_run_is_named(method, kind, start, forces):
     machine = WIDE if forces is None else replace(WIDE, limits=Limits((-5, 5), tilt=forces))
-    run = p3dof.load(machine).simulate(2.0, **start, method=method)
+    run = p3dof.load(machine).simulate(2.0, start=start, method=method)
     assert run.stop.kind == kind
     end = run.pose[-1]
     if kind == "singular pose":
@@ -160,18 +173,24 @@ def test_what_ends_a_run_is_named(method, kind, start, forces):
 
 def test_the_first_of_several_limits_ends_the_run():
     machine = replace(WIDE, limits=Limits((-0.05, 5), tilt=(-3, 0.3)))
-    run = p3dof.load(machine).simulate(2.0, velocity=[0, 0, 3.5])
+    run = p3dof.load(machine).simulate(2.0, start=InitialState(velocity=[0, 0, 3.5]), method="virtual-power")
     both = [run.stop.kind]
-    both.append(p3dof.load(machine).simulate(2.0, velocity=[0, 0, 2.5]).stop.kind)
+    both.append(
+        p3dof.load(machine)
+        .simulate(2.0, start=InitialState(velocity=[0, 0, 2.5]), method="virtual-power")
+        .stop.kind
+    )
     assert both == ["tilt limit", "slider stop"]
 
 
 def test_limits_that_do_not_count_are_passed():
-    run = p3dof.load().simulate(0.5, stop_at=())
+    run = p3dof.load().simulate(0.5, method="virtual-power", stop_at=())
     assert run.finished
     assert run.sliders.min() < -1
     # past det J = 0 the motion goes on, though no force could have been found there
-    run = p3dof.load(WIDE).simulate(0.2, pose=[0, 0, 0.5], velocity=[0, 0, 10.0], stop_at=("slider stop",))
+    run = p3dof.load(WIDE).simulate(
+        0.2, start=InitialState([0, 0, 0.5], [0, 0, 10.0]), method="virtual-power", stop_at=("slider stop",)
+    )
     assert run.finished
     assert p3dof.load().singularity(run.pose[-1]).actuation < 0
 
@@ -184,7 +203,13 @@ def test_held_forces_are_those_of_the_last_period():
         assert measured.period == 0.01
         return p3dof.load().forces(HOME, HOME, HOME) + 10 * len(times) % 7
 
-    run = p3dof.load().simulate(0.1, controller=controller, rate=100, samples=np.linspace(0, 0.1, 101))
+    run = p3dof.load().simulate(
+        0.1,
+        controller=controller,
+        control=ControlLoop(100),
+        method="virtual-power",
+        samples=np.linspace(0, 0.1, 101),
+    )
     np.testing.assert_allclose(times, np.arange(10) * 0.01, atol=1e-15)
     assert len(run) == 101
     for k in range(10):
@@ -210,6 +235,20 @@ def test_a_run_without_a_finite_beginning_cannot_start():
             p3dof.load().simulate(0.1, controller=lambda _: [1.7e308, 1.7e308, 1.7e308], method=method)
 
 
+def test_a_wrench_may_be_a_function_of_one_time_or_of_many():
+    def of_one(time):
+        return [0, 0, 50 * time, 0, 0, 0]
+
+    def of_many(times):
+        return np.outer(50 * times, [0, 0, 1, 0, 0, 0])
+
+    runs = [p3dof.load().simulate(0.05, wrench=load, samples=11) for load in (of_one, of_many)]
+    np.testing.assert_allclose(runs[0].wrench[:, 2], 50 * runs[0].time, rtol=1e-15)
+    np.testing.assert_array_equal(runs[1].wrench, runs[0].wrench)
+    np.testing.assert_array_equal(runs[1].pose, runs[0].pose)
+    assert runs[0].method == "pinocchio"  # by default, as everywhere
+
+
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("width", [0.002, 0.01, 0.05])
 def test_a_short_push_is_felt_where_nothing_else_happens(method, width):
@@ -225,7 +264,7 @@ def test_a_short_push_is_felt_where_nothing_else_happens(method, width):
     options = {"controller": hold, "method": method, "samples": [1.0, 1 + width]}
     for load in (wrench, wrench.__call__):  # a history, and a function that nothing is known of
         run = robot.simulate(1 + width, wrench=load, **options)
-        fine = robot.simulate(1 + width, wrench=load, max_step=2e-4, **options)
+        fine = robot.simulate(1 + width, wrench=load, integration=Integration(max_step=2e-4), **options)
         assert run.velocity[-1, 1] == pytest.approx(100 * width / 2 * gain, rel=0.02)
         np.testing.assert_allclose(run.velocity[-1], fine.velocity[-1], rtol=0, atol=1e-7)
     run = robot.simulate(
@@ -239,13 +278,14 @@ def test_a_limit_passed_within_a_step_is_seen(frequency, rtol):
     robot = p3dof.load()
     hold = robot.forces(HOME, HOME, HOME)
     springs = Springs(4.0 * (2 * np.pi * frequency) ** 2, preload=hold)
-    start = {"velocity": [0.3, 0.1, 0.5], "controller": springs, "rtol": rtol}
-    free = robot.simulate(0.2, samples=20001, **start)
+    options = {"start": InitialState(velocity=[0.3, 0.1, 0.5]), "controller": springs}
+    options |= {"method": "virtual-power", "integration": Integration(rtol=rtol)}
+    free = robot.simulate(0.2, samples=20001, **options)
     assert free.finished
     peak = free.sliders[:, 1].max()
     for share in (0.5, 0.9, 0.99, 0.999):
         limits = Limits((-0.2, share * peak), tilt=(-1, 1))
-        run = p3dof.load(replace(PAPER, limits=limits)).simulate(0.2, samples=2, **start)
+        run = p3dof.load(replace(PAPER, limits=limits)).simulate(0.2, samples=2, **options)
         assert run.stop is not None
         assert run.sliders[-1, 1] == pytest.approx(share * peak, abs=1e-9)
         first = free.time[np.argmax(free.sliders[:, 1] >= share * peak)]
@@ -258,7 +298,11 @@ def test_a_limit_passed_within_a_step_is_seen(frequency, rtol):
 def test_a_sample_at_a_tick_has_the_forces_that_begin_there(rate, duration, samples):
     hold = p3dof.load().forces(HOME, HOME, HOME)
     run = p3dof.load().simulate(
-        duration, controller=lambda m: hold + round(m.time * rate) % 7, rate=rate, samples=samples
+        duration,
+        controller=lambda m: hold + round(m.time * rate) % 7,
+        control=ControlLoop(rate),
+        method="virtual-power",
+        samples=samples,
     )
     tick = np.minimum(np.floor(run.time * rate + 1e-6), np.ceil(duration * rate - 1e-6) - 1)
     np.testing.assert_allclose(run.forces[:, 0] - hold[0], tick % 7, atol=1e-12)
@@ -272,14 +316,19 @@ def test_a_controller_may_fill_the_same_array_again():
         held[:] = hold + measured.time
         return held
 
-    run = p3dof.load().simulate(0.1, controller=controller, rate=100, samples=11)
+    run = p3dof.load().simulate(
+        0.1, controller=controller, control=ControlLoop(100), method="virtual-power", samples=11
+    )
     np.testing.assert_array_equal(run.asked, run.forces)
     assert len(np.unique(run.asked[:, 0])) == 10
 
 
 def test_both_ways_count_whole_turns_of_the_platform():
     machine = p3dof.load(replace(PAPER, limits=Limits((-50, 50), tilt=(-20, 20))))
-    runs = [machine.simulate(0.5, velocity=[0, 0, -9], stop_at=(), method=method) for method in METHODS]
+    runs = [
+        machine.simulate(0.5, start=InitialState(velocity=[0, 0, -9]), method=method, stop_at=())
+        for method in METHODS
+    ]
     assert runs[0].pose[-1, 2] < -np.pi
     np.testing.assert_allclose(runs[1].pose, runs[0].pose, rtol=0, atol=1e-7)
 
@@ -289,7 +338,10 @@ def test_both_ways_count_whole_turns_of_the_platform():
 def test_a_continuous_controller_is_not_asked_beyond_a_limit(method, start):
     hold = p3dof.load().forces(HOME, HOME, HOME)
     run = p3dof.load(WIDE).simulate(
-        0.5, *start, lambda measured: (measured.pose, measured.velocity, hold)[2], method=method
+        0.5,
+        start=InitialState(*start),
+        controller=lambda measured: (measured.pose, measured.velocity, hold)[2],
+        method=method,
     )
     assert run.stop.kind == "reach limit"
 
@@ -301,15 +353,19 @@ def test_a_continuous_controller_is_not_asked_beyond_a_limit(method, start):
         ({"stop_at": "slider stop"}, InputError, "stop_at: expected a list of slider stop"),
         ({"stop_at": None}, InputError, "stop_at: expected a list of slider stop"),
         ({"progress": 5}, InputError, "progress: expected a function, got 5"),
-        ({"rtol": 1e-20}, InputError, "rtol: expected at least 2.3e-14, got 1e-20"),
-        ({"max_step": 0}, InputError, "max_step: expected a positive number, got 0"),
-        ({"stabilisation": 1e4, "method": "pinocchio"}, InputError, "stabilisation: expected 0 to 1000 1/s"),
+        ({"integration": {"rtol": 1e-20}}, InputError, "rtol: expected at least 2.3e-14, got 1e-20"),
+        ({"integration": {"max_step": 0}}, InputError, "max_step: expected a positive number, got 0"),
+        (
+            {"integration": {"stabilisation": 1e4}, "method": "pinocchio"},
+            InputError,
+            "stabilisation: expected 0 to 1000 1/s",
+        ),
         ({"wrench": lambda _: 1 / 0}, InputError, "wrench at t = 0 s: division by zero"),
     ],
 )
 def test_more_bad_input(arguments, error, message):
     with pytest.raises(error, match=message):
-        p3dof.load().simulate(0.1, **arguments)
+        p3dof.load().simulate(0.1, **grouped(arguments))
 
 
 def test_a_controller_that_cannot_be_reset():
@@ -321,7 +377,7 @@ def test_a_controller_that_cannot_be_reset():
             return HOME
 
     with pytest.raises(ControllerError, match="the controller failed to reset: worn out"):
-        p3dof.load().simulate(0.1, controller=Broken())
+        p3dof.load().simulate(0.1, controller=Broken(), method="virtual-power")
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -329,7 +385,7 @@ def test_holding_a_constant_force_changes_nothing(method):
     robot = p3dof.load()
     forces = robot.forces(HOME, HOME, HOME) + np.array([3, -2, 1])
     free = robot.simulate(0.2, controller=forces, method=method, samples=21)
-    held = robot.simulate(0.2, controller=forces, method=method, samples=21, rate=333)
+    held = robot.simulate(0.2, controller=forces, control=ControlLoop(333), method=method, samples=21)
     np.testing.assert_allclose(held.pose, free.pose, rtol=0, atol=1e-10)
     np.testing.assert_array_equal(held.time, free.time)
 
@@ -339,21 +395,25 @@ def test_joints_may_be_the_start_and_open_loops_are_refused_with_their_gap():
     state = robot.loop.complete(robot.inverse_kinematics([0.01, 0.02, 0.1]).sliders, [0.1, 0, 0], np.zeros(3))
     pose, velocity = [0.01, 0.02, 0.1], np.linalg.solve(robot.jacobian([0.01, 0.02, 0.1]), [0.1, 0, 0])
     forces = robot.forces(pose, HOME, HOME)
-    first = robot.simulate(0.05, controller=forces, method="pinocchio", joints=(state.q, state.v))
-    second = robot.simulate(0.05, pose, velocity, forces)
+    first = robot.simulate(
+        0.05, start=InitialState(joints=(state.q, state.v)), controller=forces, method="pinocchio"
+    )
+    second = robot.simulate(
+        0.05, start=InitialState(pose, velocity), controller=forces, method="virtual-power"
+    )
     np.testing.assert_allclose(first.pose, second.pose, rtol=0, atol=1e-10)
     q = state.q.copy()
     q[1] += 1e-3
     with pytest.raises(InputError, match=r"q: the loops are open by 0\.0004 m, expected at most 1e-09 m"):
-        robot.simulate(0.05, method="pinocchio", joints=(q, state.v))
+        robot.simulate(0.05, start=InitialState(joints=(q, state.v)), method="pinocchio")
     with pytest.raises(InputError, match=r"v: opens the loops at 0.0917 m/s"):
-        robot.simulate(0.05, method="pinocchio", joints=(state.q, np.eye(10)[0] * 0.1))
+        robot.simulate(0.05, start=InitialState(joints=(state.q, np.eye(10)[0] * 0.1)), method="pinocchio")
     with pytest.raises(InputError, match=r"q: expected shape \(10,\), got \(3,\)"):
-        robot.simulate(0.05, method="pinocchio", joints=(np.zeros(3), np.zeros(10)))
+        robot.simulate(0.05, start=InitialState(joints=(np.zeros(3), np.zeros(10))), method="pinocchio")
     with pytest.raises(InputError, match="joints: expected a tuple of joint positions and velocities"):
-        robot.simulate(0.05, method="pinocchio", joints=np.zeros(20))
+        robot.simulate(0.05, start=InitialState(joints=np.zeros(20)), method="pinocchio")
     with pytest.raises(InputError, match="joints: the minimal coordinates have none"):
-        robot.simulate(0.05, joints=(state.q, state.v))
+        robot.simulate(0.05, start=InitialState(joints=(state.q, state.v)), method="virtual-power")
 
 
 @pytest.mark.parametrize(
@@ -363,12 +423,12 @@ def test_joints_may_be_the_start_and_open_loops_are_refused_with_their_gap():
         ({"duration": -1}, InputError, "duration: expected a positive number, got -1"),
         ({"duration": np.nan}, InputError, "duration: expected a finite number, got nan"),
         ({"duration": "long"}, InputError, "duration: expected real numbers, got 'long'"),
-        ({"pose": [0, 0]}, InputError, r"pose: expected shape \(3,\), got \(2,\)"),
-        ({"pose": [1, 0, 0]}, ReachError, "out of reach: leg A is too short"),
-        ({"pose": [0, 0.3, 0]}, InputError, "beyond a limit: slider stop: slider A at its upper end, 0.2 m"),
-        ({"pose": [0, 0, 0.9]}, InputError, "beyond a limit: tilt limit"),
+        ({"start": {"pose": [0, 0]}}, InputError, r"pose: expected shape \(3,\), got \(2,\)"),
+        ({"start": [1, 0, 0]}, ReachError, "out of reach: leg A is too short"),
+        ({"start": [0, 0.3, 0]}, InputError, "beyond a limit: slider stop: slider A at its upper end, 0.2 m"),
+        ({"start": [0, 0, 0.9]}, InputError, "beyond a limit: tilt limit"),
         (
-            {"velocity": [0, np.nan, 0]},
+            {"start": {"velocity": [0, np.nan, 0]}},
             InputError,
             r"velocity: expected finite numbers, got nan at index \[1\]",
         ),
@@ -380,29 +440,46 @@ def test_joints_may_be_the_start_and_open_loops_are_refused_with_their_gap():
             InputError,
             "method: expected one of 'pinocchio', 'virtual-power', 'compiled', got 'magic'",
         ),
-        ({"rate": 0}, InputError, "rate: expected a positive number, got 0"),
+        ({"control": {"rate": 0}}, InputError, "rate: expected a positive number, got 0"),
         (
-            {"rate": 1e12},
+            {"control": {"rate": 1e12}},
             InputError,
             r"^the run would take about \d+ days \(\S+ steps\), the limit is 60 minutes: .*by time_limit$",
         ),
-        ({"saturation": -1}, InputError, "saturation: expected True, False, or one or three positive forces"),
-        ({"saturation": [1, 2]}, InputError, "saturation: expected True, False, or one or three"),
-        ({"noise": 0.1, "rate": 100}, InputError, "noise: expected a Noise, got 0.1"),
-        ({"noise": p3dof.Noise()}, InputError, "noise: needs a control rate"),
+        (
+            {"control": {"saturation": -1}},
+            InputError,
+            "saturation: expected True, False, or one or three positive forces",
+        ),
+        (
+            {"control": {"saturation": [1, 2]}},
+            InputError,
+            "saturation: expected True, False, or one or three",
+        ),
+        ({"control": {"noise": 0.1, "rate": 100}}, InputError, "noise: expected a Noise, got 0.1"),
+        ({"control": {"noise": p3dof.Noise()}}, InputError, "noise: needs a control rate"),
         ({"wrench": [1, 2, 3]}, InputError, r"wrench: expected shape \(6,\), got \(3,\)"),
         ({"wrench": lambda _: [1, 2]}, InputError, r"wrench at t = 0 s: expected shape \(6,\)"),
         ({"samples": 1}, p3dof.MotionError, "samples: expected a whole number from 2"),
         ({"samples": [0, 0.5, 0.4]}, InputError, "samples: expected rising times from 0 to 0.1 s"),
         ({"stop_at": ["collision"]}, InputError, "stop_at: expected a list of slider stop, tilt limit"),
-        ({"rtol": 0}, InputError, "rtol: expected a positive number, got 0"),
-        ({"atol": -1}, InputError, "atol: expected a positive number, got -1"),
-        ({"stabilisation": -1}, InputError, "stabilisation: expected 0 to 1000 1/s, got -1"),
+        ({"integration": {"rtol": 0}}, InputError, "rtol: expected a positive number, got 0"),
+        ({"integration": {"atol": -1}}, InputError, "atol: expected a positive number, got -1"),
+        ({"integration": {"stabilisation": -1}}, InputError, "stabilisation: expected 0 to 1000 1/s, got -1"),
+        ({"integration": {"time_limit": 0}}, InputError, "time_limit: expected a positive number, got 0"),
+        ({"integration": 1e-9}, InputError, r"integration: expected Integration\(...\), got 1e-09"),
+        ({"control": 1000}, InputError, r"control: expected ControlLoop\(...\), got 1000"),
+        ({"start": "home"}, InputError, "pose: expected real numbers, got 'home'"),
+        (
+            {"start": {"pose": [0, 0, 0.1], "joints": (np.zeros(10), np.zeros(10))}},
+            InputError,
+            "joints: they say where the platform is; give them without pose and velocity",
+        ),
     ],
 )
 def test_bad_input_is_one_clear_error(arguments, error, message):
     with pytest.raises(error, match=message):
-        p3dof.load().simulate(**{"duration": 0.1, **arguments})
+        p3dof.load().simulate(**{"duration": 0.1, **grouped(arguments)})
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -427,7 +504,7 @@ def test_a_controller_that_fails_says_when_and_keeps_the_run(method, rate, answe
     with pytest.raises(
         ControllerError, match=rf"the controller failed at t = 0\.0\d* s: {message}"
     ) as caught:
-        robot.simulate(0.1, controller=controller, rate=rate, method=method)
+        robot.simulate(0.1, controller=controller, control=ControlLoop(rate), method=method)
     error = caught.value
     assert error.__cause__ is not None
     assert 0.05 <= error.time < 0.1
@@ -445,19 +522,23 @@ def test_an_interrupt_goes_through():
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        p3dof.load().simulate(0.1, controller=controller)
+        p3dof.load().simulate(0.1, controller=controller, method="virtual-power")
 
 
 def test_progress_is_told():
     told = []
-    p3dof.load().simulate(0.1, samples=11, progress=lambda done, total: told.append((done, total)))
+    p3dof.load().simulate(
+        0.1, method="virtual-power", samples=11, progress=lambda done, total: told.append((done, total))
+    )
     assert told == [(i, 11) for i in range(1, 12)]
 
 
 def test_files_hold_the_run(tmp_path):
     robot = p3dof.load()
     motion = p3dof.paper_motion(101).from_rest(0.2)
-    run = robot.simulate(0.1, controller=p3dof.PD(robot, motion), rate=200, samples=21)
+    run = robot.simulate(
+        0.1, controller=p3dof.PD(robot, motion), control=ControlLoop(200), method="virtual-power", samples=21
+    )
     table = np.genfromtxt(run.save(tmp_path / "run.csv"), delimiter=",", names=True)
     assert len(table) == 21
     np.testing.assert_array_equal(table["t_s"], run.time)
@@ -474,7 +555,7 @@ def test_files_hold_the_run(tmp_path):
     for name, column in run.columns().items():
         np.testing.assert_array_equal(again.columns()[name], column)
     np.testing.assert_array_equal(again.joints.q, run.joints.q)
-    stopped = robot.simulate(1.0)
+    stopped = robot.simulate(1.0, method="virtual-power")
     stopped.save(tmp_path / "stopped.npz")
     assert p3dof.Simulation.load(tmp_path / "stopped.npz").stop == stopped.stop
     (tmp_path / "bad.npz").write_bytes(b"PK not really")
@@ -491,19 +572,21 @@ def test_files_hold_the_run(tmp_path):
     with pytest.raises(FileError):
         run.save(tmp_path / "run.csv" / "inside.csv")
     other = p3dof.paper_motion(11)
-    followed = robot.simulate(0.01, controller=p3dof.PD(robot, motion), reference=other, samples=2)
+    followed = robot.simulate(
+        0.01, controller=p3dof.PD(robot, motion), reference=other, method="virtual-power", samples=2
+    )
     np.testing.assert_allclose(followed.reference, other.resampled([0, 0.01]).pose, atol=1e-14)
     with pytest.raises(InputError, match="motion: expected a Motion, got 3"):
-        robot.simulate(0.01, reference=3)
+        robot.simulate(0.01, reference=3, method="virtual-power")
     with pytest.raises(InputError, match="error: the run had no motion to follow"):
-        _ = robot.simulate(0.01).error
+        _ = robot.simulate(0.01, method="virtual-power").error
 
 
 def test_friction_brings_it_to_rest():
     rough = replace(PAPER, friction=Friction({"sliders": 100.0, "joints": 0.5}))
     robot = p3dof.load(rough)
     springs = Springs(2000.0, preload=robot.forces(HOME, HOME, HOME))
-    run = robot.simulate(5, [0.02, 0.03, 0.15], controller=springs)
+    run = robot.simulate(5, start=[0.02, 0.03, 0.15], controller=springs, method="virtual-power")
     np.testing.assert_allclose(run.pose[-1], 0, atol=1e-6)
     assert np.abs(run.velocity[-1]).max() < 1e-5
 
@@ -514,25 +597,29 @@ def test_a_run_is_bounded_before_it_starts(method):
     robot = p3dof.load()
     for slip in (
         {"duration": 1e9},
-        {"duration": 10, "rate": 1e9},
-        {"duration": 10, "max_step": 1e-9},
+        {"duration": 10, "control": ControlLoop(1e9)},
+        {"duration": 10, "integration": Integration(max_step=1e-9)},
         {"duration": 1e6, "controller": lambda _: [0, 0, 0]},
         {"duration": 10, "samples": 2_000_000},
     ):
         with pytest.raises(InputError, match=r"^the run would take about|^samples: expected at most 1000000"):
             robot.simulate(**slip, method=method)
     with pytest.raises(InputError, match=r"about .* steps.*limit is 0.001 s"):
-        robot.simulate(0.1, rate=1000, method=method, time_limit=1e-3)
-    robot.simulate(0.002, [0, 0, 0], controller=[1, 1, 1], rate=1000, method=method, samples=2)
+        robot.simulate(
+            0.1, control=ControlLoop(1000), method=method, integration=Integration(time_limit=1e-3)
+        )
+    robot.simulate(
+        0.002, start=[0, 0, 0], controller=[1, 1, 1], control=ControlLoop(1000), method=method, samples=2
+    )
 
 
 def test_the_estimate_is_near_the_truth():
     """Within a factor of twenty, on any machine of these years: enough to tell a minute from a day."""
     robot = p3dof.load()
     for method in (*METHODS, "compiled"):
-        robot.simulate(0.002, rate=1000, method=method, samples=2)
+        robot.simulate(0.002, control=ControlLoop(1000), method=method, samples=2)
         begun = time.process_time()
-        run = robot.simulate(0.05, rate=1000, method=method, samples=51)
+        run = robot.simulate(0.05, control=ControlLoop(1000), method=method, samples=51)
         seconds = time.process_time() - begun
         expected = estimate(method, 0.05, 51, 1000)
         assert expected.steps == 50

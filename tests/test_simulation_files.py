@@ -25,7 +25,13 @@ from p3dof.simulation import archive, run
 def saved(tmp_path_factory):
     robot = p3dof.load()
     motion = p3dof.paper_motion(101).from_rest(0.2)
-    found = robot.simulate(0.1, controller=p3dof.PD(robot, motion), rate=200, samples=21)
+    found = robot.simulate(
+        0.1,
+        controller=p3dof.PD(robot, motion),
+        control=p3dof.ControlLoop(200),
+        method="virtual-power",
+        samples=21,
+    )
     return found.save(tmp_path_factory.mktemp("runs") / "run.npz").read_bytes()
 
 

@@ -258,13 +258,13 @@ def test_joints_of_a_run_that_starts_with_open_loops(robot, swing):
     off = q.copy()
     off[2] += 1e-4
     with pytest.raises(InputError, match="the loops are open") as caught:
-        robot.simulate(0.1, joints=(off, v), method="pinocchio")
+        robot.simulate(0.1, start=p3dof.InitialState(joints=(off, v)), method="pinocchio")
     expected = np.abs(robot.loop.closure_error(off)).max()
     assert told(caught, "open by # m")[0] == pytest.approx(expected, rel=5e-3)
     faster = v.copy()
     faster[2] += 0.01
     with pytest.raises(InputError, match="opens the loops at") as caught:
-        robot.simulate(0.1, joints=(q, faster), method="pinocchio")
+        robot.simulate(0.1, start=p3dof.InitialState(joints=(q, faster)), method="pinocchio")
     expected = np.abs(robot.loop.closure_jacobian(q) @ faster).max()
     assert told(caught, "loops at # m/s")[0] == pytest.approx(expected, rel=5e-3)
 

@@ -23,7 +23,18 @@ from p3dof.files import together
 from p3dof.manipulator import METHODS
 from p3dof.motion import Motion
 from p3dof.parameters import Limits, Parameters
-from p3dof.simulation import PD, TIME_LIMIT, ComputedTorque, Feedforward, Noise, Simulation
+from p3dof.simulation import (
+    DEFAULT_METHOD,
+    PD,
+    TIME_LIMIT,
+    ComputedTorque,
+    ControlLoop,
+    Feedforward,
+    InitialState,
+    Integration,
+    Noise,
+    Simulation,
+)
 from p3dof.simulation.work import Work, estimate, require_affordable
 
 SAMPLES = 1001
@@ -79,7 +90,7 @@ CONTROLLERS = {"pd": PD, "feedforward": Feedforward, "computed-torque": Computed
 @click.option(
     "--method",
     type=click.Choice(METHODS),
-    default="virtual-power",
+    default=DEFAULT_METHOD,
     show_default=True,
     help="Integrate in y, z, θ, or Pinocchio's constrained dynamics of all joints.",
 )
@@ -140,6 +151,7 @@ def simulate(
     all_runs = Work(len(names) * one.steps, len(names) * one.seconds)
     require_affordable(all_runs, samples, time_limit, "--time-limit")
     model = _wrong(case.robot.parameters, mass_error)
+    control = ControlLoop(rate, saturation or False, Noise(*noise, seed) if noise else None)
     runs: dict[str, Simulation] = {}
     for name in names:
         gains = {"integral_time": np.inf if integral_time is None else integral_time}
@@ -147,17 +159,14 @@ def simulate(
         with progress_bar(name, len(motion)) as progress:
             runs[name] = case.robot.simulate(
                 motion.duration,
-                motion.pose[0],
-                motion.velocity[0],
-                controller,
-                method=method,  # type: ignore[arg-type]  # one of METHODS, as the options say
-                rate=rate,
-                saturation=False if saturation is None else saturation,
-                noise=Noise(*noise, seed) if noise else None,
+                start=InitialState(motion.pose[0], motion.velocity[0]),
+                controller=controller,
+                control=control,
                 wrench=case.load_along(chosen),
+                method=method,  # type: ignore[arg-type]  # one of METHODS, as the options say
                 samples=samples,
+                integration=Integration(time_limit=time_limit),
                 progress=progress,
-                time_limit=time_limit,
             )
     with together():
         written = [run.save(files[name]) for name, run in runs.items()]

@@ -40,7 +40,7 @@ from p3dof.reactions import (
     over_motion,
 )
 from p3dof.samples import OnInvalid, finite_states, wrench_like
-from p3dof.simulation import ControllerLike, Noise, Simulation, WrenchLike
+from p3dof.simulation import ControllerLike, ControlLoop, InitialState, Integration, Simulation
 
 Progress: TypeAlias = Callable[[int, int], None]
 """Called with (done, total) during long work."""
@@ -437,112 +437,43 @@ class Manipulator(DifferentialMachine):
     def simulate(
         self,
         duration: float,
-        pose: ArrayLike = (0.0, 0.0, 0.0),
-        velocity: ArrayLike = (0.0, 0.0, 0.0),
+        *,
+        start: ArrayLike | InitialState = simulation.AT_HOME,
         controller: ControllerLike = None,
+        control: ControlLoop = simulation.CONTINUOUS,
         reference: Motion | None = None,
-        method: Method = "virtual-power",
-        rate: float | None = None,
-        saturation: bool | ArrayLike | None = False,
-        noise: Noise | None = None,
-        wrench: WrenchLike = None,
+        wrench: WrenchOverTime = None,
+        method: Method = simulation.DEFAULT_METHOD,
         samples: int | ArrayLike = 1001,
-        joints: tuple[ArrayLike, ArrayLike] | None = None,
         stop_at: Sequence[str] = simulation.KINDS,
-        rtol: float = 1e-11,
-        atol: float = 1e-13,
-        max_step: float | None = None,
-        stabilisation: float = 10.0,
+        integration: Integration = simulation.PRECISE,
         progress: Progress | None = None,
-        time_limit: float = simulation.TIME_LIMIT,
     ) -> Simulation:
-        """Move the machine in time under a controller, constant forces, or none.
+        """Move the machine in time under a controller, constant forces, or none: `p3dof.simulation.simulate`.
 
-        The run ends early, with its reason in `Simulation.stop` and all samples so far, at a slider stop or
-        tilt limit of `Parameters.limits`, where a leg becomes horizontal, or where the sliders lose hold of
-        the platform.
-
-        Parameters
-        ----------
-        duration : float
-            How long [s].
-        pose, velocity : array-like, shape (3,)
-            Where the platform starts: (y, z, θ) [m, m, rad] and per second.
-        controller : callable or array-like, shape (3,), optional
-            Takes a `p3dof.Measurement`, returns the forces of A, B, C [N]; or forces that stay.
-        reference : Motion, optional
-            What the run should follow, for `Simulation.error`; what the controller follows by default.
-        method : {"virtual-power", "compiled", "pinocchio"}
-            Integrate the minimal form in y, z, θ by the paper's formulas or by the kernels; or Pinocchio's
-            constrained dynamics of all joints, with stabilised closures. All by the Runge-Kutta method DOP853
-            with adaptive steps.
-        rate : float, optional
-            How often the controller acts, its forces held in between [Hz]; continuously by default.
-        saturation : bool or array-like, shape () or (3,)
-            Cut forces off at these values [N]; True for those of `Parameters.limits`.
-        noise : Noise, optional
-            Errors of the measured slider positions and velocities; needs a `rate`.
-        wrench : array-like, shape (6,), or callable, optional
-            External force and moment on the platform at P, in the fixed frame [N, N m]; or a function of
-            the time since the start of the run that returns them, such as a `p3dof.WrenchHistory`.
-        samples : int or array-like, shape (N,)
-            How many samples to keep, evenly spaced, or their times [s]; the end is always one.
-        joints : tuple of two array-like, shape (10,), optional
-            Positions and velocities of all joints, which take the place of `pose` and `velocity`, for
-            ``method="pinocchio"``.
-        stop_at : sequence of str
-            Which limits end the run, of ``"slider stop"``, ``"tilt limit"``, ``"singular pose"``; the
-            ``"reach limit"`` always does.
-        rtol, atol : float
-            Relative and absolute tolerance of the integrator. With those by default, a minute of undamped
-            swinging keeps its energy to 1e-9 of the kinetic, and its loops closed to 1e-11 m.
-        max_step : float, optional
-            Longest step [s]. By default 2 ms where a function of time or of the state, other than `Springs`,
-            acts continuously, which could change for a moment between longer steps; else unlimited.
-        stabilisation : float
-            β of Baumgarte's stabilisation of the closures [1/s], for ``method="pinocchio"``.
-        progress : callable, optional
-            Called with (done, total) samples.
-        time_limit : float
-            Longest time that the run may take on the clock [s], as estimated before it starts.
-
-        Returns
-        -------
-        Simulation
+        `start` is a pose (y, z, θ), or an `InitialState` with velocity or joints. `controller` takes a
+        `Measurement` and returns the forces of A, B, C [N], or is forces that stay; `control` says how often
+        and how strongly it acts, with which noise. `reference` is what to follow, for `Simulation.error`.
+        `wrench` acts on the platform at P [N, N m], constant or a function of the time. `samples` is how
+        many to keep, or when [s]; `stop_at`, which limits end the run; `integration`, how exact it is.
 
         Raises
         ------
-        ReachError
-            If the run starts out of reach.
-        ControllerError
-            If the controller raises or returns something else than three finite numbers; with the time, and
-            the run so far in ``run``.
-        InputError
-            If an argument does not fit, the run would take too long, or it starts beyond a limit or with open
-            loops.
+        ReachError, ControllerError, InputError
+            If it starts out of reach, its controller fails (with the run so far), or an argument is wrong.
         """
         check_method(method)
         return simulation.simulate(
-            self.parameters,
-            lambda: self.loop,
-            lambda: self.kernels,
+            self,
             duration,
-            pose,
-            velocity,
-            controller,
-            reference,
-            method,
-            rate,
-            saturation,
-            noise,
-            wrench,
-            samples,
-            joints,
-            stop_at,
-            rtol,
-            atol,
-            max_step,
-            stabilisation,
-            progress,
-            time_limit,
+            start=start,
+            controller=controller,
+            control=control,
+            reference=reference,
+            wrench=wrench,
+            method=method,
+            samples=samples,
+            stop_at=stop_at,
+            integration=integration,
+            progress=progress,
         )

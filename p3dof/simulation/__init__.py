@@ -5,23 +5,30 @@ from p3dof.simulation.controllers import PD, ComputedTorque, Feedforward, Spring
 from p3dof.simulation.limits import KINDS, Stop
 from p3dof.simulation.reference import Reference
 from p3dof.simulation.run import Simulation
-from p3dof.simulation.simulate import WrenchLike, simulate
+from p3dof.simulation.settings import ControlLoop, InitialState, Integration
+from p3dof.simulation.simulate import AT_HOME, CONTINUOUS, DEFAULT_METHOD, PRECISE, simulate
 from p3dof.simulation.work import TIME_LIMIT
 
 __all__ = [
+    "AT_HOME",
+    "CONTINUOUS",
+    "DEFAULT_METHOD",
     "KINDS",
     "PD",
+    "PRECISE",
     "TIME_LIMIT",
     "ComputedTorque",
+    "ControlLoop",
     "Controller",
     "ControllerLike",
     "Feedforward",
+    "InitialState",
+    "Integration",
     "Measurement",
     "Noise",
     "Reference",
     "Simulation",
     "Springs",
     "Stop",
-    "WrenchLike",
     "simulate",
 ]

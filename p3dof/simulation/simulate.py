@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TypeAlias
+from typing import Any, Final, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from p3dof.checks import FloatArray, as_floats, frozen_array, positive, shown
+from p3dof.checks import FloatArray, frozen_array, positive, shown
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.compiled import MachineKernels
 from p3dof.errors import ControllerError, DynamicsError, InputError
 from p3dof.kinematics.states import reachable_poses
-from p3dof.motion import Motion, WrenchHistory
+from p3dof.motion import Load, Motion, WrenchHistory, WrenchOverTime
 from p3dof.motion.times import evenly, sample_count
 from p3dof.parameters import Parameters
-from p3dof.simulation.control import Actuation, ControllerLike, Noise
+from p3dof.simulation.control import Actuation, ControllerLike
 from p3dof.simulation.crossings import CHECKED
 from p3dof.simulation.equations import CompiledEquations, Equations
 from p3dof.simulation.integration import Integrator, Progress, Recording, Schedule, Tolerances
@@ -25,97 +25,120 @@ from p3dof.simulation.limits import KINDS, Margins
 from p3dof.simulation.plants import ConstrainedPlant, MinimalPlant
 from p3dof.simulation.reference import Reference
 from p3dof.simulation.run import Simulation
-from p3dof.simulation.work import TIME_LIMIT, estimate, require_affordable
+from p3dof.simulation.settings import ControlLoop, InitialState, Integration
+from p3dof.simulation.work import estimate, require_affordable
 
-WrenchLike: TypeAlias = ArrayLike | Callable[[float], ArrayLike] | None
-"""A wrench (6,) that stays, a function of time, or none."""
+DEFAULT_METHOD: Final = "pinocchio"
+
+AT_HOME, CONTINUOUS, PRECISE = InitialState(), ControlLoop(), Integration()
+
+_Group = TypeVar("_Group")
 
 CLOSED = 1e-9
 """Largest gap of the loops that a run may start with [m]."""
 
-LEAST_RTOL = 2.3e-14
-"""Below, rounding hides the error of a step."""
 
-STIFFEST = 1e3
-"""Largest stabilisation: what it makes of rounding in the gaps stays below the accuracy asked of a step."""
+class Machine(Protocol):
+    """What is moved: `p3dof.Manipulator`."""
+
+    @property
+    def parameters(self) -> Parameters:
+        """The machine."""
+
+    @property
+    def loop(self) -> ClosedLoopModel:
+        """Its closed-loop model; asked for with ``method="pinocchio"`` only."""
+
+    @property
+    def kernels(self) -> MachineKernels:
+        """Its kernels; asked for with ``method="compiled"`` only."""
 
 
 def simulate(
-    parameters: Parameters,
-    loop: Callable[[], ClosedLoopModel],
-    kernels: Callable[[], MachineKernels],
+    machine: Machine,
     duration: float,
-    pose: ArrayLike = (0.0, 0.0, 0.0),
-    velocity: ArrayLike = (0.0, 0.0, 0.0),
+    *,
+    start: ArrayLike | InitialState = AT_HOME,
     controller: ControllerLike = None,
+    control: ControlLoop = CONTINUOUS,
     reference: Motion | None = None,
-    method: str = "virtual-power",
-    rate: float | None = None,
-    saturation: bool | ArrayLike | None = False,
-    noise: Noise | None = None,
-    wrench: WrenchLike = None,
+    wrench: WrenchOverTime = None,
+    method: str = DEFAULT_METHOD,
     samples: int | ArrayLike = 1001,
-    joints: tuple[ArrayLike, ArrayLike] | None = None,
     stop_at: Sequence[str] = KINDS,
-    rtol: float = 1e-11,
-    atol: float = 1e-13,
-    max_step: float | None = None,
-    stabilisation: float = 10.0,
+    integration: Integration = PRECISE,
     progress: Progress | None = None,
-    time_limit: float = TIME_LIMIT,
 ) -> Simulation:
-    """Move the machine under forces; `p3dof.Manipulator.simulate` has the arguments.
+    """Move a machine in time under a controller, constant forces, or none.
+
+    It ends early, with its reason in `Simulation.stop` and all samples so far, at a slider stop or tilt limit
+    of `p3dof.Limits`, where a leg becomes horizontal, or where the sliders lose hold of the platform.
 
     Parameters
     ----------
-    parameters : Parameters
-        The machine.
-    loop : callable
-        Returns its closed-loop model; called for ``method="pinocchio"`` only.
-    kernels : callable
-        Returns its kernels; called for ``method="compiled"`` only.
-    duration, pose, velocity, controller, reference, method, rate, saturation, noise, wrench, samples
-        As for `p3dof.Manipulator.simulate`.
-    joints, stop_at, rtol, atol, max_step, stabilisation, progress, time_limit
-        Likewise.
+    machine : Machine
+        What is moved.
+    duration : float
+        How long [s].
+    start : array-like, shape (3,), or InitialState
+        Where the platform starts from rest: (y, z, θ) [m, m, rad]; or with a velocity, or in all joints.
+    controller : callable or array-like, shape (3,), optional
+        Takes a `p3dof.Measurement`, returns the forces of A, B, C [N]; or forces that stay.
+    control : ControlLoop
+        How it acts: how often, how strongly, with which noise; continuously and exactly by default.
+    reference : Motion, optional
+        What the run should follow, for `Simulation.error`; what the controller follows by default.
+    wrench : array-like, shape (6,), or callable, optional
+        External force and moment on the platform at P, in the fixed frame [N, N m]; or a function of one time
+        since the start of the run, or of many, such as a `p3dof.WrenchHistory`.
+    method : {"pinocchio", "virtual-power", "compiled"}
+        Integrate Pinocchio's constrained dynamics of all joints, with stabilised closures; or the minimal
+        form in y, z, θ by the paper's formulas or by the kernels.
+    samples : int or array-like, shape (N,)
+        How many samples to keep, evenly spaced, or their times [s]; the end is always one.
+    stop_at : sequence of str
+        Which limits end the run, of ``"slider stop"``, ``"tilt limit"``, ``"singular pose"``; the
+        ``"reach limit"`` always does.
+    integration : Integration
+        Tolerances, longest step, stabilisation of the closures, and how long it may take.
+    progress : callable, optional
+        Called with (done, total) samples.
 
     Returns
     -------
     Simulation
+
+    Raises
+    ------
+    ReachError
+        If the run starts out of reach.
+    ControllerError
+        If the controller raises or returns something else than three finite numbers; with the time, and the
+        run so far in ``run``.
+    InputError
+        If an argument does not fit, the run would take too long, or it starts beyond a limit or with open
+        loops.
     """
+    begin = start if isinstance(start, InitialState) else InitialState(start)
+    control = _group("control", control, ControlLoop)
+    integration = _group("integration", integration, Integration)
     times = _times(duration, samples)
-    period = _period(rate, controller, noise)
-    longest = _longest_step(max_step, rate, controller, wrench)
-    tolerances = _tolerances(rtol, atol, longest)
-    work = estimate(method, float(times[-1]), len(times), 1 / period if period else None, longest)
-    require_affordable(work, len(times), positive("time_limit", time_limit, InputError), "time_limit")
+    _check_continuous(control, controller)
+    longest = integration.longest_step(_careful_step(control, controller, wrench))
+    work = estimate(method, float(times[-1]), len(times), control.rate, longest)
+    require_affordable(work, len(times), integration.time_limit, "time_limit")
     if progress is not None and not callable(progress):
         raise InputError(f"progress: expected a function, got {shown(progress)}")
-    beta = float(frozen_array("stabilisation", stabilisation, ()))
-    if not 0 <= beta <= STIFFEST:
-        raise InputError(f"stabilisation: expected 0 to {STIFFEST:g} 1/s, got {beta:g}")
     acting = _wrench(wrench)
-    plant: MinimalPlant | ConstrainedPlant
-    if method != "pinocchio":
-        compiled = method == "compiled"
-        plant = MinimalPlant(parameters, CompiledEquations(kernels()) if compiled else Equations(parameters))
-        if joints is not None:
-            raise InputError(
-                "joints: the minimal coordinates have none; use pose and velocity, or 'pinocchio'"
-            )
-    else:
-        plant = ConstrainedPlant(parameters, loop(), beta)
-    if joints is None:
-        start = reachable_poses(parameters.geometry, frozen_array("pose", pose, (3,)), "raise")
-        state = plant.state(start, frozen_array("velocity", velocity, (3,)))
-    else:
-        state = _joint_state(plant, joints)
-    margins = Margins(parameters, stop_at, plant.pose(state)[0], plant.drops(state))
-    limits = _saturation(saturation, parameters.limits.force)
-    actuation = Actuation(parameters, controller, period, limits, noise)
+    plant = _plant(machine, method, integration)
+    state = _state(plant, machine.parameters, begin)
+    margins = Margins(machine.parameters, stop_at, plant.pose(state)[0], plant.drops(state))
+    limits = control.largest_forces(machine.parameters.limits.force)
+    actuation = Actuation(machine.parameters, controller, control.period, limits, control.noise)
     followed = _reference(controller) if reference is None else Reference(reference)
     kinks = wrench.time if isinstance(wrench, WrenchHistory) else np.zeros(0)
-    schedule = Schedule(times, period, kinks)
+    schedule = Schedule(times, control.period, kinks)
+    tolerances = Tolerances(integration.rtol, integration.atol, longest)
     integrator = Integrator(plant, actuation, acting, margins, schedule, tolerances, progress)
     try:
         recording = integrator.run(state)
@@ -128,34 +151,40 @@ def simulate(
     return _result(method, plant, recording, followed)
 
 
-def _period(rate: float | None, controller: ControllerLike, noise: Noise | None) -> float:
-    """Return how long forces are held [s]; zero if they are not, which not everything can do with."""
-    if noise is not None and not isinstance(noise, Noise):
-        raise InputError(f"noise: expected a Noise, got {shown(noise)}")
-    if rate is None:
-        if noise is not None:
-            raise InputError("noise: needs a control rate, this run is continuous")
-        if getattr(controller, "integral_time", math.inf) != math.inf:
-            raise InputError("integral_time: an integral needs a control rate, this run is continuous")
-        return 0.0
-    return 1.0 / positive("rate", rate, InputError)
+def _group(name: str, value: Any, kind: type[_Group]) -> _Group:
+    if not isinstance(value, kind):
+        raise InputError(f"{name}: expected {kind.__name__}(...), got {shown(value)}")
+    return value
 
 
-def _tolerances(rtol: float, atol: float, longest: float) -> Tolerances:
-    if positive("rtol", rtol, InputError) < LEAST_RTOL:
-        raise InputError(f"rtol: expected at least {LEAST_RTOL:g}, got {float(rtol):g}")
-    return Tolerances(float(rtol), positive("atol", atol, InputError), longest)
+def _check_continuous(control: ControlLoop, controller: ControllerLike) -> None:
+    """Raise if a controller cannot act continuously, and has to."""
+    if control.rate is None and getattr(controller, "integral_time", math.inf) != math.inf:
+        raise InputError("integral_time: an integral needs a control rate, this run is continuous")
 
 
-def _longest_step(
-    max_step: float | None, rate: float | None, controller: ControllerLike, wrench: WrenchLike
-) -> float:
+def _careful_step(control: ControlLoop, controller: ControllerLike, wrench: WrenchOverTime) -> float:
     """Return the longest step of the integrator [s]: short where something may change unseen in between."""
-    if max_step is not None:
-        return positive("max_step", max_step, InputError)
     watched = callable(wrench) and not isinstance(wrench, WrenchHistory)
-    acting = not rate and callable(controller) and not getattr(controller, "autonomous", False)
+    acting = not control.rate and callable(controller) and not getattr(controller, "autonomous", False)
     return CHECKED if watched or acting else math.inf
+
+
+def _plant(machine: Machine, method: str, integration: Integration) -> MinimalPlant | ConstrainedPlant:
+    if method == "pinocchio":
+        return ConstrainedPlant(machine.parameters, machine.loop, integration.stabilisation)
+    compiled = method == "compiled"
+    equations = CompiledEquations(machine.kernels) if compiled else Equations(machine.parameters)
+    return MinimalPlant(machine.parameters, equations)
+
+
+def _state(plant: MinimalPlant | ConstrainedPlant, parameters: Parameters, start: InitialState) -> FloatArray:
+    if start.joints is None:
+        pose = reachable_poses(parameters.geometry, np.asarray(start.pose), "raise")
+        return plant.state(pose, np.asarray(start.velocity))
+    if isinstance(plant, MinimalPlant):
+        raise InputError("joints: the minimal coordinates have none; use pose and velocity, or 'pinocchio'")
+    return plant.checked_state(*start.joints, CLOSED)
 
 
 def _result(
@@ -194,38 +223,12 @@ def _times(duration: float, samples: int | ArrayLike) -> FloatArray:
     return times if times[-1] == end else np.append(times, end)
 
 
-def _saturation(saturation: bool | ArrayLike | None, limit: float) -> FloatArray:
-    if saturation is None or isinstance(saturation, bool | np.bool_):
-        return np.full(3, limit if saturation else np.inf)
-    forces = as_floats("saturation", saturation)
-    if forces.shape not in ((), (3,)) or not (forces > 0).all():
-        raise InputError(
-            f"saturation: expected True, False, or one or three positive forces, got {forces.tolist()}"
-        )
-    return np.broadcast_to(forces, 3)
-
-
-def _wrench(wrench: WrenchLike) -> Callable[[float], FloatArray]:
+def _wrench(wrench: WrenchOverTime) -> Callable[[float], FloatArray]:
+    load = Load(wrench)
     if callable(wrench):
-        function = wrench
-
-        def at(time: float) -> FloatArray:
-            name = f"wrench at t = {time:g} s"
-            try:
-                found = function(time)
-            except Exception as error:
-                raise InputError(f"{name}: {error}") from error
-            return frozen_array(name, found, (6,))
-
-        return at
-    held = frozen_array("wrench", np.zeros(6) if wrench is None else wrench, (6,))
+        return load.at
+    held = load.at(0.0)
     return lambda _: held
-
-
-def _joint_state(plant: MinimalPlant | ConstrainedPlant, joints: tuple[ArrayLike, ArrayLike]) -> FloatArray:
-    if not isinstance(joints, tuple) or len(joints) != 2 or isinstance(plant, MinimalPlant):
-        raise InputError("joints: expected a tuple of joint positions and velocities, (q, v)")
-    return plant.checked_state(*joints, CLOSED)
 
 
 def _reference(controller: ControllerLike) -> Reference | None:

@@ -16,7 +16,7 @@ from rich.table import Table
 from rounds import Contender, described, measure, wide_console
 
 import p3dof
-from p3dof import engines
+from p3dof import ControlLoop, Integration, engines
 from p3dof.parameters import SLIDES
 
 ROUNDS = 5
@@ -35,7 +35,13 @@ def main() -> None:
     ends: dict[str, np.ndarray] = {}
     contenders = [contender(name, run, ends) for name, run in ways(robot, forces).items()]
     found = measure(contenders, ROUNDS, share=np.inf)
-    exact = robot.simulate(DURATION, controller=forces, samples=2, rtol=1e-12, atol=1e-14).sliders[-1]
+    exact = robot.simulate(
+        DURATION,
+        controller=forces,
+        method="virtual-power",
+        samples=2,
+        integration=Integration(rtol=1e-12, atol=1e-14),
+    ).sliders[-1]
     table = Table("simulation", "× real time", "µs per simulated ms", "error of the sliders at the end")
     for (_, name, _), timing in found.items():
         error = f"{np.abs(ends[name] - exact).max():.1e} m"
@@ -66,7 +72,11 @@ def ways(
     """Return what to measure: each returns the sliders at the end and the seconds that it took."""
 
     def ours(method: str, rate: float | None = None) -> Callable[[], tuple[np.ndarray, float]]:
-        options = {"method": method, "rate": rate, "rtol": RTOL, "atol": RTOL / 100}
+        options = {
+            "method": method,
+            "control": ControlLoop(rate),
+            "integration": Integration(RTOL, RTOL / 100),
+        }
 
         def run() -> tuple[np.ndarray, float]:
             done = robot.simulate(DURATION, controller=forces, samples=2, **options)
