@@ -324,11 +324,18 @@ def test_a_wrench_that_is_not_known_leaves_nothing_of_its_sample(method, robot):
 
 @pytest.mark.parametrize("count", [1, 3, 41])
 def test_the_power_of_a_batch_is_that_of_each_sample(count, robot):
-    joints = robot.inverse_dynamics(MOTION, "pinocchio").joints
+    joints = robot.inverse_dynamics(MOTION, method="pinocchio").joints
     q, v, a = joints.q[-count:], joints.v[-count:], joints.a[-count:]
-    expected = [robot.loop.power(*row) for row in zip(q, v, a, strict=True)]
+    expected = np.array([robot.loop.power(*row) for row in zip(q, v, a, strict=True)])
     assert np.abs(expected).max() > 1
     np.testing.assert_allclose(robot.loop.power_batch(q, v, a), expected, rtol=1e-11)
+    geared = robot.loop.copy()  # rotors take up power of their own
+    geared.model.armature = np.linspace(0.1, 1.0, geared.model.nv)
+    expected += (v * a) @ geared.model.armature
+    np.testing.assert_allclose(
+        [geared.power(*row) for row in zip(q, v, a, strict=True)], expected, rtol=1e-11
+    )
+    np.testing.assert_allclose(geared.power_batch(q, v, a), expected, rtol=1e-11)
 
 
 def test_baumgarte_closes_a_gap_as_it_says():

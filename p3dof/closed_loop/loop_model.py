@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pinocchio as pin
@@ -20,7 +20,7 @@ from p3dof.closed_loop.energy import energy_rate
 from p3dof.closed_loop.open_ends import open_ends
 from p3dof.closed_loop.sidecar import Sidecar, suggestion
 from p3dof.closed_loop.targets import BoundFrameTarget, FrameTarget, JointTarget, NoTarget, Target
-from p3dof.closed_loop.units import scaled
+from p3dof.closed_loop.units import ScaledModel, scaled
 from p3dof.closed_loop.urdf import build_tree
 from p3dof.errors import InputError, ModelError, ModelWarning
 
@@ -79,7 +79,8 @@ class LoopModel:
         self._assembler = Assembler(self._kinematics)
         self._dynamics = Dynamics(self._kinematics, self.actuated_v)
         self._data = model.createData()
-        self._scaled = scaled(model, sidecar, lambda tree: type(self)(tree, sidecar))
+        own = cast("type[Self]", type(self))
+        self._scaled: ScaledModel[Self] | None = scaled(model, sidecar, lambda tree: own(tree, sidecar))
 
     @classmethod
     def from_urdf(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -176,7 +175,7 @@ class ClosedLoopModel(LoopModel):
 
 
 def _complete_scaled(
-    scaled: ScaledModel,
+    scaled: ScaledModel[ClosedLoopModel],
     target: FrameTargets | FloatArray,
     motion: tuple[FloatArray, FloatArray],
     guess: FloatArray | None,
@@ -184,7 +183,7 @@ def _complete_scaled(
     stop: bool,
 ) -> BatchStates:
     """`ClosedLoopModel.complete_batch` in the model's own unit of length."""
-    core, units = cast(ClosedLoopModel, scaled.core), scaled.units
+    core, units = scaled.core, scaled.units
     goals: FrameTargets | FloatArray
     if isinstance(target, FrameTargets):
         factors = scaled.of_mask(target.mask)
@@ -207,14 +206,14 @@ def _complete_scaled(
 
 
 def _inverse_dynamics_scaled(
-    scaled: ScaledModel,
+    scaled: ScaledModel[ClosedLoopModel],
     states: tuple[FloatArray, FloatArray, FloatArray],
     loads: Mapping[str, FloatArray],
     forces: FloatArray,
     stop: bool,
 ) -> BatchInverseDynamics:
     """`ClosedLoopModel.inverse_dynamics_batch` in the model's own unit of length."""
-    core, units = cast(ClosedLoopModel, scaled.core), scaled.units
+    core, units = scaled.core, scaled.units
     q, v, a = states
     with scaled.in_words():
         found = core.inverse_dynamics_batch(

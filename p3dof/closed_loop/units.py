@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -25,9 +25,6 @@ from p3dof.closed_loop.dynamics import ForwardDynamics, InverseDynamics
 from p3dof.closed_loop.sidecar import Sidecar
 from p3dof.closed_loop.targets import FrameTarget
 from p3dof.errors import AssemblyError, DynamicsError, InputError, P3dofError
-
-if TYPE_CHECKING:
-    from p3dof.closed_loop.loop_model import LoopModel
 
 _STEP = 6
 """Units are powers of 2**6 m."""
@@ -93,7 +90,33 @@ def _size(model: pin.Model, sidecar: Sidecar) -> float:
     return max((float(np.linalg.norm(M.translation)) for M in placements), default=0.0)
 
 
-class ScaledModel:
+class Core(Protocol):
+    """What `ScaledModel` needs of a `LoopModel`."""
+
+    model: Any
+    actuated_v: Any
+
+    def assemble(self, target: Any, guess: Any, tolerance: float, /) -> Assembly:
+        """Close the loops."""
+
+    def complete(self, target: Any, velocity: Any, acceleration: Any, guess: Any, /) -> State:
+        """Find the motion of the whole tree."""
+
+    def inverse_dynamics(
+        self, q: Any, v: Any, a: Any, external: Any, joint_forces: Any, /
+    ) -> InverseDynamics:
+        """Return the actuator forces."""
+
+    def forward_dynamics(
+        self, q: Any, v: Any, tau: Any, external: Any, joint_forces: Any, stabilisation: float, /
+    ) -> ForwardDynamics:
+        """Return the acceleration."""
+
+
+CoreT_co = TypeVar("CoreT_co", bound=Core, covariant=True)
+
+
+class ScaledModel(Generic[CoreT_co]):
     """The methods of `LoopModel` for a model whose unit of length is not the metre.
 
     Parameters
@@ -106,7 +129,7 @@ class ScaledModel:
         The model in these units.
     """
 
-    def __init__(self, units: Units, model: pin.Model, core: LoopModel) -> None:
+    def __init__(self, units: Units, model: pin.Model, core: CoreT_co) -> None:
         self.units, self.core = units, core
         self._model = model
         self._u = units.length
@@ -243,7 +266,9 @@ class ScaledModel:
         return _read_only(array * self.units.motion(lengths))
 
 
-def scaled(model: pin.Model, sidecar: Sidecar, build: Callable[[pin.Model], LoopModel]) -> ScaledModel | None:
+def scaled(
+    model: pin.Model, sidecar: Sidecar, build: Callable[[pin.Model], CoreT_co]
+) -> ScaledModel[CoreT_co] | None:
     """Return a model in its own unit of length; None if that is the metre.
 
     Parameters

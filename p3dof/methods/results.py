@@ -292,7 +292,10 @@ class InverseDynamics:
         InputError
             If `limits` is not a `Limits`.
         """
-        return utilisations(self, limits)
+        unknown = np.full_like(self.forces, np.nan)
+        speeds, forces = (self.slider_velocities, self.forces) if self.possible else (unknown, unknown)
+        used = {"force": forces, "speed": speeds, "travel": self.sliders, "tilt": self.motion.pose[:, 2:]}
+        return utilisations(self.time, used, limits)
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write time, forces, pose, sliders, closure error and power to a CSV file, 17 significant digits.

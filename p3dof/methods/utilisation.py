@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from p3dof.checks import FloatArray
 from p3dof.errors import InputError
 from p3dof.parameters import LEGS, Limits
-
-if TYPE_CHECKING:
-    from p3dof.methods.results import InverseDynamics
 
 UNITS = {"force": "N", "speed": "m/s", "travel": "m", "tilt": "rad"}
 """Of the quantities that have limits."""
@@ -52,20 +49,23 @@ class Utilisation:
         return UNITS[self.quantity]
 
 
-def utilisations(result: InverseDynamics, limits: Limits) -> tuple[Utilisation, ...]:
+def utilisations(time: FloatArray, used: Mapping[str, FloatArray], limits: Limits) -> tuple[Utilisation, ...]:
     """Return how much of each limit a motion uses, at the sample where it uses most of it.
 
     Parameters
     ----------
-    result : InverseDynamics
-        The motion and its forces.
+    time : ndarray, shape (N,)
+        Times of the samples [s].
+    used : mapping of str to ndarray
+        Force, speed and travel of A, B and C (N, 3), and the tilt of the platform (N, 1) [N, m/s, m, rad].
     limits : Limits
         What the actuators can do.
 
     Returns
     -------
     tuple of Utilisation
-        Forces, speeds and travel of A, B and C, and the tilt of the platform.
+        In the order of `used`. Of a peak between samples the time is that of the parabola through the three
+        samples around it.
 
     Raises
     ------
@@ -74,20 +74,17 @@ def utilisations(result: InverseDynamics, limits: Limits) -> tuple[Utilisation, 
     """
     if not isinstance(limits, Limits):
         raise InputError(f"limits: expected Limits, got {type(limits).__name__}")
-    unknown = np.full_like(result.forces, np.nan)
-    forces, speeds = (result.forces, result.slider_velocities) if result.possible else (unknown, unknown)
-    columns = (
-        ("force", forces, (-limits.force, limits.force)),
-        ("speed", speeds, (-limits.speed, limits.speed)),
-        ("travel", result.sliders, limits.travel),
+    ends = {
+        "force": (-limits.force, limits.force),
+        "speed": (-limits.speed, limits.speed),
+        "travel": limits.travel,
+        "tilt": limits.tilt,
+    }
+    return tuple(
+        _most_of(quantity, name, time, column, ends[quantity])
+        for quantity, values in used.items()
+        for name, column in zip(LEGS if values.shape[1] > 1 else ("platform",), values.T, strict=True)
     )
-    found = [
-        _most_of(quantity, name, result.time, values[:, leg], ends)
-        for quantity, values, ends in columns
-        for leg, name in enumerate(LEGS)
-    ]
-    found.append(_most_of("tilt", "platform", result.time, result.motion.pose[:, 2], limits.tilt))
-    return tuple(found)
 
 
 def _most_of(
@@ -99,4 +96,34 @@ def _most_of(
     most = int(np.argmax(shares))
     if shares[most] < 0:
         return Utilisation(quantity, name, np.nan, ends[1], np.nan)
-    return Utilisation(quantity, name, float(values[most]), float(limits[most]), float(time[most]))
+    when = time_of_peak(time, values, most)
+    return Utilisation(quantity, name, float(values[most]), float(limits[most]), when)
+
+
+def time_of_peak(time: FloatArray, values: FloatArray, sample: int) -> float:
+    """Return when values peak that are largest or smallest at a sample.
+
+    Parameters
+    ----------
+    time, values : ndarray, shape (N,)
+        Samples.
+    sample : int
+        Which of them is the largest or the smallest.
+
+    Returns
+    -------
+    float
+        That of the vertex of the parabola through the sample and its neighbours; that of the sample itself
+        at an end, beside a value that is not known, and where the three lie on a line [s].
+    """
+    when = float(time[sample])
+    if not 0 < sample < len(time) - 1:
+        return when
+    before, after = time[sample - 1] - when, time[sample + 1] - when
+    first, last = (values[sample + side] - values[sample] for side in (-1, 1))
+    slopes = first / before, last / after
+    bend = (slopes[1] - slopes[0]) / (after - before)
+    if not np.isfinite(bend) or bend == 0:
+        return when
+    slope = slopes[0] - bend * before  # at the sample: the parabola is slope * t + bend * t**2
+    return when + float(np.clip(-slope / (2 * bend), before, after))

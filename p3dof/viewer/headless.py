@@ -35,6 +35,9 @@ _FLAGS = (
     "--disable-quic",
     "--hide-scrollbars",
 )
+SIZE = (960, 720)
+"""Width and height of pictures and films [pixels]."""
+
 _READY = "typeof viewer === 'object' && viewer.renderer.domElement.width > 0"
 _HIDE = """
 for (const part of [viewer.gui.domElement, document.getElementById('licences')]) part.style.display = 'none';
@@ -102,6 +105,17 @@ def picture_of(html: str, size: tuple[int, int], time: float | None = None) -> b
             return shooter.picture(time)
 
     return aside(take)
+
+
+def picture(html: str) -> Any:
+    """Return a page of `p3dof.viewer.pages` as a `PIL.Image`.
+
+    Raises
+    ------
+    MissingExtraError
+        If playwright or a browser is missing.
+    """
+    return as_image(picture_of(html, SIZE))
 
 
 def pdf_of(html: str) -> bytes:

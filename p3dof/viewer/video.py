@@ -18,14 +18,12 @@ from p3dof.errors import FileError, InputError, MissingExtraError
 from p3dof.files import scratch_folder, suffix_of, write_atomic
 from p3dof.manipulator import InverseDynamics, Manipulator
 from p3dof.viewer.animation import TITLE, animation_html, frames_of
-from p3dof.viewer.headless import as_image, aside, checked_size, opened, picture_of
+from p3dof.viewer.headless import SIZE, as_image, aside, checked_size, opened, picture_of
 from p3dof.viewer.pages import standalone
 from p3dof.viewer.scale import ArrowScale
 from p3dof.viewer.scene import Scene, joints_of, three_forces, trace_of
 from p3dof.viewer.states import States
 
-SIZE = (960, 720)
-"""Width and height of pictures and films [pixels]."""
 _GIF_FPS = 50.0
 """Browsers show GIFs no faster."""
 
@@ -126,17 +124,6 @@ def view_of(robot: Manipulator, result: InverseDynamics, time: float | None = No
         "trace": trace_of(robot, result.motion.pose[result.valid]),
         "scale": ArrowScale.of_motion(robot, result),
     }
-
-
-def picture(html: str) -> Any:
-    """Return a page of `p3dof.viewer.pages` as a `PIL.Image`.
-
-    Raises
-    ------
-    MissingExtraError
-        If playwright or a browser is missing.
-    """
-    return as_image(picture_of(html, SIZE))
 
 
 def save_video(

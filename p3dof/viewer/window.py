@@ -118,7 +118,7 @@ class SceneWindow:
         MissingExtraError
             If there is no browser to draw it.
         """
-        from p3dof.viewer.video import picture
+        from p3dof.viewer.headless import picture
 
         return picture(self.get_scene())
 
