@@ -153,9 +153,9 @@ def frozen_array(
     if not fits:
         wanted = f"shape {expected}, got" if shape else "a single number, got shape"
         raise error(f"{name}: expected {wanted} {array.shape if array.ndim else 'a single number'}")
-    bad = np.argwhere(~(np.abs(array) <= LARGEST))
-    if len(bad):
-        index = tuple(int(i) for i in bad[0])
+    fine = np.abs(array) <= LARGEST
+    if not fine.all():
+        index = tuple(int(i) for i in np.argwhere(~fine)[0])
         wanted = "finite numbers" if index else "a finite number"
         if np.isfinite(array[index]):
             wanted = f"{'numbers' if index else 'a number'} of at most {LARGEST:g} in size"

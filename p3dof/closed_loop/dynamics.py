@@ -118,6 +118,7 @@ class Dynamics:
         self.model = kinematics.model
         self.actuated_v = actuated_v
         self._data = self.model.createData()
+        self._upper = np.triu(np.ones((self.model.nv, self.model.nv), dtype=bool))
         self._solver: _ForwardSolver | None = None
 
     def inverse(
@@ -297,7 +298,7 @@ class Dynamics:
         N = point.svd.null_space
         a = a - point.svd.solve(point.J @ a + drift)
         M = np.array(pin.crba(self.model, self._data, point.q))
-        M = np.triu(M) + np.triu(M, 1).T
+        M = np.where(self._upper, M, M.T)
         missing = force - pin.rnea(self.model, self._data, point.q, v, a)
         try:
             refined: FloatArray = a + N @ np.linalg.solve(N.T @ M @ N, N.T @ missing)

@@ -64,6 +64,7 @@ class FrictionForces:
     def __init__(self, loop: ClosedLoopModel, friction: Friction | None) -> None:
         self._model = loop.model
         self._friction = friction or Friction()
+        self._frictionless = not self._friction
         joints = self._friction.joints
         names = [str(name) for name in self._model.names]
         self._viscous, self._coulomb = np.zeros((2, self._model.nv))
@@ -89,7 +90,7 @@ class FrictionForces:
         -------
         Resistance
         """
-        if not self._friction:
+        if self._frictionless:
             return self._nothing
         turning: dict[str, tuple[FloatArray, FloatArray]] = {}
         if self._cuts:
