@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import copy
 import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import closed_loop_robots as robots
@@ -15,7 +16,7 @@ from closed_loop_robots import FOUR_BAR, FOUR_BAR_SIDECAR, joint, link, robot
 from hypothesis import given
 from hypothesis import strategies as st
 
-from p3dof.closed_loop import ClosedLoopModel, Closure, Sidecar
+from p3dof.closed_loop import ClosedLoopModel, Closure, Coupling, Sidecar
 from p3dof.errors import ModelError, ModelWarning
 
 GOOD = """\
@@ -31,7 +32,9 @@ joint_type: [continuous]
 
 
 def test_the_gepetto_convention_is_read():
-    assert Sidecar.parse(GOOD) == FOUR_BAR_SIDECAR
+    sidecar = Sidecar.parse(GOOD)
+    assert sidecar.joints == (("anything", "continuous"),)
+    assert replace(sidecar, joints=()) == FOUR_BAR_SIDECAR
 
 
 names = st.text(st.characters(codec="utf-8", categories=["L", "N", "P", "S"]), min_size=1).filter(str.strip)
@@ -61,8 +64,28 @@ def test_names_that_look_like_numbers_survive_the_round_trip():
         (GOOD + "type: ['6d']", "the key 'type' is given more than once"),
         (GOOD.replace("['3D']", "3d"), "type: expected a list, got '3d'"),
         (GOOD.replace("['3D']", "[3d, 6d]"), "type: expected 1 entries, one a closure, got 2"),
-        (GOOD.replace("['3D']", "[4d]"), r"type\[0\]: expected '3d' or '6d', got '4d'"),
-        (GOOD.replace("['3D']", "[3]"), r"type\[0\]: expected '3d' or '6d', got 3"),
+        (GOOD.replace("['3D']", "[4d]"), r"type\[0\]: expected '3d', '6d', 'hinge', .*, got '4d'"),
+        (GOOD.replace("['3D']", "[3]"), r"type\[0\]: expected '3d', '6d', 'hinge', .*, got 3"),
+        (GOOD.replace("['3D']", "[distance]"), r"length\[0\]: .*a distance needs one"),
+        (GOOD + "length: [0.5]", r"length\[0\]: .*only a 'distance' has one, got 0.5 for '3d'"),
+        (GOOD.replace("['3D']", "[distance]\nlength: [-1]"), r"length\[0\]: .*expected a positive number"),
+        (GOOD.replace("['3D']", "[distance]\nlength: [.nan]"), r"length\[0\]: .*expected a finite number"),
+        (GOOD.replace("['3D']", "[distance]\nlength: [long]"), r"length\[0\]: .*got 'long'"),
+        (GOOD + "length: [null, null]", "length: expected 1 entries, one a closure, got 2"),
+        (GOOD + "coupling: {joint: a}", "coupling: expected a list"),
+        (GOOD + "coupling: [a]", r"coupling\[0\]: expected a mapping with 'joint', 'coefficients'"),
+        (GOOD + "coupling: [{joint: a}]", r"coupling\[0\]: the key 'coefficients' is missing"),
+        (GOOD + "coupling: [{joint: a, coefficients: [1], to: b}]", r"coupling\[0\]: unknown key 'to'"),
+        (GOOD + "coupling: [{joint: a, coefficients: 1}]", r"coupling\[0\]: .*coefficients: expected shape"),
+        (
+            GOOD + "coupling: [{joint: a, coefficients: [x]}]",
+            r"coupling\[0\]: .*expected real numbers, got 'x'",
+        ),
+        (GOOD + "reference: [1]", "reference: expected a mapping of joints to values"),
+        (GOOD + "reference: {a: much}", "reference: 'a': expected real numbers, got 'much'"),
+        (GOOD + "reference: {a: [.inf]}", "reference: 'a': expected finite numbers"),
+        (GOOD.replace("[continuous]", "[a, b]"), "joint_type: expected 1 entries, one a name, got 2"),
+        (GOOD.replace("[continuous]", "[7]"), "joint_type: expected a name, got 7"),
         (GOOD.replace(", rocker_tip", ""), r"closed_loop\[0\]: expected a pair of frame names"),
         (GOOD.replace("rocker_tip", "7"), r"closed_loop\[0\]: expected a name, got 7"),
         (GOOD.replace("rocker_tip", "coupler_tip"), r"closed_loop\[0\]: expected two different frames"),
@@ -115,6 +138,100 @@ def test_sidecar_refuses(closures, actuated, message):
 def test_closure_refuses(arguments):
     with pytest.raises(ModelError, match="closure"):
         Closure(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("kind", "length", "message"),
+    [
+        ("distance", None, "a distance needs one"),
+        ("distance", 0.0, "expected a positive number, got 0"),
+        ("distance", -0.1, "expected a positive number"),
+        ("distance", float("nan"), "expected a finite number"),
+        ("distance", float("inf"), "expected a finite number"),
+        ("distance", "long", "expected real numbers, got 'long'"),
+        ("distance", [0.5], "expected a single number"),
+        ("hinge", 0.5, "only a 'distance' has one, got 0.5 for 'hinge'"),
+        ("weld", None, "kind: expected '3d', '6d', 'hinge', .* got 'weld'"),
+        (6, None, "kind: expected .* got 6"),
+    ],
+)
+def test_closure_refuses_kind_and_length(kind, length, message):
+    with pytest.raises(ModelError, match=f"closure of 'a' and 'b': .*{message}"):
+        Closure("a", "b", kind, length)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("", None, (0,)), "coupling: joint: expected a name"),
+        ((3, None, (0,)), "coupling: joint: expected a name, got 3"),
+        (("a", 3, (0,)), "coupling of 'a': on: expected a name, got 3"),
+        (("a", "a", (0, 1)), "coupling of 'a': on: the joint cannot follow itself"),
+        (("a", "b", ()), "coefficients: expected one to 5, got 0"),
+        (("a", "b", (0,) * 6), "coefficients: expected one to 5, got 6"),
+        (("a", None, (0, 1)), "coefficients: expected one, the joint being locked, got 2"),
+        (("a", "b", (0, float("nan"))), "coefficients: expected finite numbers, got nan"),
+        (("a", "b", 2.0), "coefficients: expected shape"),
+        (("a", "b", "12"), "coefficients: expected real numbers, got '12'"),
+        (("a", "b", (0, 1), " "), "name: expected a name"),
+    ],
+)
+def test_coupling_refuses(arguments, message):
+    with pytest.raises(ModelError, match=message):
+        Coupling(*arguments)
+
+
+def test_couplings_may_be_chained_but_not_closed():
+    chain = [Coupling("a", "b", (0, 2)), Coupling("b", "c", (0, 3)), Coupling("d", "b", (1,))]
+    assert Sidecar((), (), chain).couplings == tuple(chain)
+    with pytest.raises(ModelError, match="in a ring: b -> c"):
+        Sidecar((), (), [*chain[:2], Coupling("c", "b", (0, 1))])
+    with pytest.raises(ModelError, match="the joint 'b' is coupled twice"):
+        Sidecar((), (), [*chain, Coupling("b", None, (0,))])
+    long = [Coupling(str(i), str(i + 1), (0, 1)) for i in range(5000)]
+    assert len(Sidecar((), (), long).couplings) == 5000
+    with pytest.raises(ModelError, match="expected Coupling objects, got 'a'"):
+        Sidecar((), (), ["a"])
+
+
+def test_kinds_have_synonyms():
+    assert Closure("a", "b", "Point") == Closure("a", "b", "3d")
+    assert Closure("a", "b", "frame") == Closure("a", "b", "6D")
+    text = "closed_loop: [[a, b], [c, d]]\ntype: [POINT, Hinge]\nname_mot: []"
+    assert [closure.kind for closure in Sidecar.parse(text).closures] == ["3d", "hinge"]
+
+
+FULL = """\
+closed_loop: [[a, b], [c, d]]
+type: [hinge, distance]
+length: [null, 5e-1]
+name_mot: [j]
+coupling:
+- {joint: k, on: j, coefficients: [0, -1.5, 1e-3], name: gears}
+- {joint: l, on: null, coefficients: [2]}
+reference: {j: 0.25, ball: [0, 0, 0, 1]}
+joint_name: [m]
+joint_type: [SPHERICAL]
+"""
+
+
+def test_all_keys_of_the_file():
+    sidecar = Sidecar.parse(FULL)
+    assert sidecar == Sidecar(
+        (Closure("a", "b", "hinge"), Closure("c", "d", "distance", 0.5)),
+        ("j",),
+        (Coupling("k", "j", (0, -1.5, 1e-3), "gears"), Coupling("l", None, [2])),
+        {"j": 0.25, "ball": (0, 0, 0, 1)},
+        (("m", "SPHERICAL"),),
+    )
+    assert [coupling.title for coupling in sidecar.couplings] == ["gears", "l"]
+    assert Sidecar.parse(sidecar.to_yaml()) == sidecar
+    for twin in (pickle.loads(pickle.dumps(sidecar)), copy.deepcopy(sidecar)):  # noqa: S301
+        assert twin == sidecar
+        assert hash(twin) == hash(sidecar)
+    with pytest.raises(TypeError):
+        sidecar.reference["j"] = 1.0
+    assert sidecar != replace(sidecar, reference={"j": 0.5})
 
 
 def test_lists_are_taken_as_tuples():

@@ -12,7 +12,7 @@ from p3dof.closed_loop.batch.states import BatchStates
 from p3dof.closed_loop.batch.targets import FrameTargets
 from p3dof.closed_loop.dynamics import ForwardDynamics, InverseDynamics
 from p3dof.closed_loop.model import ClosedLoopModel
-from p3dof.closed_loop.sidecar import Closure, Sidecar
+from p3dof.closed_loop.sidecar import Closure, Coupling, Sidecar
 from p3dof.closed_loop.targets import FrameTarget
 
 __all__ = [
@@ -21,6 +21,7 @@ __all__ = [
     "BatchStates",
     "ClosedLoopModel",
     "Closure",
+    "Coupling",
     "ForwardDynamics",
     "FrameTarget",
     "FrameTargets",

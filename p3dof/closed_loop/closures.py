@@ -79,6 +79,8 @@ class LoopKinematics:
         self.data = model.createData()
         self.frames = _frames_by_name(model)
         self.closures = sidecar.closures
+        if sidecar.couplings or any(closure.kind not in ("3d", "6d") for closure in sidecar.closures):
+            raise ModelError("closures other than '3d' and '6d', and couplings, cannot be computed yet")
         self.constraint_models = pin.StdVec_ConstraintModel()
         self._constraint_datas = pin.StdVec_ConstraintData()
         self.rows: list[slice] = []
