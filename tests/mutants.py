@@ -56,6 +56,7 @@ TESTS = {
     "p3dof/closed_loop/batch/dynamics.py": ("evidence", "closed_loop_batch", "manipulator"),
     "p3dof/closed_loop/batch/kinematics.py": ("evidence", "closed_loop_batch", "manipulator"),
     "p3dof/simulation/controllers.py": RUNS,
+    "p3dof/simulation/machine_plants.py": RUNS,
     "p3dof/simulation/plants.py": RUNS,
     "p3dof/simulation/reference.py": RUNS,
 }

@@ -18,7 +18,7 @@ from p3dof.closed_loop.linear import Decomposition
 from p3dof.errors import DynamicsError
 from p3dof.methods import pinocchio, virtual_power, with_evidence
 from p3dof.simulation.equations import Equations
-from p3dof.simulation.plants import ConstrainedPlant, MinimalPlant
+from p3dof.simulation.machine_plants import MachineJoints, MinimalPlant
 
 METHODS = ("pinocchio", "virtual-power")
 ROUGH = replace(PAPER, friction=Friction({"sliders": 20.0, "joints": 0.5}))
@@ -219,7 +219,7 @@ def rnea(robot, q, v, a):
 def test_each_component_of_a_wrench_acts_alone_in_both_plants(row):
     robot = p3dof.load(ROUGH)
     minimal = MinimalPlant(ROUGH, Equations(ROUGH))
-    constrained = ConstrainedPlant(ROUGH, robot.loop, 10.0)
+    constrained = MachineJoints(ROUGH, robot.loop, 10.0)
     pose, velocity, forces = np.array([0.02, -0.03, 0.25]), np.array([0.3, -0.2, 1.5]), np.full(3, 50.0)
     wrench = np.zeros(6)
     wrench[row] = 8.0
@@ -237,7 +237,7 @@ def test_both_plants_say_the_same_of_a_state():
     """Rates, sliders, pose, acceleration, joints and how far each leg hangs down, in motion under forces."""
     robot = p3dof.load(ROUGH)
     minimal = MinimalPlant(ROUGH, Equations(ROUGH))
-    constrained = ConstrainedPlant(ROUGH, robot.loop, 10.0)
+    constrained = MachineJoints(ROUGH, robot.loop, 10.0)
     pose, velocity = np.array([0.02, -0.03, 0.25]), np.array([0.3, -0.2, 1.5])
     found = robot.mechanism_motion(pose, velocity, HOME)
     names = robot.model.names[1:]
@@ -256,7 +256,7 @@ def test_both_plants_say_the_same_of_a_state():
     for plant, x in ((minimal, one), (constrained, other)):
         np.testing.assert_allclose(plant.pose(x), (pose, velocity), rtol=0, atol=1e-14)
         np.testing.assert_allclose(
-            plant.sliders(x), (found.sliders, found.slider_velocities), rtol=0, atol=1e-14
+            plant.actuated(x), (found.sliders, found.slider_velocities), rtol=0, atol=1e-14
         )
     (first, gap), (second, other_gap) = (
         plant.joints(np.array([x]), np.array([rate]))
@@ -288,14 +288,14 @@ def test_a_turned_platform_keeps_its_whole_turns(theta):
         theta - joints["hinge_c"] - joints["hinge_platform"]
     )  # the closed form may wind an angle up itself
     joints["hinge_platform"] += whole
-    plant = ConstrainedPlant(PAPER, robot.loop, 10.0)
+    plant = MachineJoints(PAPER, robot.loop, 10.0)
     pose, _ = plant.pose(np.array([*joints.values(), *np.zeros(10)]))
     np.testing.assert_allclose(pose, [0.01, 0.02, theta], rtol=0, atol=1e-13)
 
 
 def test_a_plant_has_no_rate_where_no_dynamics_is():
     """A trial step of an integrator may go anywhere: what comes back has the shape of a state."""
-    plant = ConstrainedPlant(PAPER, p3dof.load().loop, 10.0)
+    plant = MachineJoints(PAPER, p3dof.load().loop, 10.0)
     state = plant.state(np.array([0.02, 0.03, 0.15]), HOME)
     for there, forces in ((np.full(20, np.nan), HOME), (state, np.full(3, np.nan))):
         rate = plant.rate(there, forces, np.zeros(6))
@@ -342,7 +342,7 @@ def test_baumgarte_closes_a_gap_as_it_says():
     """A gap e₀ at rest follows ë + 2β ė + β² e = 0, that is e = e₀ (1 + βt) exp(-βt)."""
     robot = p3dof.load()
     beta, gap = 10.0, 1e-5
-    plant = ConstrainedPlant(PAPER, robot.loop, beta)
+    plant = MachineJoints(PAPER, robot.loop, beta)
     state = plant.state(np.array([0.02, 0.03, 0.15]), HOME)
     state[:3:2] += [gap, -gap / 2]  # sliders A and B
     holding = robot.forces([0.02, 0.03, 0.15], HOME, HOME)

@@ -8,6 +8,7 @@ This layer knows no particular mechanism.
 
 from p3dof.closed_loop.assembly import Assembly, State
 from p3dof.closed_loop.batch.dynamics import BatchInverseDynamics
+from p3dof.closed_loop.batch.energy import BodyEnergies
 from p3dof.closed_loop.batch.states import BatchStates
 from p3dof.closed_loop.batch.targets import FrameTargets
 from p3dof.closed_loop.dynamics import ForwardDynamics, InverseDynamics
@@ -19,6 +20,7 @@ __all__ = [
     "Assembly",
     "BatchInverseDynamics",
     "BatchStates",
+    "BodyEnergies",
     "ClosedLoopModel",
     "Closure",
     "Coupling",

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, as_floats, frozen_array
 from p3dof.closed_loop.batch.dynamics import BatchDynamics, BatchInverseDynamics
+from p3dof.closed_loop.batch.energy import BodyEnergies, body_energies
 from p3dof.closed_loop.batch.states import BatchAssembler, BatchStates
 from p3dof.closed_loop.batch.targets import FrameGoals, FrameTargets, JointGoals
 from p3dof.closed_loop.loop_model import External, LoopModel
@@ -156,6 +157,35 @@ class ClosedLoopModel(LoopModel):
             If an argument has the wrong shape or is not finite.
         """
         return self._batch_dynamics.power(*self._states(q, v, a))
+
+    def body_energies(self, q: ArrayLike, v: ArrayLike) -> BodyEnergies:
+        """Return the kinetic and potential energy of every body, and the momentum of all of them.
+
+        Parameters
+        ----------
+        q : (nq,) or (N, nq) array
+            One configuration, or N of them.
+        v : (nv,) or (N, nv) array
+            Velocities.
+
+        Returns
+        -------
+        BodyEnergies
+
+        Raises
+        ------
+        InputError
+            If an argument has the wrong shape, is not finite, or a configuration is not normalised.
+        """
+        if np.ndim(q) != 1:
+            q, v, _ = self._states(q, v, v)
+            return body_energies(self.model, q, v)
+        q = self._configuration("q", q)
+        v = frozen_array("v", v, (self.model.nv,))
+        one = body_energies(self.model, q[None], v[None])
+        return BodyEnergies(
+            one.names, one.kinetic[0], one.potential[0], one.momentum[0], one.angular_momentum[0]
+        )
 
     @cached_property
     def _batch_assembler(self) -> BatchAssembler:

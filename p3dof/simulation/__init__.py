@@ -1,8 +1,10 @@
 """The machine in time: integration with events, controllers, and what a run leaves behind."""
 
-from p3dof.simulation.control import Controller, ControllerLike, Measurement, Noise
+from p3dof.simulation.actuation import Noise
+from p3dof.simulation.control import Controller, ControllerLike, Measurement
 from p3dof.simulation.controllers import PD, ComputedTorque, Feedforward, Springs
-from p3dof.simulation.limits import KINDS, Stop
+from p3dof.simulation.limits import KINDS
+from p3dof.simulation.margins import Stop
 from p3dof.simulation.reference import Reference
 from p3dof.simulation.run import Simulation
 from p3dof.simulation.settings import ControlLoop, InitialState, Integration

@@ -9,8 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from p3dof.checks import FloatArray
-from p3dof.simulation.limits import Margins
-from p3dof.simulation.plants import Plant
+from p3dof.simulation.margins import Margins
 
 CHECKED = 2e-3
 """The limits are looked at this often at least, and where a margin may turn around in between [s]."""
@@ -27,18 +26,12 @@ class Crossings:
 
     Parameters
     ----------
-    plant : Plant
-        The machine.
     margins : Margins
         What must stay positive.
     """
 
-    def __init__(self, plant: Plant, margins: Margins) -> None:
-        self._plant, self._margins = plant, margins
-
-    def at(self, state: FloatArray) -> FloatArray:
-        """Return the margins of a state."""
-        return self._margins(self._plant.pose(state)[0], self._plant.drops(state))
+    def __init__(self, margins: Margins) -> None:
+        self._margins = margins
 
     def possible(self, before: FloatArray, after: FloatArray, step: float) -> bool:
         """Return whether a limit may be crossed in a step between two states: what costs a dense output."""
@@ -67,12 +60,12 @@ class Crossings:
 
         before = start
         for time in self._looked_at(dense, start, end):
-            crossed = np.flatnonzero(self.at(dense(time)) <= 0)
+            crossed = np.flatnonzero(self._margins(dense(time)) <= 0)
             if len(crossed):
-                inside = self.at(dense(before))
+                inside = self._margins(dense(before))
                 found = [
                     (
-                        brentq(lambda t, i=i: self.at(dense(t))[i], before, time)
+                        brentq(lambda t, i=i: self._margins(dense(t))[i], before, time)
                         if inside[i] > 0
                         else before,
                         i,
@@ -95,7 +88,7 @@ class Crossings:
             last, rising = self._trend(dense(high), high - low)
             for i in np.flatnonzero(_turning(first, falling, last, rising) & (last > 0)):
                 least = minimize_scalar(
-                    lambda t, i=i: self.at(dense(t))[i], bounds=(low, high), method="bounded"
+                    lambda t, i=i: self._margins(dense(t))[i], bounds=(low, high), method="bounded"
                 )
                 found.append(float(least.x))
             found.append(float(high))
@@ -103,10 +96,7 @@ class Crossings:
 
     def _trend(self, state: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
         """Return the margins of a state, and how much they would change in a step at their present rate."""
-        pose, velocity = self._plant.pose(state)
-        drops = self._plant.drops(state)
-        here = self._margins(pose, drops)
-        near = self._margins(pose + _NEARBY * step * velocity, drops)
+        here, near = self._margins.trend(state, _NEARBY * step)
         with np.errstate(invalid="ignore"):
             change = np.where(np.isfinite(here) & np.isfinite(near), (near - here) / _NEARBY, 0.0)
         return here, change

@@ -12,9 +12,9 @@ import numpy as np
 
 from p3dof.checks import LARGEST, FloatArray
 from p3dof.errors import ControllerError
-from p3dof.simulation.control import Actuation
+from p3dof.simulation.actuation import Actuation
 from p3dof.simulation.crossings import Crossings
-from p3dof.simulation.limits import Margins, Stop
+from p3dof.simulation.margins import Margins, Stop
 from p3dof.simulation.plants import Plant
 
 _FAILED = "no step is small enough for the tolerances; the forces may be too large or change too fast"
@@ -83,7 +83,7 @@ class Recording:
 
     Parameters
     ----------
-    times, states, rates, forces, asked, wrenches : list
+    times, states, rates, forces, asked, loads : list
         One entry a sample.
     stop : Stop, optional
         What ended the run.
@@ -98,7 +98,7 @@ class Recording:
     rates: list[FloatArray] = field(default_factory=list)
     forces: list[FloatArray] = field(default_factory=list)
     asked: list[FloatArray] = field(default_factory=list)
-    wrenches: list[FloatArray] = field(default_factory=list)
+    loads: list[FloatArray] = field(default_factory=list)
     stop: Stop | None = None
     evaluations: int = 0
     seconds: float = 0.0
@@ -118,11 +118,11 @@ class Integrator:
     Parameters
     ----------
     plant : Plant
-        The machine.
+        What moves.
     actuation : Actuation
         What gives the forces.
-    wrench : callable
-        Time to external wrench (6,).
+    load : callable
+        Time to the load from outside, as the plant takes it, such as a wrench (6,).
     margins : Margins
         What ends the run.
     schedule : Schedule
@@ -137,14 +137,14 @@ class Integrator:
         self,
         plant: Plant,
         actuation: Actuation,
-        wrench: Callable[[float], FloatArray],
+        load: Callable[[float], FloatArray],
         margins: Margins,
         schedule: Schedule,
         tolerances: Tolerances,
-        progress: Progress | None,
+        progress: Progress | None = None,
     ) -> None:
-        self._plant, self._actuation, self._wrench = plant, actuation, wrench
-        self._margins, self._crossings = margins, Crossings(plant, margins)
+        self._plant, self._actuation, self._load = plant, actuation, load
+        self._margins, self._crossings = margins, Crossings(margins)
         self._schedule, self._times = schedule, schedule.times
         self._tolerances = tolerances
         self._progress = progress
@@ -226,7 +226,7 @@ class Integrator:
 
     def _failed(self, time: float, state: FloatArray) -> tuple[float, FloatArray]:
         """End the run where the integrator cannot go on."""
-        margins = self._crossings.at(state)
+        margins = self._margins(state)
         near = int(np.argmin(margins))
         if margins[near] < _NEAR:  # what keeps it from going on is a limit, beyond which nothing is defined
             self.recording.stop = self._margins.stop(near, time)
@@ -263,9 +263,9 @@ class Integrator:
 
     def _record(self, time: float, state: FloatArray) -> None:
         forces, asked = self._held or self._forces(time, state)
-        wrench = self._wrench(time)
+        load = self._load(time)
         with np.errstate(all="ignore"):
-            rate = self._plant.rate(state, forces, wrench)
+            rate = self._plant.rate(state, forces, load)
         if not (np.abs([state, rate]) <= _BEYOND).all():  # where the integrator could not go on either
             return
         record = self.recording
@@ -274,7 +274,7 @@ class Integrator:
         record.rates.append(rate)
         record.forces.append(forces)
         record.asked.append(asked)
-        record.wrenches.append(wrench)
+        record.loads.append(load)
         if self._progress is not None:
             self._progress(self._next, len(self._times))
 
@@ -286,7 +286,7 @@ class Integrator:
             self._lost += 1
             return np.full(state.shape, np.nan)
         forces = self._held[0] if self._held is not None else self._continuous(time, state)
-        rate = self._plant.rate(state, forces, self._wrench(time))
+        rate = self._plant.rate(state, forces, self._load(time))
         self._lost = 0 if _finite(rate) else self._lost + 1
         return rate
 
@@ -295,13 +295,13 @@ class Integrator:
         try:
             return self._forces(time, state)[0]
         except ControllerError:
-            if self._crossings.at(state).min() <= 0:
-                return np.full(3, np.nan)
+            if self._margins(state).min() <= 0:
+                return np.full(self._actuation.size, np.nan)
             raise
 
     def _forces(self, time: float, state: FloatArray) -> tuple[FloatArray, FloatArray]:
         try:
-            return self._actuation(time, *self._plant.sliders(state))
+            return self._actuation(time, *self._plant.actuated(state))
         except Exception as error:
             raise ControllerError(
                 f"the controller failed at t = {time:.6g} s: {error}", float(time)

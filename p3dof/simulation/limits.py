@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from p3dof.errors import InputError
 from p3dof.kinematics.validity import reach_margins
 from p3dof.paper.formulas import Lengths, configuration
 from p3dof.parameters import LEGS, Parameters
+from p3dof.simulation.margins import Stop
 
 KINDS = ("slider stop", "tilt limit", "reach limit", "singular pose")
 """What can end a run; the reach limit always does."""
@@ -24,30 +24,7 @@ HORIZONTAL = 1e-3
 _REACH = slice(8, 11)  # where the legs' reach is among the margins
 
 
-@dataclass(frozen=True)
-class Stop:
-    """Why and when a run ended before its time.
-
-    Parameters
-    ----------
-    kind : str
-        One of `KINDS`; ``"accuracy"`` when the integrator could not go on, ``"controller"`` when the
-        controller failed.
-    time : float
-        When [s].
-    reason : str
-        In words.
-    """
-
-    kind: str
-    time: float
-    reason: str
-
-    def __str__(self) -> str:
-        return f"{self.kind} at t = {self.time:.6g} s: {self.reason}"
-
-
-class Margins:
+class Limiter:
     """How far a pose is from everything that can end a run; not positive is beyond it.
 
     Parameters

@@ -17,7 +17,8 @@ from p3dof.motion import Motion
 from p3dof.motion.times import require_rising
 from p3dof.parameters import LEGS, Limits
 from p3dof.simulation import archive
-from p3dof.simulation.limits import KINDS, Stop
+from p3dof.simulation.limits import KINDS
+from p3dof.simulation.margins import Stop
 
 METHODS = ("virtual-power", "compiled", "pinocchio")
 STOPS = (*KINDS, "accuracy", "controller")

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, FrozenArrays, as_floats, frozen_array, positive, shown
 from p3dof.errors import InputError
-from p3dof.simulation.control import Noise
+from p3dof.simulation.actuation import Noise
 from p3dof.simulation.work import TIME_LIMIT
 
 LEAST_RTOL = 2.3e-14

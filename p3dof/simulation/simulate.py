@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, Final, Protocol, TypeVar
 
 import numpy as np
@@ -17,12 +18,13 @@ from p3dof.kinematics.states import reachable_poses
 from p3dof.motion import Load, Motion, WrenchHistory, WrenchOverTime
 from p3dof.motion.times import evenly, sample_count
 from p3dof.parameters import Parameters
-from p3dof.simulation.control import Actuation, ControllerLike
+from p3dof.simulation.actuation import Actuation
+from p3dof.simulation.control import ControllerLike, Measurement
 from p3dof.simulation.crossings import CHECKED
 from p3dof.simulation.equations import CompiledEquations, Equations
 from p3dof.simulation.integration import Integrator, Progress, Recording, Schedule, Tolerances
-from p3dof.simulation.limits import KINDS, Margins
-from p3dof.simulation.plants import ConstrainedPlant, MinimalPlant
+from p3dof.simulation.limits import KINDS, Limiter
+from p3dof.simulation.machine_plants import MachineJoints, MachineMargins, MachinePlant, MinimalPlant
 from p3dof.simulation.reference import Reference
 from p3dof.simulation.run import Simulation
 from p3dof.simulation.settings import ControlLoop, InitialState, Integration
@@ -132,9 +134,11 @@ def simulate(
     acting = _wrench(wrench)
     plant = _plant(machine, method, integration)
     state = _state(plant, machine.parameters, begin)
-    margins = Margins(machine.parameters, stop_at, plant.pose(state)[0], plant.drops(state))
+    limiter = Limiter(machine.parameters, stop_at, plant.pose(state)[0], plant.drops(state))
+    margins = MachineMargins(plant, limiter)
     limits = control.largest_forces(machine.parameters.limits.force)
-    actuation = Actuation(machine.parameters, controller, control.period, limits, control.noise)
+    measure = partial(Measurement, geometry=machine.parameters.geometry)
+    actuation = Actuation(measure, controller, control.period, limits, control.noise)
     followed = _reference(controller) if reference is None else Reference(reference)
     kinks = wrench.time if isinstance(wrench, WrenchHistory) else np.zeros(0)
     schedule = Schedule(times, control.period, kinks)
@@ -170,30 +174,28 @@ def _careful_step(control: ControlLoop, controller: ControllerLike, wrench: Wren
     return CHECKED if watched or acting else math.inf
 
 
-def _plant(machine: Machine, method: str, integration: Integration) -> MinimalPlant | ConstrainedPlant:
+def _plant(machine: Machine, method: str, integration: Integration) -> MachinePlant:
     if method == "pinocchio":
-        return ConstrainedPlant(machine.parameters, machine.loop, integration.stabilisation)
+        return MachineJoints(machine.parameters, machine.loop, integration.stabilisation)
     compiled = method == "compiled"
     equations = CompiledEquations(machine.kernels) if compiled else Equations(machine.parameters)
     return MinimalPlant(machine.parameters, equations)
 
 
-def _state(plant: MinimalPlant | ConstrainedPlant, parameters: Parameters, start: InitialState) -> FloatArray:
+def _state(plant: MachinePlant, parameters: Parameters, start: InitialState) -> FloatArray:
     if start.joints is None:
         pose = reachable_poses(parameters.geometry, np.asarray(start.pose), "raise")
         return plant.state(pose, np.asarray(start.velocity))
-    if isinstance(plant, MinimalPlant):
+    if not isinstance(plant, MachineJoints):
         raise InputError("joints: the minimal coordinates have none; use pose and velocity, or 'pinocchio'")
     return plant.checked_state(*start.joints, CLOSED)
 
 
-def _result(
-    method: str, plant: MinimalPlant | ConstrainedPlant, record: Recording, reference: Reference | None
-) -> Simulation:
+def _result(method: str, plant: MachinePlant, record: Recording, reference: Reference | None) -> Simulation:
     states, rates, time = np.array(record.states), np.array(record.rates), np.array(record.times)
     poses, velocities = (np.array(rows) for rows in zip(*map(plant.pose, states), strict=True))
     accelerations = np.array([plant.acceleration(*pair) for pair in zip(states, rates, strict=True)])
-    sliders, speeds = (np.array(rows) for rows in zip(*map(plant.sliders, states), strict=True))
+    sliders, speeds = (np.array(rows) for rows in zip(*map(plant.actuated, states), strict=True))
     joints, gap = plant.joints(states, rates)
     return Simulation(
         method=method,
@@ -204,7 +206,7 @@ def _result(
         slider_velocities=speeds,
         joints=joints,
         closure_error=gap,
-        wrench=np.array(record.wrenches),
+        wrench=np.array(record.loads),
         reference=None if reference is None else reference.poses(time),
         stop=record.stop,
         evaluations=record.evaluations,

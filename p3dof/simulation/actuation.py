@@ -1,0 +1,145 @@
+"""The path from the state of a plant to the forces on it: measurement, controller, hold, limits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from p3dof.checks import FloatArray, as_floats, frozen_array, shown
+from p3dof.errors import ControllerError, InputError
+
+
+class Measure(Protocol):
+    """What makes a controller's input from what encoders on the actuated joints tell."""
+
+    def __call__(
+        self,
+        time: float,
+        period: float,
+        positions: FloatArray,
+        velocities: FloatArray,
+        saturated: NDArray[np.bool_],
+        /,
+    ) -> Any:
+        """Return it: of a time, how long forces are held, (n,) each, and which forces were cut off."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Normally distributed errors of what is measured.
+
+    Parameters
+    ----------
+    position : float
+        Standard deviation of the positions of the actuated joints, such as sliders [m or rad].
+    velocity : float
+        Standard deviation of their velocities [m/s or rad/s].
+    seed : int
+        Of the random numbers: equal seeds give equal runs.
+
+    Raises
+    ------
+    InputError
+        If a deviation is negative or not finite, or the seed is not a whole number of zero or more.
+    """
+
+    position: float = 1e-6
+    velocity: float = 1e-4
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("position", "velocity"):
+            value = float(frozen_array(name, getattr(self, name), ()))
+            if value < 0:
+                raise InputError(f"{name}: expected zero or more, got {value:g}")
+            object.__setattr__(self, name, value)
+        whole = isinstance(self.seed, int | np.integer) and not isinstance(self.seed, bool)
+        if not whole or self.seed < 0:
+            raise InputError(f"seed: expected a whole number of zero or more, got {shown(self.seed)}")
+        object.__setattr__(self, "seed", int(self.seed))
+
+
+class Actuation:
+    """The path from the state of a plant with n actuators to the forces on it.
+
+    Parameters
+    ----------
+    measure : callable
+        What makes the controller's input.
+    controller : callable or array-like, shape (n,), optional
+        What gives the forces; or forces that stay, none by default.
+    period : float
+        How long a force is held [s]; zero for continuous control.
+    limits : ndarray, shape (n,)
+        Largest forces [N or N m]; infinite for none.
+    noise : Noise, optional
+        Errors of what is measured.
+
+    Raises
+    ------
+    InputError
+        If the controller is a class, or forces that do not fit.
+    ControllerError
+        If it cannot be reset.
+    """
+
+    def __init__(
+        self,
+        measure: Measure,
+        controller: Callable[..., ArrayLike] | ArrayLike | None,
+        period: float,
+        limits: FloatArray,
+        noise: Noise | None = None,
+    ) -> None:
+        self.size = len(limits)
+        self._measure = measure
+        if isinstance(controller, type):
+            raise InputError(f"controller: expected an object, got the class {controller.__name__}")
+        self._controller = controller if callable(controller) else _constant(controller, self.size)
+        self._period, self._limits = period, limits
+        self._noise = noise
+        self._random = np.random.default_rng(0 if noise is None else noise.seed)
+        self._saturated = np.zeros(self.size, dtype=bool)
+        reset = getattr(controller, "reset", None)
+        if callable(reset):
+            try:
+                reset()
+            except Exception as error:
+                raise ControllerError(f"the controller failed to reset: {error}", 0.0) from error
+
+    def __call__(
+        self, time: float, positions: FloatArray, velocities: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the forces on the plant and those that the controller asked for, shape (n,).
+
+        Raises
+        ------
+        InputError
+            If the controller returns something else than n finite numbers.
+        """
+        if self._noise is not None:
+            positions = positions + self._noise.position * self._random.standard_normal(self.size)
+            velocities = velocities + self._noise.velocity * self._random.standard_normal(self.size)
+        measured = self._measure(time, self._period, positions, velocities, self._saturated)
+        asked = _checked(self._controller(measured), self.size)
+        forces = np.clip(asked, -self._limits, self._limits)
+        self._saturated = forces != asked
+        return forces, asked
+
+
+def _constant(forces: ArrayLike | None, size: int) -> Callable[[Any], FloatArray]:
+    held = frozen_array("controller", np.zeros(size) if forces is None else forces, (size,))
+    return lambda _: held
+
+
+def _checked(forces: ArrayLike, size: int) -> FloatArray:
+    array = as_floats("controller", forces).copy()  # it may be the same array every time
+    if array.shape != (size,):
+        raise InputError(f"controller: expected forces of shape ({size},), got {array.shape}")
+    if not np.isfinite(array).all():
+        raise InputError(f"controller: expected finite forces, got {array.tolist()}")
+    return array

@@ -1,0 +1,264 @@
+"""Simulation, energy and reactions of other robots than the manipulator, by the very same code."""
+
+import closed_loop_robots as robots
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import p3dof
+from p3dof.closed_loop import ClosedLoopModel
+from p3dof.closed_loop.configuration_rates import ConfigurationRates
+from p3dof.errors import ControllerError, InputError, ModelError
+from p3dof.parameters import LINKS
+from p3dof.simulation.actuation import Actuation, Noise
+from p3dof.simulation.integration import Integrator, Schedule, Tolerances
+from p3dof.simulation.margins import Stop, Unlimited
+from p3dof.simulation.plants import ConstrainedPlant
+
+
+def four_bar() -> ClosedLoopModel:
+    return ClosedLoopModel.from_urdf(robots.four_bar(*robots.FOUR_BAR), robots.FOUR_BAR_SIDECAR)
+
+
+def five_bar() -> ClosedLoopModel:
+    return ClosedLoopModel.from_urdf(robots.five_bar(), robots.FIVE_BAR_SIDECAR)
+
+
+def told(*measured):
+    """What a controller sees: time, period, positions, velocities, which forces were cut off."""
+    return measured
+
+
+def run(
+    plant, state, duration, controller=None, period=0.0, limits=None, load=None, margins=None, noise=None
+):
+    """Integrate a plant, as the manipulator's runs are."""
+    count = len(plant.loop.actuated)
+    actuation = Actuation(
+        told, controller, period, np.full(count, np.inf) if limits is None else limits, noise
+    )
+    schedule = Schedule(np.linspace(0, duration, 51), period, np.zeros(0))
+    load = np.zeros(6) if load is None else load
+    tolerances = Tolerances(1e-11, 1e-13)
+    integrator = Integrator(plant, actuation, lambda _: load, margins or Unlimited(), schedule, tolerances)
+    return integrator.run(state)
+
+
+def test_a_four_bar_swings_and_keeps_its_energy_and_its_loop():
+    loop = four_bar()
+    plant = ConstrainedPlant(loop, stabilisation=10.0)
+    state = plant.checked_state(robots.four_bar_q(0.7, *robots.FOUR_BAR), np.zeros(3), 1e-9)
+    record = run(plant, state, 1.0)
+    assert record.stop is None
+    assert record.times[-1] == 1.0
+    q, v, _, gap = plant.motion(np.array(record.states), np.array(record.rates))
+    energies = loop.body_energies(q, v)
+    kinetic = energies.kinetic.sum(axis=-1)
+    assert kinetic.max() > 3  # it does swing
+    assert np.abs(energies.total - energies.total[0]).max() <= 1e-9 * kinetic.max()
+    assert gap.max() <= 1e-10
+    for crank, *others in q[::10]:
+        turns = 2 * np.pi * np.round((others - robots.four_bar_q(crank, *robots.FOUR_BAR)[1:]) / (2 * np.pi))
+        np.testing.assert_allclose(others - turns, robots.four_bar_q(crank, *robots.FOUR_BAR)[1:], atol=1e-9)
+
+
+def test_two_motors_are_controlled_with_hold_limits_and_noise():
+    """Five-bar: any number of actuators; its motors bring it to rest at new angles, cut off at first."""
+    loop = five_bar()
+    plant = ConstrainedPlant(loop, stabilisation=10.0)
+    start, goal = np.array([1.9, 1.2]), np.array([2.0, 1.1])
+    holding = loop.inverse_dynamics(robots.five_bar_q(*goal), np.zeros(4), np.zeros(4)).tau
+    seen = []
+
+    def controller(measured):
+        _, period, positions, velocities, saturated = measured
+        seen.append((period, positions, velocities, saturated))
+        return holding + 150.0 * (goal - positions) - 15.0 * velocities
+
+    state = plant.checked_state(robots.five_bar_q(*start), np.zeros(4), 1e-9)
+    limits = np.abs(holding) + 10.0
+    record = run(plant, state, 2.0, controller, 1e-2, limits, noise=Noise(1e-9, 1e-9))
+    q, _, _, gap = plant.motion(np.array(record.states), np.array(record.rates))
+    angles, speeds = plant.actuated(np.array(record.states[-1]))
+    np.testing.assert_allclose(angles, goal, atol=1e-3)
+    np.testing.assert_allclose(speeds, 0, atol=1e-3)
+    np.testing.assert_allclose(q[-1], robots.five_bar_q(*angles), atol=1e-9)
+    assert gap.max() < 1e-10
+    assert np.array(record.forces).shape == (51, 2)
+    assert (np.abs(record.forces) <= limits).all()
+    assert np.abs(np.array(record.asked)[0]).max() > limits.min()
+    assert any(saturated.any() for *_, saturated in seen)
+    assert {period for period, *_ in seen} == {1e-2}
+    assert seen[0][1] == pytest.approx(start, abs=1e-8)
+    assert np.any(seen[0][1] != start)  # noise
+
+
+def test_a_free_body_keeps_its_momentum_and_turns_under_a_load():
+    """A configuration with a quaternion: no closure, no actuator."""
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "free")
+    inertia = pin.Inertia(2.0, np.array([0.1, 0.0, 0.0]), np.diag([0.02, 0.03, 0.04]))
+    model.appendBodyToJoint(1, inertia, pin.SE3.Identity())
+    place = pin.SE3(np.eye(3), np.array([0.1, 0.0, 0.0]))
+    model.addFrame(pin.Frame("centre", 1, 0, place, pin.FrameType.OP_FRAME))
+    model.gravity.linear = np.zeros(3)
+    loop = ClosedLoopModel(model, p3dof.Sidecar((), ()))
+    plant = ConstrainedPlant(loop, frame="centre")
+    tumbling = plant.checked_state(pin.neutral(model), np.array([0.1, 0.2, 0.3, 3.0, 0.2, 1.0]), 1e-9)
+    record = run(plant, tumbling, 1.0)
+    q, v, _, _ = plant.motion(np.array(record.states), np.array(record.rates))
+    energies = loop.body_energies(q, v)
+    assert np.ptp(q[:, 3:], axis=0).max() > 0.5
+    for conserved in (energies.total[:, None], energies.momentum, energies.angular_momentum):
+        np.testing.assert_allclose(conserved, np.tile(conserved[0], (len(q), 1)), rtol=0, atol=1e-10)
+    still = plant.checked_state(pin.neutral(model), np.zeros(6), 1e-9)
+    turned = run(plant, still, 1.0, load=np.array([0, 0, 0, 0, 0, 0.08]))
+    q, v, a, _ = plant.motion(np.array(turned.states), np.array(turned.rates))
+    np.testing.assert_allclose(v[-1, 3:], [0, 0, 2.0], atol=1e-10)  # M / I = 2 rad/s²
+    np.testing.assert_allclose(a[:, 5], 2.0, atol=1e-10)
+    np.testing.assert_allclose(q[-1, 5:], [np.sin(0.5), np.cos(0.5)], atol=1e-10)  # by 1 rad
+
+
+def test_a_motor_without_end_tells_its_angle():
+    """A continuous joint has cosine and sine in q."""
+    text, sidecar = robots.four_bar(*robots.FOUR_BAR, kind="continuous"), robots.FOUR_BAR_SIDECAR
+    loop = ClosedLoopModel.from_urdf(text, sidecar)
+    assert loop.model.nq == 2 * loop.model.nv
+    plant = ConstrainedPlant(loop, stabilisation=10.0)
+    angles = robots.four_bar_q(0.7, *robots.FOUR_BAR)
+    q = np.column_stack([np.cos(angles), np.sin(angles)]).ravel()
+    record = run(plant, plant.checked_state(q, np.zeros(3), 1e-9), 0.3)
+    flat = ConstrainedPlant(four_bar(), stabilisation=10.0)
+    other = run(flat, flat.checked_state(angles, np.zeros(3), 1e-9), 0.3)
+    for one, two in zip(record.states, other.states, strict=True):
+        np.testing.assert_allclose(plant.actuated(one)[0], two[:1], atol=1e-9)
+        np.testing.assert_allclose(plant.actuated(one)[1], two[3:4], atol=1e-8)
+        np.testing.assert_allclose(plant.actuated(one), flat.actuated(two), atol=1e-8)
+
+
+def test_the_rate_of_a_configuration_is_the_limit_of_pinocchios_steps():
+    model, h = pin.Model(), 1e-5
+    kinds = (
+        pin.JointModelFreeFlyer(),
+        pin.JointModelPlanar(),
+        pin.JointModelRUBZ(),
+        pin.JointModelSpherical(),
+        pin.JointModelRX(),
+        pin.JointModelTranslation(),
+    )
+    for i, kind in enumerate(kinds):
+        model.addJoint(i, kind, pin.SE3.Identity(), f"joint {i}")
+    rng = np.random.default_rng(5)
+    q = pin.integrate(model, pin.neutral(model), rng.normal(size=model.nv))
+    v = rng.normal(size=model.nv)
+    change = (pin.integrate(model, q, h * v) - pin.integrate(model, q, -h * v)) / (2 * h)
+    np.testing.assert_allclose(ConfigurationRates(model)(q, v), change, rtol=0, atol=1e-9)
+    composite = pin.JointModelComposite()
+    composite.addJoint(pin.JointModelSpherical())
+    model.addJoint(len(kinds), composite, pin.SE3.Identity(), "wrist")
+    with pytest.raises(ModelError, match=r"the joint 'wrist' \(JointModelComposite\) cannot be integrated"):
+        ConfigurationRates(model)
+
+
+class Ceiling:
+    """The crank may not turn beyond an angle."""
+
+    def __init__(self, angle):
+        self.angle = angle
+
+    def __call__(self, state):
+        return np.array([self.angle - state[0]])
+
+    def trend(self, state, time):
+        return self(state), self(state) - time * state[3]
+
+    def stop(self, index, time):
+        return Stop("stop", time, f"crank at its stop {index}")
+
+
+def test_a_limit_of_another_robot_ends_its_run():
+    plant = ConstrainedPlant(four_bar(), stabilisation=10.0)
+    state = plant.checked_state(robots.four_bar_q(0.7, *robots.FOUR_BAR), np.zeros(3), 1e-9)
+    record = run(plant, state, 1.0, controller=[40.0], margins=Ceiling(1.5))
+    assert record.stop.kind == "stop"
+    assert record.times[-1] == record.stop.time < 1
+    assert record.states[-1][0] == pytest.approx(1.5, abs=1e-9)
+
+
+def test_bad_input_names_the_number_of_actuators():
+    plant = ConstrainedPlant(five_bar())
+    state = plant.checked_state(robots.five_bar_q(1.9, 1.2), np.zeros(4), 1e-9)
+    with pytest.raises(InputError, match=r"controller: expected shape \(2,\), got \(3,\)"):
+        run(plant, state, 0.1, controller=[1, 2, 3])
+    with pytest.raises(ControllerError, match=r"expected forces of shape \(2,\), got \(3,\)"):
+        run(plant, state, 0.1, controller=lambda _: [1, 2, 3])
+    with pytest.raises(InputError, match=r"q: the loops are open by 0\.\d+ m"):
+        plant.checked_state(np.zeros(4), np.zeros(4), 1e-9)
+
+
+# --- energy -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("parameters", [p3dof.PAPER, p3dof.SOLIDS], ids=["paper", "solids"])
+def test_bodies_have_the_energy_of_the_closed_forms(parameters):
+    """Body by body, from the URDF by Pinocchio's kinematics, against the closed forms of the mechanism."""
+    robot, motion = p3dof.load(parameters), p3dof.paper_motion(41)
+    result = robot.inverse_dynamics(motion)
+    expected = robot.energy(result)
+    found = robot.loop.body_energies(result.joints.q, result.joints.v)
+    assert len(found.names) == len(LINKS)
+    order = [found.names.index(CARRIED_BY[link]) for link in LINKS]
+    scale = np.abs(expected.kinetic + expected.potential).max()
+    np.testing.assert_allclose(found.kinetic[:, order], expected.kinetic, rtol=0, atol=1e-12 * scale)
+    shift = found.potential[:, order] - expected.potential
+    np.testing.assert_allclose(shift, 0, rtol=0, atol=1e-12 * scale)
+    for name in ("momentum", "angular_momentum"):
+        one, other = getattr(found, name), getattr(expected, name)
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-12 * np.abs(other).max())
+
+
+CARRIED_BY = {
+    "slider_a": "slide_a",
+    "slider_b": "slide_b",
+    "slider_c": "slide_c",
+    "leg_a": "hinge_a",
+    "leg_b": "hinge_b",
+    "crossbar_upper": "hinge_c",
+    "rod_left": "hinge_left",
+    "rod_right": "hinge_right",
+    "crossbar_lower": "hinge_lower",
+    "platform": "hinge_platform",
+}
+
+
+@pytest.mark.parametrize("make", [four_bar, five_bar])
+def test_energies_are_those_of_the_mass_matrix_and_of_pinocchio(make):
+    loop = make()
+    rng, model = np.random.default_rng(3), loop.model
+    model.armature = rng.uniform(0.1, 1.0, model.nv)
+    q, v = rng.uniform(-2, 2, (5, model.nq)), rng.normal(size=(5, model.nv))
+    found, data = loop.body_energies(q, v), model.createData()
+    for i, (q_i, v_i) in enumerate(zip(q, v, strict=True)):
+        M = pin.crba(model, data, q_i)
+        M = np.triu(M) + np.triu(M, 1).T
+        assert found.kinetic[i].sum() == pytest.approx(v_i @ M @ v_i / 2, rel=1e-13)
+        potential = pin.computePotentialEnergy(model, data, q_i)
+        assert found.potential[i].sum() == pytest.approx(potential, rel=1e-12, abs=1e-12)
+        h = pin.computeCentroidalMomentum(model, data, q_i, v_i)
+        np.testing.assert_allclose(found.momentum[i], h.linear, atol=1e-12)
+        about_origin = h.angular + np.cross(data.com[0], h.linear)
+        np.testing.assert_allclose(found.angular_momentum[i], about_origin, atol=1e-12)
+        one = loop.body_energies(q_i, v_i)
+        np.testing.assert_array_equal(one.kinetic, found.kinetic[i])
+        assert one.total == found.total[i]
+
+
+def test_energies_of_what_is_no_state():
+    loop = four_bar()
+    for q, v in (
+        (np.zeros(2), np.zeros(3)),
+        (np.zeros((4, 3)), np.zeros((3, 3))),
+        (np.full(3, np.nan), np.zeros(3)),
+    ):
+        with pytest.raises(InputError):
+            loop.body_energies(q, v)
