@@ -16,7 +16,7 @@ The rooms, from the bottom; each imports only from below:
 - `simulation`: runs in time, under control; `energy`; `reactions`: joint forces; `codegen`: C code.
 - `manipulator`: one object with everything about one machine.
 - `viewer`: the moving machine in the browser; `plots`: figures; `report`: one page; `cli`: the command line.
-- `algebra`, `files`, `checks`, `errors`: what all of these stand on.
+- `algebra`, `files`, `tables`, `checks`, `errors`: what all of these stand on.
 
 What is here is imported when it is first used; `__init__.pyi` lists the names by topic.
 

@@ -183,7 +183,7 @@ def test_commands_in_a_pipe(tmp_path):
     table = np.genfromtxt(io.StringIO(ran.stdout), delimiter=",", names=True)
     expected = p3dof.load().inverse_dynamics(p3dof.paper_motion(5), "pinocchio").forces
     np.testing.assert_array_equal(np.column_stack([table[f"f{leg}_N"] for leg in "ABC"]), expected)
-    assert "forces" in ran.stderr  # the table for people
+    assert "Forces" in ran.stderr  # the table for people
     assert os.listdir(tmp_path) == ["m.yaml"]  # noqa: PTH208 - the bare names
 
 

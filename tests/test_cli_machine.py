@@ -171,7 +171,7 @@ def test_energy(tmp_path, capsys):
     files = ("--out", tmp_path / "e.csv", "--figure", tmp_path / "e.png")
     code, out, err = run(capsys, "energy", "--samples", 101, *files)
     assert (code, err) == (0, "")
-    assert "what the drives must do" in out
+    assert "What the drives must do" in out
     assert (tmp_path / "e.png").read_bytes().startswith(b"\x89PNG")
     assert len(columns(tmp_path / "e.csv")) == 101
 

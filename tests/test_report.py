@@ -26,7 +26,7 @@ from p3dof.cli import main
 from p3dof.errors import FileError, InputError, MissingExtraError, ReachError
 from p3dof.reactions import JOINTS
 from p3dof.report.figures import Picture, Pictures
-from p3dof.report.table import number
+from p3dof.tables import number
 
 NOON = datetime(2024, 5, 6, 12, 0, tzinfo=timezone.utc)
 HOSTILE = "<script>alert(1)</script>&\"'--{{ 7 * 7 }}"

@@ -16,8 +16,8 @@ from rich.table import Table
 
 from p3dof.cli import main
 from p3dof.cli.encoding import spelled, write_what_is_there
-from p3dof.cli.output import time_text
 from p3dof.cli.terminal import print_table
+from p3dof.tables import time_text
 
 PROGRAM = [sys.executable, "-m", "p3dof"]
 SHORT = ("--samples", "5")

@@ -6,21 +6,20 @@ from pathlib import Path
 
 import click
 from rich.console import Console
-from rich.table import Table
 
 from p3dof.cli.app import app
 from p3dof.cli.export import CHECK, FORCE, print_differences
 from p3dof.cli.files import OutputFolder, protect
 from p3dof.cli.options import PARAMETERS, Payload, machine_of
-from p3dof.cli.output import print_plain
+from p3dof.cli.output import print_plain, show
 from p3dof.cli.payloads import say_payloads
-from p3dof.cli.terminal import print_table
 from p3dof.codegen.batch import DIRECTORY, batch_files
 from p3dof.codegen.controller import MARK, controller_files
 from p3dof.codegen.printing import operation_counts
 from p3dof.compiled.formulas import NAMES, kernel
 from p3dof.files import check_generated, together, write_generated
 from p3dof.parameters import Body, Parameters
+from p3dof.tables import Table, table_of
 
 TOLERANCE = 1e-9
 """Relative difference of numbers that ``--check`` lets pass in the files of a controller: a change of the
@@ -79,8 +78,7 @@ def codegen(
         written = [path for texts, folder, _ in jobs for path in write_generated(texts, folder, MARK, force)]
     for path in written:
         print_plain(console, f"wrote {path}")
-    for table in tables:
-        print_table(console, table)
+    show(console, *tables)
     return 0
 
 
@@ -96,18 +94,17 @@ def _check(jobs: list[tuple[dict[str, str], Path, float]]) -> int:
 
 
 def _function_table(machine: Parameters) -> Table:
-    table = Table("function", "general", "symmetric", "friction", "baked")
-    table.title = "operations of a call: any machine, a symmetric one, more for friction, this one baked"
-    for count in operation_counts(machine):
-        numbers = (count.general, count.symmetric, f"+{count.friction}", count.machine)
-        table.add_row(count.name, *(str(number) for number in numbers))
-    return table
+    rows = {
+        count.name: (str(count.general), str(count.symmetric), f"+{count.friction}", str(count.machine))
+        for count in operation_counts(machine)
+    }
+    title = "Operations of a call: any machine, a symmetric one, more for friction, this one baked"
+    return table_of(title, ("function", "general", "symmetric", "friction", "baked"), rows)
 
 
 def _kernel_table() -> Table:
-    table = Table("kernel", "general", "symmetric")
-    table.title = "operations of a sample, beside the margin"
-    for name in NAMES:
-        counts = (sum(kernel(name, symmetric).operations().values()) for symmetric in (False, True))
-        table.add_row(name, *(str(count) for count in counts))
-    return table
+    rows = {
+        name: [str(sum(kernel(name, symmetric).operations().values())) for symmetric in (False, True)]
+        for name in NAMES
+    }
+    return table_of("Operations of a sample, beside the margin", ("kernel", "general", "symmetric"), rows)

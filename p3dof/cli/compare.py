@@ -7,28 +7,20 @@ from pathlib import Path
 
 import click
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 from p3dof import engines
 from p3dof.cli.app import app
 from p3dof.cli.files import OutputFolder
 from p3dof.cli.options import Case, Number, with_case
-from p3dof.cli.output import (
-    agreement_table,
-    evidence_table,
-    print_plain,
-    print_warnings,
-    progress_bar,
-    time_text,
-)
+from p3dof.cli.output import print_plain, print_warnings, progress_bar, show
 from p3dof.cli.payloads import print_payloads
-from p3dof.cli.terminal import print_table
 from p3dof.errors import MissingExtraError
 from p3dof.files import together
-from p3dof.manipulator import Comparison, InverseDynamics
+from p3dof.manipulator import InverseDynamics, agreement_table, opinions_table
 from p3dof.manipulator.comparison import ENGINE_TOLERANCE, TOLERANCE
 from p3dof.manipulator.comparison import compare as compare_methods
+from p3dof.methods import evidence_table
+from p3dof.tables import table_of
 
 FILES = ("forces.csv", "forces.png", "forces.svg")
 
@@ -95,9 +87,11 @@ def compare(
         written = [found.to_csv(out / FILES[0])]
         if plot:
             written += _draw(out, (found.first, found.second))
-    print_table(console, agreement_table(found))
-    print_table(console, evidence_table(*zip((found.first, found.second), found.seconds, strict=True)))
-    _print_opinions(console, found)
+    show(console, agreement_table(found))
+    show(console, evidence_table(found.first, found.second, seconds=found.seconds), opinions_table(found))
+    if not found.confirmed:
+        allowed = max(found.tolerance, ENGINE_TOLERANCE)
+        console.print(f"one of the others DISAGREES by more than {allowed:.0e}", style="bold red")
     if in_time:
         _print_convergence(console, case)
     print_warnings(console, found.warnings)
@@ -112,20 +106,6 @@ def _print_verdict(console: Console, sentence: str, good: bool) -> None:
     console.print(sentence, style=style, highlight=False, soft_wrap=True)
 
 
-def _print_opinions(console: Console, found: Comparison) -> None:
-    """Print how far others are from the virtual powers."""
-    table = Table("by", "largest difference [N]", "of the largest force", "time per sample")
-    table.title = f"others against {found.second.method}"
-    for opinion in found.opinions:
-        worst, share = found.opinion_difference(opinion), found.opinion_share(opinion)
-        each = time_text(opinion.seconds / int(found.second.valid.sum()))
-        table.add_row(opinion.name, f"{worst:.1e}", f"{share:.1e}", each)
-    print_table(console, table)
-    if not found.confirmed:
-        allowed = max(found.tolerance, ENGINE_TOLERANCE)
-        console.print(f"one of the others DISAGREES by more than {allowed:.0e}", style="bold red")
-
-
 def _print_convergence(console: Console, case: Case) -> None:
     """Print how the forces of Exudyn's integration in time approach the virtual powers."""
     entered = case.motion.from_rest(min(RAMP, case.motion.duration))
@@ -136,13 +116,15 @@ def _print_convergence(console: Console, case: Case) -> None:
     found = engines.convergence(
         case.robot.parameters, motion, known.forces, motion.duration / count, HALVINGS, wrench=wrench
     )
-    table = Table(escape("step [ms]"), "error, of the largest force", "order", escape("largest gap [m]"))
-    table.title = "Exudyn in time (sliders driven, trapezoidal rule), against virtual-power"
     orders = ["", *(f"{order:.3f}" for order in found.orders)]
-    for step, error, order, gap in zip(found.steps, found.errors, orders, found.gaps, strict=True):
-        table.add_row(f"{1e3 * step:.4g}", f"{error:.1e}", order, f"{gap:.1e}")
-    table.add_row("→ 0", f"{found.extrapolated_error:.1e}", "", "")
-    print_table(console, table)
+    rows = {
+        f"{1e3 * step:.4g}": (f"{error:.1e}", order, f"{gap:.1e}")
+        for step, error, order, gap in zip(found.steps, found.errors, orders, found.gaps, strict=True)
+    }
+    rows["→ 0"] = (f"{found.extrapolated_error:.1e}", "", "")
+    title = "Exudyn in time (sliders driven, trapezoidal rule), against virtual-power"
+    header = ("step [ms]", "error, of the largest force", "order", "largest gap [m]")
+    show(console, table_of(title, header, rows))
 
 
 def _draw(out: Path, results: tuple[InverseDynamics, InverseDynamics]) -> list[Path]:

@@ -5,22 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
-import numpy as np
-from rich.markup import escape
-from rich.table import Table
 
 from p3dof.cli.app import app
 from p3dof.cli.files import OutputFile, console_beside, write_results
 from p3dof.cli.options import FIGURE, METHOD, Case, with_case
-from p3dof.cli.output import fixed, limits_table, print_plain, print_warnings
+from p3dof.cli.output import print_plain, print_warnings, show
 from p3dof.cli.payloads import print_payloads
-from p3dof.cli.terminal import print_table
-from p3dof.energy import Energy
-from p3dof.manipulator import InverseDynamics
-from p3dof.parameters import LEGS
-
-ROUNDING = 1e-9
-"""Share of the whole energy below which nothing moves."""
+from p3dof.energy import balance_table, bodies_table, drives_table
+from p3dof.methods import evidence_table, limits_table
 
 
 @app.command()
@@ -45,97 +37,10 @@ def energy(case: Case, method: str, out: Path | None, figure: Path | None) -> in
     written = write_results(found.to_csv, out, lambda: plots.energy_figure(found), figure)
     console = console_beside(out)
     print_payloads(console, case)
-    limits = limits_table(result, case.robot.parameters.limits)
-    for table in (bodies_table(found), drives_table(found), limits, balance_table(found, result)):
-        print_table(console, table)
+    show(console, bodies_table(found), notes=True)
+    show(console, drives_table(found), limits_table(result, case.robot.parameters.limits))
+    show(console, balance_table(found), evidence_table(result))
     print_warnings(console, result.warnings)
     for path in written:
         print_plain(console, f"wrote {path}")
     return 0 if result.possible else 1
-
-
-def bodies_table(energy: Energy) -> Table:
-    """Return the largest kinetic energy of each body, and its part in the largest of all together.
-
-    Parameters
-    ----------
-    energy : Energy
-        Over a motion; at least one sample is valid.
-
-    Returns
-    -------
-    rich.table.Table
-    """
-    if not energy.valid.all():
-        table = Table("body", "peak kinetic energy [J]", title="kinetic energy: not known in all samples")
-        for name in energy.bodies:
-            table.add_row(name, "-")
-        return table
-    total = energy.kinetic_total
-    most = int(np.argmax(total))
-    table = Table(
-        "body",
-        "peak kinetic energy [J]",
-        f"share at t = {energy.time[most]:.4g} s",
-        title=f"kinetic energy, all bodies at most {total[most]:.4f} J",
-    )
-    for k, name in enumerate(energy.bodies):
-        share = energy.kinetic[most, k] / total[most] if total[most] > 0 else 0.0
-        table.add_row(name, f"{energy.kinetic[:, k].max():.4f}", f"{share:.1%}")
-    return table
-
-
-def drives_table(energy: Energy) -> Table:
-    """Return what the motion asks of each actuator.
-
-    Parameters
-    ----------
-    energy : Energy
-        Over a motion.
-
-    Returns
-    -------
-    rich.table.Table
-    """
-    drives = energy.drives
-    rows = {
-        "peak force [N]": drives.peak_force,
-        "RMS force [N]": drives.rms_force,
-        "peak speed [m/s]": drives.peak_speed,
-        "peak power [W]": drives.peak_power,
-        "peak braking power [W]": drives.peak_braking,
-        "mean power [W]": drives.mean_power,
-        "work given [J]": drives.positive_work,
-        "work taken back [J]": drives.negative_work,
-    }
-    table = Table("drive load", *(f"actuator {leg}" for leg in LEGS), title="what the drives must do")
-    for name, values in rows.items():
-        table.add_row(escape(name), *map(fixed, values))
-    return table
-
-
-def balance_table(energy: Energy, result: InverseDynamics) -> Table:
-    """Return the evidence: change of the energy against the work done, and its rate against the power.
-
-    Parameters
-    ----------
-    energy : Energy
-        Over a motion; at least one sample is valid.
-    result : InverseDynamics
-        The forces that it comes from.
-
-    Returns
-    -------
-    rich.table.Table
-    """
-    table = Table("forces by", "work done [J]", "balance", "power residual [W]")
-    table.title = "change of the energy less the work done"
-    error = np.abs(energy.balance[energy.valid]).max()
-    rounding = ROUNDING * np.abs(energy.total[energy.valid]).max()
-    share = (
-        f"{error / energy.scale:.1e} of {energy.scale:.4g} J" if energy.scale > rounding else f"{error:.1e} J"
-    )
-    residual = np.abs(result.power_residual[result.valid]).max()
-    done = energy.work_done[-1] if result.possible else np.nan
-    table.add_row(result.method, fixed(done), share, f"{residual:.1e}")
-    return table

@@ -5,33 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
-import numpy as np
-from rich.box import SIMPLE_HEAD
-from rich.table import Table
 
 from p3dof.cli.app import app
 from p3dof.cli.files import OutputFile, console_beside, write_results
 from p3dof.cli.options import FIGURE, JOINTS, Case, with_case
-from p3dof.cli.output import print_plain, print_warnings
+from p3dof.cli.output import print_plain, print_warnings, show
 from p3dof.cli.payloads import print_payloads
-from p3dof.cli.terminal import print_table
 from p3dof.reactions import JOINTS as ALL_JOINTS
-from p3dof.reactions import UNDECIDED, AnyReactions, Choice, how_chosen
+from p3dof.reactions import UNDECIDED, Choice, how_chosen, open_tables, reactions_table
 
-_COLUMNS = {
-    "force": "force\n[N]",
-    "axial": "axial\n[N]",
-    "radial": "radial\n[N]",
-    "moment": "moment\n[N m]",
-    "across": "across\n[N m]",
-    "rms_force": "RMS\n[N]",
-    "rms_moment": "RMS\n[N m]",
-}
-_OPEN = {
-    "forces that rigid bodies leave open": ("force", "axial", "radial", "rms_force"),
-    "moments that rigid bodies leave open": ("moment", "across", "rms_moment"),
-}
-_NAMES = {joint.name: f"{joint.label} {joint.name}" for joint in ALL_JOINTS}
 _KEY = "\n".join(f"  {joint.label}  {joint.name:15} {joint.meaning}" for joint in ALL_JOINTS)
 
 
@@ -58,19 +40,11 @@ def reactions(case: Case, joints: Choice, out: Path | None, figure: Path | None)
     written = write_results(result.to_csv, out, lambda: plots.reactions_figure(result), figure)
     console = console_beside(out)
     print_payloads(console, case)
-    print_table(console, peaks_table(result))
-    print_plain(
-        console,
-        "axial and radial: along and across the joint's axis; moment, across: all, and across it; open: see "
-        "below; A1 to C7: names in the drawing (see --help)",
-    )
-    tables = open_tables(result)
-    for table in tables:
-        print_table(console, table)
+    show(console, reactions_table(result), notes=True)
+    tables = [table for table in open_tables(result) if table.rows]
+    show(console, *tables)
     if tables:
         print_plain(console, f"{UNDECIDED} {how_chosen(result)}")
-    residual = result.residual[result.valid].max()
-    print_plain(console, f"largest error of Newton's and Euler's equations: {residual:.1e} N or N m")
     known = case.robot.inverse_dynamics(
         case.motion,
         "virtual-power",
@@ -81,67 +55,3 @@ def reactions(case: Case, joints: Choice, out: Path | None, figure: Path | None)
     for path in written:
         print_plain(console, f"wrote {path}")
     return 0 if result.possible else 1
-
-
-def peaks_table(result: AnyReactions) -> Table:
-    """Return the largest loads of every joint that rigid bodies determine.
-
-    Parameters
-    ----------
-    result : Reactions or ReactionsComparison
-        The reactions.
-
-    Returns
-    -------
-    rich.table.Table
-        ``open`` stands for a load that is not determined.
-    """
-    table = _table("largest reactions that rigid bodies determine: to size joints for")
-    for title in _COLUMNS.values():
-        table.add_column(title, justify="right", overflow="fold")
-    for peak in result.peaks():
-        loads = ("open" if name in peak.undetermined else _shown(getattr(peak, name)) for name in _COLUMNS)
-        table.add_row(_NAMES[peak.joint], *loads)
-    return table
-
-
-def open_tables(result: AnyReactions) -> list[Table]:
-    """Return the loads that rigid bodies leave open, by idealisations.
-
-    Parameters
-    ----------
-    result : Reactions or ReactionsComparison
-        The reactions.
-
-    Returns
-    -------
-    list of rich.table.Table
-        Of forces and of moments; none where nothing is open.
-    """
-    values = {(peak.joint, peak.load): peak.values for peak in result.open_peaks()}
-    tables = []
-    for title, loads in _OPEN.items():
-        table = _table(title)
-        for load in loads:
-            for kind in result.idealisations:
-                table.add_column(f"{_COLUMNS[load]}\n{kind}", justify="right", overflow="fold")
-        for joint in result.joints:
-            cells = [values.get((joint, load)) for load in loads]
-            shown = [
-                "" if cell is None else _shown(cell[kind]) for cell in cells for kind in result.idealisations
-            ]
-            if any(shown):
-                table.add_row(_NAMES[joint], *shown)
-        if table.row_count:
-            tables.append(table)
-    return tables
-
-
-def _table(title: str) -> Table:
-    table = Table(title=title, box=SIMPLE_HEAD, padding=0)
-    table.add_column("joint", no_wrap=True)
-    return table
-
-
-def _shown(value: float) -> str:
-    return "-" if np.isnan(value) else f"{value:.2f}"

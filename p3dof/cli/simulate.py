@@ -9,15 +9,12 @@ from pathlib import Path
 import click
 import numpy as np
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 from p3dof.cli.app import app
 from p3dof.cli.files import OutputFolder
 from p3dof.cli.options import POSITIVE, Case, Number, Whole, with_load
-from p3dof.cli.output import print_plain, print_warnings, progress_bar
+from p3dof.cli.output import print_plain, print_warnings, progress_bar, show
 from p3dof.cli.payloads import print_payloads
-from p3dof.cli.terminal import print_table
 from p3dof.errors import MissingExtraError
 from p3dof.files import together
 from p3dof.manipulator import METHODS
@@ -34,6 +31,7 @@ from p3dof.simulation import (
     Integration,
     Noise,
     Simulation,
+    errors_table,
 )
 from p3dof.simulation.work import Work, estimate, require_affordable
 
@@ -174,7 +172,7 @@ def simulate(
             written += _draw(figures, runs)
     console = Console()
     print_payloads(console, case)
-    print_table(console, errors_table(runs))
+    show(console, errors_table(runs))
     print_warnings(console, case.robot.remarks(case.motion, case.history))
     _print_ratio(console, runs)
     _print_limits(console, case.robot.parameters.limits, runs)
@@ -184,28 +182,6 @@ def simulate(
     for path in written:
         print_plain(console, f"wrote {path}")
     return 0 if all(run.finished for run in runs.values()) else 1
-
-
-def errors_table(runs: dict[str, Simulation]) -> Table:
-    """Return the tracking errors of runs, their forces, and how fast they were.
-
-    Parameters
-    ----------
-    runs : dict of str to Simulation
-        By controller.
-
-    Returns
-    -------
-    rich.table.Table
-    """
-    table = Table(title="largest tracking errors and forces, and the speed of the simulation")
-    table.add_column("controller", no_wrap=True)
-    for header in ("y [mm]", "z [mm]", "θ [mrad]", "force [N]", "× real time"):
-        table.add_column(escape(header))
-    for name, run in runs.items():
-        errors = [f"{1e3 * error:.3g}" for error in run.peak_error]
-        table.add_row(name, *errors, f"{np.abs(run.forces).max():.1f}", f"{run.speed:.2g}")
-    return table
 
 
 def _ramp(motion: Motion) -> float:

@@ -11,11 +11,15 @@ change of T + V is evidence for the forces.
 from p3dof.energy.bodies import kinetic_energy, momentum, potential_energy
 from p3dof.energy.evaluation import energy_of, imbalance
 from p3dof.energy.results import DriveLoads, Energy
+from p3dof.energy.tables import balance_table, bodies_table, drives_table
 from p3dof.energy.work import work_given
 
 __all__ = [
     "DriveLoads",
     "Energy",
+    "balance_table",
+    "bodies_table",
+    "drives_table",
     "energy_of",
     "imbalance",
     "kinetic_energy",

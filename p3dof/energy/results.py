@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from p3dof.checks import FloatArray
 from p3dof.methods import write_table
 from p3dof.parameters import LEGS
+from p3dof.tables import ShownInNotebook
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +45,7 @@ class DriveLoads:
 
 
 @dataclass(frozen=True, eq=False)
-class Energy:
+class Energy(ShownInNotebook):
     """Energy, momentum and work over a motion; rows of invalid samples are NaN.
 
     Work is integrated by a spline of degree 5 through the power at the samples, over runs of neighbouring

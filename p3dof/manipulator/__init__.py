@@ -2,6 +2,7 @@
 
 from p3dof.manipulator.comparison import Comparison, Opinion
 from p3dof.manipulator.facade import Manipulator, load
+from p3dof.manipulator.tables import agreement_table, opinions_table
 from p3dof.methods.registry import METHODS, Method
 from p3dof.methods.results import Exceedance, InverseDynamics, JointStates
 
@@ -14,5 +15,7 @@ __all__ = [
     "Manipulator",
     "Method",
     "Opinion",
+    "agreement_table",
     "load",
+    "opinions_table",
 ]

@@ -21,6 +21,7 @@ from p3dof.methods.registry import Method
 from p3dof.motion import Motion, WrenchOverTime
 from p3dof.parameters import LEGS
 from p3dof.samples import OnInvalid
+from p3dof.tables import ShownInNotebook
 
 if TYPE_CHECKING:
     from p3dof.manipulator.facade import Manipulator
@@ -57,7 +58,7 @@ class Opinion:
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class Comparison(ShownInNotebook):
     """The same motion by two methods that share nothing but the parameters, and by others.
 
     Parameters

@@ -11,7 +11,7 @@ from p3dof import description
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.compiled import MachineKernels
 from p3dof.errors import InputError
-from p3dof.parameters import PAPER, Parameters
+from p3dof.parameters import PAPER, Parameters, machine_html
 
 
 class Machine:
@@ -37,6 +37,9 @@ class Machine:
         g = self.parameters.geometry
         mass = self.parameters.bodies.mass
         return f"{type(self).__name__}(r={g.r:g}, R={g.R:g}, L={g.L:g}, moving mass {mass:g} kg)"
+
+    def _repr_html_(self) -> str:
+        return machine_html(self.parameters, type(self).__name__)
 
     @cached_property
     def mechanism(self) -> description.Mechanism:

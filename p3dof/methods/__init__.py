@@ -11,6 +11,7 @@ from p3dof.methods.results import (
     exceedances_of,
     write_table,
 )
+from p3dof.methods.tables import evidence_table, forces_table, limits_table
 from p3dof.methods.utilisation import Utilisation, utilisations
 
 __all__ = [
@@ -23,7 +24,10 @@ __all__ = [
     "Solution",
     "Utilisation",
     "check_method",
+    "evidence_table",
     "exceedances_of",
+    "forces_table",
+    "limits_table",
     "utilisations",
     "with_evidence",
     "without_crossings",

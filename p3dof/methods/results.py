@@ -18,6 +18,7 @@ from p3dof.files import suffix_of, write_atomic
 from p3dof.methods.utilisation import Utilisation, utilisations
 from p3dof.motion import Motion
 from p3dof.parameters import LEGS, SLIDES, Limits
+from p3dof.tables import ShownInNotebook
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +129,7 @@ class Exceedance:
 
 
 @dataclass(frozen=True, eq=False)
-class InverseDynamics:
+class InverseDynamics(ShownInNotebook):
     """Actuator forces over a motion, with the evidence that they are right.
 
     Parameters

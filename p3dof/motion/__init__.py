@@ -3,6 +3,15 @@
 from p3dof.motion.core import Motion
 from p3dof.motion.curve import Curve
 from p3dof.motion.paper import paper_motion
+from p3dof.motion.tables import motion_table
 from p3dof.motion.wrenches import Load, WrenchHistory, WrenchOverTime
 
-__all__ = ["Curve", "Load", "Motion", "WrenchHistory", "WrenchOverTime", "paper_motion"]
+__all__ = [
+    "Curve",
+    "Load",
+    "Motion",
+    "WrenchHistory",
+    "WrenchOverTime",
+    "motion_table",
+    "paper_motion",
+]

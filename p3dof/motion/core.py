@@ -20,6 +20,7 @@ from p3dof.motion.consistency import check_consistency
 from p3dof.motion.curve import Curve
 from p3dof.motion.remarks import remarks_on_curve
 from p3dof.motion.times import evenly, require_inside, require_rising, sample_count
+from p3dof.tables import ShownInNotebook
 
 _JOINT_TOLERANCE = 1e-9
 """By how much poses [m, rad] and velocities [m/s, rad/s] may differ where two motions are joined."""
@@ -29,7 +30,7 @@ _FROM_CURVE = 1000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Motion(FrozenArrays):
+class Motion(FrozenArrays, ShownInNotebook):
     """A motion of the platform, sampled in time: pose, velocity and acceleration.
 
     Parameters

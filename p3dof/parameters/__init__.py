@@ -15,6 +15,7 @@ from p3dof.parameters.named import PAPER, SOLIDS, of_solids
 from p3dof.parameters.names import LEGS, LINKS, PASSIVE, PLATFORM, SLIDES
 from p3dof.parameters.serialization import read_parameters, write_parameters
 from p3dof.parameters.solids import STEEL_DENSITY, Dimensions, box, cylinder, rounded_plate
+from p3dof.parameters.tables import machine_html, parameter_tables, payload_table
 
 __all__ = [
     "LEGS",
@@ -34,7 +35,10 @@ __all__ = [
     "Parameters",
     "box",
     "cylinder",
+    "machine_html",
     "of_solids",
+    "parameter_tables",
+    "payload_table",
     "read_parameters",
     "rounded_plate",
     "write_parameters",

@@ -14,10 +14,11 @@ from p3dof.parameters.friction import Friction
 from p3dof.parameters.geometry import Geometry
 from p3dof.parameters.limits import Limits
 from p3dof.parameters.plain import named, read_parts
+from p3dof.tables import ShownInNotebook
 
 
 @dataclass(frozen=True, eq=False)
-class Parameters(FrozenArrays):
+class Parameters(FrozenArrays, ShownInNotebook):
     """One machine: geometry, bodies, limits and gravity.
 
     Parameters

@@ -25,6 +25,7 @@ from p3dof.reactions.evaluation import of_solution, over_motion
 from p3dof.reactions.joints import BOTH, IDEALISATIONS, JOINTS, Choice, Idealisation, Joint
 from p3dof.reactions.one_joint import JointReaction, OpenPeak, Peak
 from p3dof.reactions.results import Reactions
+from p3dof.reactions.tables import names_table, open_tables, reactions_table
 
 __all__ = [
     "BOTH",
@@ -41,6 +42,9 @@ __all__ = [
     "Reactions",
     "ReactionsComparison",
     "how_chosen",
+    "names_table",
     "of_solution",
+    "open_tables",
     "over_motion",
+    "reactions_table",
 ]

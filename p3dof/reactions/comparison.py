@@ -16,6 +16,7 @@ from p3dof.methods import write_table
 from p3dof.motion import Motion
 from p3dof.reactions.one_joint import OpenPeak, Peak, largest, peaks_of
 from p3dof.reactions.results import Reactions
+from p3dof.tables import ShownInNotebook
 
 UNDECIDED = (
     "Rigid bodies cannot decide the open loads: stiffness, play and assembly do. Each idealisation shows one "
@@ -25,7 +26,7 @@ UNDECIDED = (
 
 
 @dataclass(frozen=True, eq=False)
-class ReactionsComparison:
+class ReactionsComparison(ShownInNotebook):
     """Reactions of all joints over a motion, with the cuts of the loops built in both ways.
 
     What rigid bodies determine is the same in both. Of the rest each shows one of many possible values, and

@@ -17,10 +17,11 @@ from p3dof.motion import Motion
 from p3dof.reactions.joints import JOINTS, joint_axes
 from p3dof.reactions.newton_euler import in_fixed_axes
 from p3dof.reactions.one_joint import JointReaction, Load, OpenPeak, Peak, largest, loads_of, peaks_of
+from p3dof.tables import ShownInNotebook
 
 
 @dataclass(frozen=True, eq=False)
-class Reactions:
+class Reactions(ShownInNotebook):
     """Reactions of all joints over a motion; ``result["hinge_a"]`` is one of them.
 
     Parameters

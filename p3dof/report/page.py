@@ -16,16 +16,26 @@ from typing import Any
 import numpy as np
 
 from p3dof.checks import FloatArray, shown
-from p3dof.energy import Energy
+from p3dof.energy import Energy, balance_table, bodies_table, drives_table
 from p3dof.errors import InputError, MissingExtraError
 from p3dof.files import suffix_of, write_atomic
-from p3dof.manipulator import Comparison, Manipulator
-from p3dof.motion import Motion, WrenchOverTime
-from p3dof.parameters import LEGS
-from p3dof.reactions import BOTH, UNDECIDED, AnyReactions, Choice, how_chosen
-from p3dof.report import joint_tables, tables
+from p3dof.manipulator import Comparison, Manipulator, agreement_table
+from p3dof.methods import evidence_table, limits_table
+from p3dof.motion import Motion, WrenchOverTime, motion_table
+from p3dof.parameters import LEGS, parameter_tables, payload_table
+from p3dof.reactions import (
+    BOTH,
+    UNDECIDED,
+    AnyReactions,
+    Choice,
+    how_chosen,
+    names_table,
+    open_tables,
+    reactions_table,
+)
 from p3dof.report.figures import Pictures, pictures_of
 from p3dof.samples import OnInvalid
+from p3dof.tables import table_html
 
 TITLE = "Inverse dynamics of a 3-DOF spatial parallel manipulator"
 PACKAGES = ("p3dof", "pin", "numpy", "scipy", "matplotlib", "Jinja2")
@@ -195,6 +205,7 @@ def _check(robot: Manipulator, **texts: str | None) -> None:
 def _template() -> Any:
     try:
         import jinja2
+        import markupsafe  # Jinja2's own
         import matplotlib.figure  # noqa: F401 - a page without figures is none
     except ImportError as error:
         missing = error.name or "Jinja2 and matplotlib"
@@ -203,6 +214,7 @@ def _template() -> Any:
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
+    environment.filters["table"] = lambda table: markupsafe.Markup(table_html(table))  # noqa: S704 - it has escaped its texts
     return environment.from_string(text)
 
 
@@ -229,17 +241,18 @@ def _content(findings: Findings) -> dict[str, Any]:
         "samples": int(second.valid.sum()),
         "warnings": comparison.warnings,
         "key": _key_numbers(findings),
-        "parameters": tables.parameter_tables(parameters),
-        "motion": tables.motion_table(motion, second.wrench),
-        "agreement": tables.agreement_table(comparison),
-        "evidence": tables.evidence_table(first, second),
-        "drives": tables.drives_table(energy),
-        "kinetic": tables.bodies_table(energy),
-        "limits": tables.limits_table(second, parameters.limits),
-        "payload": tables.payload_table(parameters),
-        "names": joint_tables.names_table(),
-        "reactions": joint_tables.reactions_table(findings.reactions),
-        "open": joint_tables.open_tables(findings.reactions),
+        "parameters": parameter_tables(parameters),
+        "motion": motion_table(motion, second.wrench),
+        "agreement": agreement_table(comparison),
+        "evidence": evidence_table(first, second),
+        "drives": drives_table(energy),
+        "kinetic": bodies_table(energy),
+        "balance": balance_table(energy),
+        "limits": limits_table(second, parameters.limits),
+        "payload": payload_table(parameters),
+        "names": names_table(),
+        "reactions": reactions_table(findings.reactions),
+        "open": open_tables(findings.reactions),
         "undecided": f"{UNDECIDED} {how_chosen(findings.reactions)}",
         "pictures": pictures,
     }

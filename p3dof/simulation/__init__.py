@@ -9,6 +9,7 @@ from p3dof.simulation.reference import Reference
 from p3dof.simulation.run import Simulation
 from p3dof.simulation.settings import ControlLoop, InitialState, Integration
 from p3dof.simulation.simulate import AT_HOME, CONTINUOUS, DEFAULT_METHOD, PRECISE, simulate
+from p3dof.simulation.tables import errors_table
 from p3dof.simulation.work import TIME_LIMIT
 
 __all__ = [
@@ -32,5 +33,6 @@ __all__ = [
     "Simulation",
     "Springs",
     "Stop",
+    "errors_table",
     "simulate",
 ]

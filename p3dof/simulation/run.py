@@ -19,6 +19,7 @@ from p3dof.parameters import LEGS, Limits
 from p3dof.simulation import archive
 from p3dof.simulation.limits import KINDS
 from p3dof.simulation.margins import Stop
+from p3dof.tables import ShownInNotebook
 
 METHODS = ("virtual-power", "compiled", "pinocchio")
 STOPS = (*KINDS, "accuracy", "controller")
@@ -34,7 +35,7 @@ _WRENCH = ("Fx [N]", "Fy [N]", "Fz [N]", "Mx [N m]", "My [N m]", "Mz [N m]")
 
 
 @dataclass(frozen=True, eq=False)
-class Simulation:
+class Simulation(ShownInNotebook):
     """A run of the machine: its motion, the forces on it, and why it ended.
 
     Parameters

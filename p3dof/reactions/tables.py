@@ -1,9 +1,11 @@
-"""Tables of a report about the joints: their names, and what they bear."""
+"""Tables of the joints: their names, and what they bear."""
 
 from __future__ import annotations
 
-from p3dof.reactions import JOINTS, AnyReactions, Joint
-from p3dof.report.table import Table, number, table_of
+from p3dof.reactions.comparison import UNDECIDED, AnyReactions, ReactionsComparison, how_chosen
+from p3dof.reactions.joints import JOINTS, Joint
+from p3dof.reactions.results import Reactions
+from p3dof.tables import Table, html_of, notebook_html, number, table_of
 
 _NOTHING = 1e-9
 """Reactions that are rounding, of a joint that bears none [N, N m]."""
@@ -18,7 +20,9 @@ def names_table() -> Table:
     """
     rows = tuple((joint.label, joint.name, joint.meaning) for joint in sorted(JOINTS, key=_by_label))
     note = "The labels are the paper's, but for C7, which the paper does not name."
-    return Table("Names of the joints", ("in the drawing", "in tables and files", "what it is"), rows, note)
+    return Table(
+        "Names of the joints", ("in the drawing", "in tables and files", "what it is"), rows, note, "words"
+    )
 
 
 def _by_label(joint: Joint) -> str:
@@ -55,14 +59,14 @@ def reactions_table(result: AnyReactions) -> Table:
         )
         for peak in result.peaks()
     }
-    residual = result.residual[result.valid].max()
+    residual = result.residual[result.valid].max(initial=0.0)
     note = (
         "Axial and radial: along and across the joint's axis; moment and across: all, and across the axis; "
         "open: rigid bodies do not determine it, see below. "
         f"Largest error of Newton's and Euler's equations: {residual:.1e} N or N m."
     )
     title = "Largest reactions that rigid bodies determine: to size joints for"
-    return table_of(title, ("joint", *_LOADS.values()), rows, note)
+    return table_of(title, ("joint", *_LOADS.values()), rows, note, "wide", decimals=2)
 
 
 def open_tables(result: AnyReactions) -> list[Table]:
@@ -90,9 +94,22 @@ def open_tables(result: AnyReactions) -> list[Table]:
             if any((joint, name) in values for name in loads)
         }
         header = ("joint", *(f"{_LOADS[name]} {kind}" for name, kind in columns))
-        tables.append(table_of(f"Open {what}: not to size joints for", header, rows))
+        tables.append(table_of(f"Open {what}: not to size joints for", header, rows, "", "wide", decimals=2))
     return tables
 
 
-def _load(value: float) -> str:
-    return "0" if abs(value) < _NOTHING else number(value)
+def _load(value: float) -> float:
+    return 0.0 if abs(value) < _NOTHING else value
+
+
+@html_of.register(ReactionsComparison)
+@html_of.register(Reactions)
+def reactions_html(result: AnyReactions) -> str:
+    """Return how a notebook shows reactions, as HTML."""
+    words = " and ".join(result.idealisations)
+    facts = f"cuts of the loops: {words}; {len(result.time)} samples over {number(result.motion.duration)} s"
+    invalid = int((~result.valid).sum())
+    warnings = [f"{invalid} samples are invalid: no largest load is known"] if invalid else []
+    tables = [table for table in open_tables(result) if table.rows]
+    remark = f"{UNDECIDED} {how_chosen(result)}" if tables else ""
+    return notebook_html("Reactions", facts, [reactions_table(result), *tables], warnings, remark)
