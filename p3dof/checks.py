@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,9 @@ from p3dof.errors import InputError, P3dofError
 
 FloatArray = NDArray[np.float64]
 """An array of double-precision numbers."""
+
+Progress: TypeAlias = Callable[[int, int], None]
+"""Called with (done, total) during long work."""
 
 
 LARGEST = 1e30

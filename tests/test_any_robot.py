@@ -6,7 +6,7 @@ import pinocchio as pin
 import pytest
 
 import p3dof
-from p3dof.closed_loop import ClosedLoopModel
+from p3dof.closed_loop import ClosedLoopModel, ClosureJoint, ReactionSolver, reactions_batch
 from p3dof.closed_loop.configuration_rates import ConfigurationRates
 from p3dof.errors import ControllerError, InputError, ModelError
 from p3dof.parameters import LINKS
@@ -14,6 +14,8 @@ from p3dof.simulation.actuation import Actuation, Noise
 from p3dof.simulation.integration import Integrator, Schedule, Tolerances
 from p3dof.simulation.margins import Stop, Unlimited
 from p3dof.simulation.plants import ConstrainedPlant
+
+HOME = np.zeros(3)
 
 
 def four_bar() -> ClosedLoopModel:
@@ -262,3 +264,67 @@ def test_energies_of_what_is_no_state():
     ):
         with pytest.raises(InputError):
             loop.body_energies(q, v)
+
+
+# --- reactions ----------------------------------------------------------------------------------------------
+
+
+def moving_five_bar():
+    """States of motion of a five-bar, with what moves it."""
+    loop, rng = five_bar(), np.random.default_rng(11)
+    states = [loop.complete(angles, *rng.normal(size=(2, 2))) for angles in rng.uniform(1.1, 1.9, (4, 2))]
+    q, v, a = (np.array([getattr(state, name) for state in states]) for name in "qva")
+    pull = {"left_near": rng.normal(size=6), "left_tip": rng.normal(size=(4, 6))}
+    pull["left_tip"][:, [0, 2]] = 0.0
+    return loop, (q, v, a), pull
+
+
+def test_reactions_of_many_samples_are_those_of_each():
+    loop, (q, v, a), pull = moving_five_bar()
+    springs = np.array([0.1, -0.2, 0.3, 0.4])
+    tau = loop.inverse_dynamics_batch(q, v, a, pull, springs).tau
+    solver = ReactionSolver(loop, [ClosureJoint.revolute((0.0, 1.0, 0.0))])
+    found = reactions_batch(solver, q, v, a, tau, pull, springs)
+    assert found.names == ("left_joint", "left_elbow", "right_joint", "right_elbow", "left_tip/right_tip")
+    assert not found.errors
+    for i in range(4):
+        here = {"left_near": pull["left_near"], "left_tip": pull["left_tip"][i]}
+        one = solver.solve(q[i], v[i], a[i], tau[i], here, springs)
+        for name, array in found.arrays().items():
+            np.testing.assert_array_equal(array[i], getattr(one, name))
+    motors = found.moments[:, [0, 2], 1]  # their axes point along -y
+    np.testing.assert_allclose(-motors, tau + springs[[0, 2]], atol=1e-12 * np.abs(tau).max())
+
+
+def test_what_a_joint_of_a_closure_exerts_itself_is_part_of_its_reaction():
+    loop, (q, v, a), _ = moving_five_bar()
+    friction = np.tile([0.0, 0.0, 0.0, 0.0, 0.7, 0.0], (4, 1))
+    pair = {"right_tip": friction, "left_tip": -friction}
+    tau = loop.inverse_dynamics_batch(q, v, a, pair).tau
+    solver = ReactionSolver(loop, [ClosureJoint.revolute((0.0, 1.0, 0.0))])
+    without = reactions_batch(solver, q, v, a, tau, pair)
+    found = reactions_batch(solver, q, v, a, tau, pair, within={"right_tip": friction})
+    np.testing.assert_allclose(without.moments[:, -1, 1], 0, atol=1e-12)
+    np.testing.assert_allclose(found.moments[:, -1, 1], 0.7, atol=1e-12)
+    np.testing.assert_array_equal(found.forces, without.forces)
+
+
+def test_a_sample_without_a_solution_leaves_the_others():
+    loop, (q, v, a), _ = moving_five_bar()
+    tau = loop.inverse_dynamics_batch(q, v, a).tau.copy()
+    tau[1] += 1.0
+    q[2] = np.nan
+    found = reactions_batch(ReactionSolver(loop), q, v, a, tau)
+    assert list(found.errors) == [1]
+    assert "the forces do not produce the motion" in str(found.errors[1])
+    assert np.isnan(found.forces[[1, 2]]).all()
+    assert np.isfinite(found.forces[[0, 3]]).all()
+    assert not found.determined_forces[1:3].any()
+    for wrong in (
+        {"q": q[:, :3]},
+        {"v": v[:2]},
+        {"tau": tau[:, :1]},
+        {"external": {"left_tip": np.zeros(3)}},
+    ):
+        with pytest.raises(InputError, match="expected shape"):
+            reactions_batch(ReactionSolver(loop), **({"q": q, "v": v, "a": a, "tau": tau} | wrong))

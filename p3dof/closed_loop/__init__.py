@@ -13,21 +13,28 @@ from p3dof.closed_loop.batch.states import BatchStates
 from p3dof.closed_loop.batch.targets import FrameTargets
 from p3dof.closed_loop.dynamics import ForwardDynamics, InverseDynamics
 from p3dof.closed_loop.model import ClosedLoopModel
+from p3dof.closed_loop.reactions import ClosureJoint, JointReactions, ReactionSolver
+from p3dof.closed_loop.reactions_batch import BatchReactions, reactions_batch
 from p3dof.closed_loop.sidecar import Closure, Coupling, Sidecar
 from p3dof.closed_loop.targets import FrameTarget
 
 __all__ = [
     "Assembly",
     "BatchInverseDynamics",
+    "BatchReactions",
     "BatchStates",
     "BodyEnergies",
     "ClosedLoopModel",
     "Closure",
+    "ClosureJoint",
     "Coupling",
     "ForwardDynamics",
     "FrameTarget",
     "FrameTargets",
     "InverseDynamics",
+    "JointReactions",
+    "ReactionSolver",
     "Sidecar",
     "State",
+    "reactions_batch",
 ]

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from importlib.metadata import version
-from typing import ClassVar, TypeAlias
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from p3dof import description, kinematics
-from p3dof.checks import FloatArray, frozen_array
+from p3dof.checks import FloatArray, Progress, frozen_array
 from p3dof.description import Mechanism
 from p3dof.engines.inputs import check_machine, check_motion, library, step_count
 from p3dof.engines.samples import FinalState, Sample, platform_motion
@@ -29,9 +28,6 @@ FREEDOMS = 3
 
 _RANK = 1e-9
 """Relative size of the singular values that are zero."""
-
-Progress: TypeAlias = Callable[[int, int], None]
-"""Called with (done, total) during long work."""
 
 
 class Engine(ABC):

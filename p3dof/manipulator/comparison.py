@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from p3dof import engines
-from p3dof.checks import FloatArray, frozen_array
+from p3dof.checks import FloatArray, Progress, frozen_array
 from p3dof.errors import InputError, SampleError
 from p3dof.methods import InverseDynamics, write_table
 from p3dof.methods.registry import Method
@@ -34,7 +34,7 @@ ENGINE_TOLERANCE = 1e-9
 
 _PAIR: tuple[Method, Method] = ("pinocchio", "virtual-power")
 
-Watch: TypeAlias = Callable[[str, int], AbstractContextManager[Callable[[int, int], None] | None]]
+Watch: TypeAlias = Callable[[str, int], AbstractContextManager[Progress | None]]
 """Called with the name of what begins and its number of samples; gives what its progress is told to."""
 
 

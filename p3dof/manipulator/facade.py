@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import nullcontext
 from functools import partial
-from typing import Any, Literal, TypeAlias, overload
+from typing import Any, Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from p3dof import simulation
-from p3dof.checks import FloatArray
+from p3dof.checks import FloatArray, Progress
 from p3dof.energy import Energy, energy_of
 from p3dof.errors import InputError
 from p3dof.kinematics.states import holdable_states
@@ -41,9 +41,6 @@ from p3dof.reactions import (
 )
 from p3dof.samples import OnInvalid, finite_states, wrench_like
 from p3dof.simulation import ControllerLike, ControlLoop, InitialState, Integration, Simulation
-
-Progress: TypeAlias = Callable[[int, int], None]
-"""Called with (done, total) during long work."""
 
 
 def load(

@@ -7,13 +7,12 @@ agrees independently.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
 
-from p3dof.checks import FloatArray
+from p3dof.checks import FloatArray, Progress
 from p3dof.closed_loop import ClosedLoopModel, FrameTarget, State
 from p3dof.closed_loop.batch.linear import BLOCK, FEW, IndexArray
 from p3dof.closed_loop.batch.states import complete_near
@@ -37,7 +36,7 @@ def solve(
     wrench: FloatArray | None = None,
     friction: Friction | None = None,
     on_invalid: str = "raise",
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     shape: tuple[int, ...] | None = None,
 ) -> Solution:
     """Return forces and joints at every sample.

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
-from typing import Any, Literal, overload
+from typing import Literal, overload
 
-import numpy as np
-
-from p3dof.checks import FloatArray
-from p3dof.closed_loop import ClosedLoopModel
-from p3dof.closed_loop.reactions import LENGTH_SHARE, JointReactions, ReactionSolver
-from p3dof.errors import DynamicsError, InputError, SampleError
+from p3dof.checks import FloatArray, Progress
+from p3dof.closed_loop import ClosedLoopModel, ReactionSolver, reactions_batch
+from p3dof.closed_loop.reactions import LENGTH_SHARE
+from p3dof.errors import InputError, SampleError
 from p3dof.methods import Solution, pinocchio, without_crossings
 from p3dof.methods.pinocchio_friction import FrictionForces
 from p3dof.motion import Load, Motion, WrenchOverTime
 from p3dof.parameters import Parameters
 from p3dof.reactions.comparison import AnyReactions, ReactionsComparison
-from p3dof.reactions.joints import BOTH, IDEALISATIONS, JOINTS, Choice, Idealisation, cuts
+from p3dof.reactions.joints import BOTH, IDEALISATIONS, Choice, Idealisation, cuts
 from p3dof.reactions.newton_euler import in_fixed_axes, residual
 from p3dof.reactions.results import Reactions
 from p3dof.samples import OnInvalid, finite_states
@@ -31,7 +27,7 @@ def over_motion(
     joints: Literal["both"] = ...,
     wrench: WrenchOverTime = ...,
     on_invalid: OnInvalid = ...,
-    progress: Callable[[int, int], None] | None = ...,
+    progress: Progress | None = ...,
 ) -> ReactionsComparison: ...
 @overload
 def over_motion(
@@ -41,7 +37,7 @@ def over_motion(
     joints: Idealisation,
     wrench: WrenchOverTime = ...,
     on_invalid: OnInvalid = ...,
-    progress: Callable[[int, int], None] | None = ...,
+    progress: Progress | None = ...,
 ) -> Reactions: ...
 @overload
 def over_motion(
@@ -51,7 +47,7 @@ def over_motion(
     joints: Choice,
     wrench: WrenchOverTime = ...,
     on_invalid: OnInvalid = ...,
-    progress: Callable[[int, int], None] | None = ...,
+    progress: Progress | None = ...,
 ) -> AnyReactions: ...
 def over_motion(
     loop: ClosedLoopModel,
@@ -60,7 +56,7 @@ def over_motion(
     joints: Choice = BOTH,
     wrench: WrenchOverTime = None,
     on_invalid: OnInvalid = "raise",
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> AnyReactions:
     """Return the reactions of all joints over a motion.
 
@@ -140,49 +136,16 @@ def of_solution(
         If the idealisation is unknown.
     """
     solver = ReactionSolver(loop, cuts(joints), LENGTH_SHARE * parameters.geometry.L)
-    friction = FrictionForces(loop, parameters.friction)
-    states = solution.joints
-    known = np.isfinite(solution.forces).all(axis=1) & np.isfinite(states.q).all(axis=1)
-    arrays = _no_reactions(len(solution.forces))
-    for i in np.flatnonzero(known).tolist():
-        q, v, a = states.q[i], states.v[i], states.a[i]
-        lost = friction.at(q, v)
-        external = lost.external_with(None if wrench is None else wrench[i])
-        try:
-            one = solver.solve(q, v, a, solution.forces[i], external, lost.joint_forces)
-        except DynamicsError as error:
-            if on_invalid == "raise":
-                raise SampleError(f"sample {i}: {error}", (i,)) from error
-            continue
-        one = _with_friction_in_cuts(loop, one, lost.external)
-        for name, array in arrays.items():
-            array[i] = getattr(one, name)
+    states, tau = solution.joints, solution.forces
+    lost = FrictionForces(loop, parameters.friction).over(states.q, states.v)
+    external = lost.external_with(wrench)
+    found = reactions_batch(
+        solver, states.q, states.v, states.a, tau, external, lost.joint_forces, lost.external
+    )
+    if found.errors and on_invalid == "raise":
+        i, error = next(iter(found.errors.items()))
+        raise SampleError(f"sample {i}: {error}", (i,)) from error
+    arrays = found.arrays()
     forces, moments = (in_fixed_axes(arrays["rotations"], arrays[name]) for name in ("forces", "moments"))
     errors = residual(parameters, motion, wrench, forces, moments, arrays["positions"])
     return Reactions(joints, solver.length, motion, **arrays, residual=errors)
-
-
-def _with_friction_in_cuts(
-    loop: ClosedLoopModel, one: JointReactions, external: Mapping[str, FloatArray]
-) -> JointReactions:
-    """Return reactions whose cuts contain the friction there, which acts as a pair of external wrenches."""
-    first = len(one.names) - len(loop.sidecar.closures)
-    moments = one.moments.copy()
-    for c, closure in enumerate(loop.sidecar.closures, first):
-        if closure.frame2 in external:
-            moments[c] += one.rotations[c].T @ external[closure.frame2][3:]
-    return replace(one, moments=moments)
-
-
-def _no_reactions(count: int) -> dict[str, Any]:
-    """Return arrays over samples that have no reactions: NaN, False or 0."""
-    shape = (count, len(JOINTS), 3)
-    return {
-        "forces": np.full(shape, np.nan),
-        "moments": np.full(shape, np.nan),
-        "determined_forces": np.zeros(shape, dtype=bool),
-        "determined_moments": np.zeros(shape, dtype=bool),
-        "rotations": np.full((*shape, 3), np.nan),
-        "positions": np.full(shape, np.nan),
-        "undetermined": np.zeros(count, dtype=int),
-    }

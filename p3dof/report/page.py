@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import os
 import platform
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from importlib import resources
@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from p3dof.checks import FloatArray, shown
+from p3dof.checks import FloatArray, Progress, shown
 from p3dof.energy import Energy, balance_table, bodies_table, drives_table
 from p3dof.errors import InputError, MissingExtraError
 from p3dof.files import suffix_of, write_atomic
@@ -77,7 +77,7 @@ def render(
     animation: str | None = None,
     no_animation: str = "",
     date: datetime | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     joints: Choice = BOTH,
     picture: bytes | None = None,
 ) -> str:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from p3dof.checks import LARGEST, FloatArray
+from p3dof.checks import LARGEST, FloatArray, Progress
 from p3dof.errors import ControllerError
 from p3dof.simulation.actuation import Actuation
 from p3dof.simulation.crossings import Crossings
@@ -30,8 +30,6 @@ _TINY, _PATIENCE = 1e-13, 1000
 
 _BEYOND = 0.1 * LARGEST
 """States and rates that are larger are no motion any more [SI]."""
-
-Progress = Callable[[int, int], None]
 
 
 class Schedule:

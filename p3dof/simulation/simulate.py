@@ -10,7 +10,7 @@ from typing import Any, Final, Protocol, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from p3dof.checks import FloatArray, frozen_array, positive, shown
+from p3dof.checks import FloatArray, Progress, frozen_array, positive, shown
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.compiled import MachineKernels
 from p3dof.errors import ControllerError, DynamicsError, InputError
@@ -22,7 +22,7 @@ from p3dof.simulation.actuation import Actuation
 from p3dof.simulation.control import ControllerLike, Measurement
 from p3dof.simulation.crossings import CHECKED
 from p3dof.simulation.equations import CompiledEquations, Equations
-from p3dof.simulation.integration import Integrator, Progress, Recording, Schedule, Tolerances
+from p3dof.simulation.integration import Integrator, Recording, Schedule, Tolerances
 from p3dof.simulation.limits import KINDS, Limiter
 from p3dof.simulation.machine_plants import MachineJoints, MachineMargins, MachinePlant, MinimalPlant
 from p3dof.simulation.reference import Reference

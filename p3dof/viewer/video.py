@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from p3dof.checks import FloatArray, frozen_array, positive, shown
+from p3dof.checks import FloatArray, Progress, frozen_array, positive, shown
 from p3dof.errors import FileError, InputError, MissingExtraError
 from p3dof.files import scratch_folder, suffix_of, write_atomic
 from p3dof.manipulator import InverseDynamics, Manipulator
@@ -134,7 +134,7 @@ def save_video(
     size: tuple[int, int] = SIZE,
     speed: float = 1.0,
     title: str = TITLE,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Path:
     """Write a film of a motion: an MP4, or a GIF that plays in a loop.
 
@@ -191,9 +191,7 @@ def save_video(
     return write_atomic(path, encode(pictures, frames.rate * float(speed)))
 
 
-def _counted(
-    shoot: Callable[[float], bytes], times: FloatArray, progress: Callable[[int, int], None] | None
-) -> list[bytes]:
+def _counted(shoot: Callable[[float], bytes], times: FloatArray, progress: Progress | None) -> list[bytes]:
     pictures = []
     for time in times:
         pictures.append(shoot(float(time)))

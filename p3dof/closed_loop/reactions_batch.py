@@ -1,0 +1,165 @@
+"""Reactions of all joints and closures of any robot at many samples."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from p3dof.checks import FloatArray, as_floats
+from p3dof.closed_loop.reactions import BoolArray, JointReactions, ReactionSolver
+from p3dof.errors import DynamicsError, InputError
+
+
+@dataclass(frozen=True, eq=False)
+class BatchReactions:
+    """The wrench that every joint and closure transmits at N samples; see `JointReactions`.
+
+    Rows of samples without a solution are NaN, False or 0.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Names of the joints, then of the closures.
+    forces, moments : (N, n, 3) array
+        The reactions [N, N m].
+    determined_forces, determined_moments : (N, n, 3) array of bool
+        Which components every solution has in common.
+    rotations : (N, n, 3, 3) array
+        The axes of each reaction, as columns, in the world frame.
+    positions : (N, n, 3) array
+        Where each reaction acts, in the world frame [m].
+    undetermined : (N,) array of int
+        How many independent changes of the closures' wrenches leave the motion as it is.
+    errors : dict of int to DynamicsError
+        Why there is no solution, by sample; not for samples that are not finite.
+    """
+
+    names: tuple[str, ...]
+    forces: FloatArray
+    moments: FloatArray
+    determined_forces: BoolArray
+    determined_moments: BoolArray
+    rotations: FloatArray
+    positions: FloatArray
+    undetermined: NDArray[np.int_]
+    errors: dict[int, DynamicsError]
+
+    def arrays(self) -> dict[str, Any]:
+        """Return the arrays by name."""
+        return {name: getattr(self, name) for name in _ARRAYS}
+
+    def put(self, i: int, one: JointReactions) -> None:
+        """Enter the reactions of one sample."""
+        for name in _ARRAYS:
+            getattr(self, name)[i] = getattr(one, name)
+
+
+_ARRAYS = (
+    "forces",
+    "moments",
+    "determined_forces",
+    "determined_moments",
+    "rotations",
+    "positions",
+    "undetermined",
+)
+
+
+def reactions_batch(
+    solver: ReactionSolver,
+    q: ArrayLike,
+    v: ArrayLike,
+    a: ArrayLike,
+    tau: ArrayLike,
+    external: Mapping[str, ArrayLike] | None = None,
+    joint_forces: ArrayLike | None = None,
+    within: Mapping[str, ArrayLike] | None = None,
+) -> BatchReactions:
+    """Return the reactions at many samples.
+
+    Parameters
+    ----------
+    solver : ReactionSolver
+        Of the robot.
+    q : (N, nq) array
+        Configurations, with closed loops. Samples that are not finite in `q` or `tau` are left out.
+    v, a : (N, nv) array
+        Velocities and accelerations.
+    tau : (N, n_actuated) array
+        Forces of the actuated joints that produce the motion [N or N m].
+    external : mapping of str to (6,) or (N, 6) array, optional
+        Wrenches that act on frames, in world axes [N, N m].
+    joint_forces : (nv,) or (N, nv) array, optional
+        What acts in the joints besides the actuators.
+    within : mapping of str to (6,) or (N, 6) array, optional
+        Those of `external` on a closure's `frame2` that its joint exerts itself, such as friction: they are
+        counted in its reaction.
+
+    Returns
+    -------
+    BatchReactions
+
+    Raises
+    ------
+    ModelError, InputError
+        As `ReactionSolver.solve`, or if the shapes do not fit.
+    """
+    model, rows = solver.loop.model, as_floats("q", q)
+    if rows.ndim != 2 or rows.shape[1] != model.nq:
+        raise InputError(f"q: expected shape (N, {model.nq}), got {rows.shape}")
+    count = len(rows)
+    forces = _each("tau", tau, count, len(solver.loop.actuated))
+    motion = [_each(name, value, count, model.nv) for name, value in (("v", v), ("a", a))]
+    loads = {name: _each(f"external {name}", load, count, 6) for name, load in (external or {}).items()}
+    own = {name: _each(f"within {name}", load, count, 6) for name, load in (within or {}).items()}
+    nothing = np.zeros(model.nv)
+    acting = _each("joint_forces", nothing if joint_forces is None else joint_forces, count, model.nv)
+    result = _nothing(solver.names, count)
+    known = np.isfinite(forces).all(axis=1) & np.isfinite(rows).all(axis=1)
+    for i in np.flatnonzero(known).tolist():
+        here = {name: load[i] for name, load in loads.items()}
+        try:
+            one = solver.solve(rows[i], motion[0][i], motion[1][i], forces[i], here, acting[i])
+        except DynamicsError as error:
+            result.errors[i] = error
+            continue
+        result.put(i, one)
+        _add_own(solver, result, i, {name: load[i] for name, load in own.items()})
+    return result
+
+
+def _add_own(solver: ReactionSolver, result: BatchReactions, i: int, own: Mapping[str, FloatArray]) -> None:
+    """Count in the reactions of closures what their joints exert themselves."""
+    closures = solver.loop.sidecar.closures
+    for c, closure in enumerate(closures, len(solver.names) - len(closures)):
+        if closure.frame2 in own:
+            axes, wrench = result.rotations[i, c].T, own[closure.frame2]
+            result.forces[i, c] += axes @ wrench[:3]
+            result.moments[i, c] += axes @ wrench[3:]
+
+
+def _nothing(names: tuple[str, ...], count: int) -> BatchReactions:
+    shape = (count, len(names), 3)
+    return BatchReactions(
+        names,
+        forces=np.full(shape, np.nan),
+        moments=np.full(shape, np.nan),
+        determined_forces=np.zeros(shape, dtype=bool),
+        determined_moments=np.zeros(shape, dtype=bool),
+        rotations=np.full((*shape, 3), np.nan),
+        positions=np.full(shape, np.nan),
+        undetermined=np.zeros(count, dtype=int),
+        errors={},
+    )
+
+
+def _each(name: str, value: ArrayLike, count: int, width: int) -> FloatArray:
+    """Return (count, width) rows of a value that may be the same for all; they may hold NaN."""
+    array = as_floats(name, value)
+    if array.shape not in ((width,), (count, width)):
+        raise InputError(f"{name}: expected shape ({count}, {width}), got {array.shape}")
+    return np.broadcast_to(array, (count, width))
