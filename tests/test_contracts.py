@@ -28,6 +28,10 @@ BREAKS = {
         "closed_loop/dynamics.py",
         "from p3dof.parameters import PAPER",
     ),
+    "What integrates runs knows no particular mechanism": (
+        "simulation/integration.py",
+        "from p3dof.parameters import PAPER",
+    ),
     "The engines share no dynamics with the methods": (
         "engines/driven.py",
         "from p3dof.paper.virtual_power import actuator_forces",

@@ -473,7 +473,7 @@ def test_several_threads_may_draw(robot):
 
 def test_bad_input_is_one_clear_error(robot, scene):
     cases = [
-        (lambda: Scene("p3dof"), "robot: expected a Manipulator, got str"),
+        (lambda: Scene("p3dof"), "robot: expected a Manipulator, got 'p3dof'"),
         (lambda: Scene(robot, 3), "window: expected a SceneWindow, got int"),
         (lambda: Scene(robot, scale=3), "scale: expected an ArrowScale, got int"),
         (lambda: scene.display(np.zeros(9)), r"q: expected shape \(10,\), got \(9,\)"),

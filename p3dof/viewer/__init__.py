@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from p3dof.manipulator import InverseDynamics, Manipulator
+from p3dof.methods import InverseDynamics
 from p3dof.motion import Motion
 from p3dof.viewer.animation import animation_html, save_animation
+from p3dof.viewer.machine import Machine
 from p3dof.viewer.scale import ArrowScale
 from p3dof.viewer.scene import Scene, joints_of, trace_of
 from p3dof.viewer.video import save_screenshot, save_video
@@ -43,14 +44,14 @@ def __getattr__(name: str) -> Any:
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
-def show(robot: Manipulator, motion: Motion | InverseDynamics | None = None, **options: Any) -> LiveViewer:
+def show(robot: Machine, motion: Motion | InverseDynamics | None = None, **options: Any) -> LiveViewer:
     """Show a machine in a page with controls; see `p3dof.viewer.live.LiveViewer`, which takes the options."""
     from p3dof.viewer.live import LiveViewer
 
     return LiveViewer(robot, motion, **options)
 
 
-def viewer(robot: Manipulator, port: int | None = None) -> Any:
+def viewer(robot: Machine, port: int | None = None) -> Any:
     """Return Pinocchio's visualizer of a machine, shown in a page; see `p3dof.viewer.live.viewer`."""
     from p3dof.viewer import live
 

@@ -12,11 +12,13 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from p3dof import kinematics
 from p3dof.checks import FloatArray, positive, shown
 from p3dof.errors import InputError
 from p3dof.files import suffix_of, write_atomic
 from p3dof.kinematics.states import reachable_poses
-from p3dof.manipulator import InverseDynamics, Manipulator
+from p3dof.methods import InverseDynamics
+from p3dof.viewer.machine import Machine, require_machine
 from p3dof.viewer.pages import as_script, filled, resource, standalone
 from p3dof.viewer.scale import ArrowScale
 from p3dof.viewer.scene import Scene, joints_of, trace_of
@@ -57,7 +59,7 @@ class Frames:
 
 
 def animation_html(
-    robot: Manipulator, result: InverseDynamics, speed: float = 1.0, fps: float = 60.0, title: str = TITLE
+    robot: Machine, result: InverseDynamics, speed: float = 1.0, fps: float = 60.0, title: str = TITLE
 ) -> str:
     """Return a page that plays a motion with its forces, in a loop.
 
@@ -116,7 +118,7 @@ def animation_html(
 
 def save_animation(
     path: str | os.PathLike[str],
-    robot: Manipulator,
+    robot: Machine,
     result: InverseDynamics,
     speed: float = 1.0,
     fps: float = 60.0,
@@ -147,7 +149,7 @@ def save_animation(
     return write_atomic(path, animation_html(robot, result, speed, fps, title))
 
 
-def frames_of(robot: Manipulator, result: InverseDynamics, speed: float, fps: float) -> Frames:
+def frames_of(robot: Machine, result: InverseDynamics, speed: float, fps: float) -> Frames:
     """Return what to show of a result at a speed and a frame rate.
 
     Parameters
@@ -169,8 +171,7 @@ def frames_of(robot: Manipulator, result: InverseDynamics, speed: float, fps: fl
     InputError
         As of `animation_html`.
     """
-    if not isinstance(robot, Manipulator):
-        raise InputError(f"robot: expected a Manipulator, got {shown(robot)}")
+    require_machine(robot)
     if not isinstance(result, InverseDynamics):
         raise InputError(f"result: expected an InverseDynamics, got {shown(result)}")
     step = positive("speed", speed, InputError) / positive("fps", fps, InputError)
@@ -186,9 +187,9 @@ def frames_of(robot: Manipulator, result: InverseDynamics, speed: float, fps: fl
     return Frames(moved.time, joints_of(robot, poses), np.stack(forces, axis=-1))
 
 
-def _check_machine(robot: Manipulator, result: InverseDynamics) -> None:
+def _check_machine(robot: Machine, result: InverseDynamics) -> None:
     """Refuse a result whose sliders are not where this machine's are."""
-    sliders = robot.inverse_kinematics(result.motion.pose, on_invalid="nan").sliders
+    sliders = kinematics.inverse_kinematics(robot.parameters.geometry, result.motion.pose, "nan").sliders
     if not len(sliders) == len(result.forces) == len(result.joints.q):
         raise InputError(f"result: expected joints and forces of all its {len(sliders)} samples")
     off = np.abs(sliders - result.sliders)[result.valid]

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from p3dof import kinematics
 from p3dof.checks import FloatArray, frozen_array, positive, shown
 from p3dof.errors import InputError, ReachError, SingularityError
-from p3dof.manipulator import Manipulator
 from p3dof.methods import InverseDynamics
 from p3dof.motion import Motion, WrenchOverTime
 from p3dof.viewer.connections import Message
+from p3dof.viewer.machine import Machine, require_machine
 from p3dof.viewer.panel import AXES, arrow_scales, off_scale, plain, setup_message, slider_ranges
 from p3dof.viewer.player import FASTEST, SLOWEST, Frames, Player, within
 from p3dof.viewer.scene import Scene, trace_of
@@ -70,7 +71,7 @@ class LiveViewer:
 
     def __init__(
         self,
-        robot: Manipulator,
+        robot: Machine,
         motion: Motion | InverseDynamics | None = None,
         *,
         wrench: WrenchOverTime = None,
@@ -80,8 +81,7 @@ class LiveViewer:
         playing: bool = True,
         at: float | None = None,
     ) -> None:
-        if not isinstance(robot, Manipulator):
-            raise InputError(f"robot: expected a Manipulator, got {type(robot).__name__}")
+        require_machine(robot)
         self.robot = robot
         self._result = _solved(robot, motion, wrench)
         self._states = States(robot, self._result)
@@ -225,7 +225,7 @@ class LiveViewer:
         InputError
             If it does not fit, or lies outside the ranges of the sliders.
         """
-        self.robot.inverse_kinematics(frozen_array("pose", pose, (3,)))
+        kinematics.inverse_kinematics(self.robot.parameters.geometry, frozen_array("pose", pose, (3,)))
         self.received({"type": "pose", "value": np.asarray(pose, dtype=float).tolist()})
 
     def wait(self, timeout: float | None = None) -> bool:
@@ -355,7 +355,7 @@ class LiveViewer:
         }
 
 
-def viewer(robot: Manipulator, port: int | None = None) -> Any:
+def viewer(robot: Machine, port: int | None = None) -> Any:
     """Return Pinocchio's visualizer of a machine at home, shown in a page without controls.
 
     The page is at ``visualizer.viewer.url()``; it is served until ``visualizer.viewer.close()``, or
@@ -386,10 +386,10 @@ def viewer(robot: Manipulator, port: int | None = None) -> Any:
 
 
 def _solved(
-    robot: Manipulator, motion: Motion | InverseDynamics | None, wrench: WrenchOverTime
+    robot: Machine, motion: Motion | InverseDynamics | None, wrench: WrenchOverTime
 ) -> InverseDynamics | None:
     if isinstance(motion, Motion):
-        return robot.inverse_dynamics(motion, "virtual-power", wrench)
+        return robot.inverse_dynamics(motion, method="virtual-power", wrench=wrench)
     if wrench is not None:
         raise InputError("wrench: expected a Motion to go with it")
     if not isinstance(motion, InverseDynamics | None):
@@ -403,6 +403,6 @@ def _player(result: InverseDynamics | None, speed: float, playing: bool, at: flo
     return Player(float(result.time[0]), float(result.time[-1]), speed, playing, at)
 
 
-def _trace(robot: Manipulator, motion: Motion) -> FloatArray:
+def _trace(robot: Machine, motion: Motion) -> FloatArray:
     some = np.unique(np.linspace(0, len(motion) - 1, min(len(motion), _TRACE_POINTS)).round().astype(int))
     return trace_of(robot, motion.pose[some])

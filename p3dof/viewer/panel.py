@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from p3dof.checks import FloatArray
-from p3dof.manipulator import Manipulator
 from p3dof.methods import InverseDynamics
 from p3dof.viewer.connections import Message
+from p3dof.viewer.machine import Machine
 from p3dof.viewer.player import FASTEST, SLOWEST
 from p3dof.viewer.scale import ArrowScale, number
 from p3dof.viewer.scenery import COLOURS, LEGS
@@ -20,7 +20,7 @@ _BEYOND_REACH = 1.1
 """How far the slider of y goes, as a share of the reach: its border is to be felt."""
 
 
-def setup_message(robot: Manipulator, result: InverseDynamics | None, states: States) -> Message:
+def setup_message(robot: Machine, result: InverseDynamics | None, states: States) -> Message:
     """Return what a page needs to know before the first state.
 
     Parameters
@@ -53,7 +53,7 @@ def setup_message(robot: Manipulator, result: InverseDynamics | None, states: St
 
 
 def arrow_scales(
-    robot: Manipulator, result: InverseDynamics | None, states: States
+    robot: Machine, result: InverseDynamics | None, states: States
 ) -> tuple[ArrowScale, ArrowScale]:
     """Return the scales of the arrows in a motion, for all load cases, and for a platform moved by hand.
 
@@ -107,7 +107,7 @@ def off_scale(scale: ArrowScale, forces: FloatArray) -> list[str]:
     return words
 
 
-def slider_ranges(robot: Manipulator) -> list[tuple[float, float]]:
+def slider_ranges(robot: Machine) -> list[tuple[float, float]]:
     """Return how far the page's sliders of y, z and θ go: a little beyond reach, the travel, and the tilt.
 
     Parameters

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from p3dof.checks import FloatArray
-from p3dof.manipulator import InverseDynamics, Manipulator
+from p3dof.methods import InverseDynamics, virtual_power
+from p3dof.viewer.machine import Machine
 
 _POSES = 41
 """Along each axis of the poses that are looked at for forces at rest."""
@@ -41,7 +42,7 @@ class ArrowScale:
     words: str
 
     @classmethod
-    def of_motion(cls, robot: Manipulator, result: InverseDynamics, *more: FloatArray) -> ArrowScale:
+    def of_motion(cls, robot: Machine, result: InverseDynamics, *more: FloatArray) -> ArrowScale:
         """Return the scale for a motion.
 
         Parameters
@@ -62,7 +63,7 @@ class ArrowScale:
         return cls._of(robot, forces, result.sliders, "the largest force of the motion")
 
     @classmethod
-    def of_forces(cls, robot: Manipulator, forces: FloatArray, sliders: FloatArray) -> ArrowScale:
+    def of_forces(cls, robot: Machine, forces: FloatArray, sliders: FloatArray) -> ArrowScale:
         """Return the scale for one state.
 
         Parameters
@@ -81,7 +82,7 @@ class ArrowScale:
         return cls._of(robot, forces, sliders, "the largest force shown")
 
     @classmethod
-    def at_rest(cls, robot: Manipulator) -> ArrowScale:
+    def at_rest(cls, robot: Machine) -> ArrowScale:
         """Return the scale for a machine that is moved by hand: for what holds it at rest.
 
         That is the largest force over the poses within reach, travel and tilt, but not those near a
@@ -101,14 +102,14 @@ class ArrowScale:
         y, theta = np.meshgrid(np.linspace(-reach, reach, _POSES), np.linspace(*tilt, _POSES))
         poses = np.stack((y, np.zeros_like(y), theta), axis=-1).reshape(-1, 3)
         rest = np.zeros(3)
-        forces = np.abs(robot.forces(poses, rest, rest, "virtual-power", on_invalid="nan"))
+        forces = np.abs(virtual_power.forces(robot.parameters, poses, rest, rest, on_invalid="nan"))
         found = forces[np.isfinite(forces)]
         found = found[found <= _FAR * np.median(found)] if len(found) else found
         words = "about the largest force that holds the platform at rest"
         return cls._of(robot, found, np.full(found.shape, np.nan), words).by_hand(robot)
 
     @classmethod
-    def _of(cls, robot: Manipulator, forces: FloatArray, sliders: FloatArray, words: str) -> ArrowScale:
+    def _of(cls, robot: Machine, forces: FloatArray, sliders: FloatArray, words: str) -> ArrowScale:
         metres = robot.parameters.geometry.R
         largest = float(np.abs(forces[np.isfinite(forces)]).max(initial=0.0))
         if largest < np.finfo(float).tiny:  # no force at all
@@ -118,7 +119,7 @@ class ArrowScale:
         ends = ends[np.isfinite(ends)]
         return cls(largest, metres, ends.min(initial=np.inf), ends.max(initial=-np.inf), words)
 
-    def by_hand(self, robot: Manipulator) -> ArrowScale:
+    def by_hand(self, robot: Machine) -> ArrowScale:
         """Return the same scale for a platform that is also moved by hand: all over the travel."""
         low, high = robot.parameters.limits.travel
         return replace(self, low=min(self.low, low - self.metres), high=max(self.high, high + self.metres))

@@ -8,12 +8,13 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from p3dof import kinematics
 from p3dof.checks import FloatArray, as_floats, frozen_array
 from p3dof.description.shapes import PLATFORM
 from p3dof.errors import InputError, MissingExtraError
-from p3dof.manipulator import Manipulator
 from p3dof.parameters import Dimensions
 from p3dof.viewer.forces import ForceArrows, colour_number
+from p3dof.viewer.machine import Machine, require_machine
 from p3dof.viewer.scale import ArrowScale
 from p3dof.viewer.scenery import LEGS, Room, draw_scenery, set_stage
 from p3dof.viewer.window import SceneWindow
@@ -67,10 +68,9 @@ class Scene:
     """
 
     def __init__(
-        self, robot: Manipulator, window: SceneWindow | None = None, scale: ArrowScale | None = None
+        self, robot: Machine, window: SceneWindow | None = None, scale: ArrowScale | None = None
     ) -> None:
-        if not isinstance(robot, Manipulator):
-            raise InputError(f"robot: expected a Manipulator, got {type(robot).__name__}")
+        require_machine(robot)
         if not isinstance(window, SceneWindow | None):
             raise InputError(f"window: expected a SceneWindow, got {type(window).__name__}")
         if not isinstance(scale, ArrowScale | None):
@@ -215,7 +215,7 @@ def three_forces(forces: ArrayLike) -> FloatArray:
     return newtons
 
 
-def joints_of(robot: Manipulator, pose: ArrayLike) -> FloatArray:
+def joints_of(robot: Machine, pose: ArrayLike) -> FloatArray:
     """Return all joints at poses, in Pinocchio's order.
 
     Parameters
@@ -234,11 +234,11 @@ def joints_of(robot: Manipulator, pose: ArrayLike) -> FloatArray:
     ReachError, InputError
         Naming leg, margin and sample.
     """
-    joints = robot.inverse_kinematics(pose).joints
+    joints = kinematics.inverse_kinematics(robot.parameters.geometry, pose).joints
     return np.stack([joints[name] for name in robot.model.names[1:]], axis=-1)
 
 
-def trace_of(robot: Manipulator, pose: ArrayLike) -> FloatArray:
+def trace_of(robot: Machine, pose: ArrayLike) -> FloatArray:
     """Return where P is at poses, in the fixed frame.
 
     Parameters
@@ -265,7 +265,7 @@ def trace_of(robot: Manipulator, pose: ArrayLike) -> FloatArray:
     return np.stack((0.0 * y, y, z - robot.parameters.geometry.h), axis=-1)
 
 
-def _visualizer(robot: Manipulator, window: SceneWindow) -> Any:
+def _visualizer(robot: Machine, window: SceneWindow) -> Any:
     """Return Pinocchio's visualizer with the machine loaded into a window."""
     try:
         import meshcat

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from p3dof import kinematics
 from p3dof.checks import FloatArray
 from p3dof.errors import SingularityError
-from p3dof.manipulator import Manipulator
-from p3dof.methods import InverseDynamics
+from p3dof.methods import InverseDynamics, virtual_power
 from p3dof.motion import Motion
 from p3dof.parameters import LEGS, SLIDES
+from p3dof.samples import OnInvalid
+from p3dof.viewer.machine import Machine
 from p3dof.viewer.scene import joints_of
 
 CASES = ("total", "static", "dynamic")
@@ -55,7 +57,7 @@ class States:
         The motion that can be played.
     """
 
-    def __init__(self, robot: Manipulator, result: InverseDynamics | None) -> None:
+    def __init__(self, robot: Machine, result: InverseDynamics | None) -> None:
         self._robot = robot
         self._result = result
         self._slides = [list(robot.model.names[1:]).index(name) for name in SLIDES]
@@ -143,19 +145,19 @@ class States:
         some = np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(int))
         poses, wrench = self._result.motion.pose[some], self._result.wrench[some]
         total, rest = self._result.forces[some], np.zeros(3)
-        static = self._robot.forces(poses, rest, rest, "virtual-power", wrench, on_invalid="nan")
+        static = virtual_power.forces(self._robot.parameters, poses, rest, rest, wrench, "nan")
         static[~np.isfinite(total)] = np.nan  # near a singularity that is crossed these are of no use either
         return self._result.time[some], {"total": total, "static": static, "dynamic": total - static}
 
-    def _static(self, pose: FloatArray, time: float, on_invalid: str = "nan") -> FloatArray:
+    def _static(self, pose: FloatArray, time: float, on_invalid: OnInvalid = "nan") -> FloatArray:
         wrench = None if self._result is None else self._at(time, self._result.wrench)
         rest = np.zeros(3)
-        policy = {"on_invalid": on_invalid}
-        return self._robot.forces(pose, rest, rest, "virtual-power", wrench, **policy)  # type: ignore[arg-type]
+        return virtual_power.forces(self._robot.parameters, pose, rest, rest, wrench, on_invalid)
 
     def _require_same_side(self, pose: FloatArray, before: FloatArray) -> None:
         """Refuse to drag the platform through the singularity, where the sliders lose hold of it."""
-        here, there = (float(angle) for angle in self._robot.singularity(np.stack([pose, before])).actuation)
+        both = kinematics.singularity(self._robot.parameters.geometry, np.stack([pose, before]))
+        here, there = (float(angle) for angle in both.actuation)
         if here * there < 0:
             y, z, theta = pose
             raise SingularityError(

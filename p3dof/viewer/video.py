@@ -13,12 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from p3dof.checks import FloatArray, Progress, frozen_array, positive, shown
+from p3dof import kinematics
+from p3dof.checks import FloatArray, Progress, frozen_array, positive
 from p3dof.errors import FileError, InputError, MissingExtraError
 from p3dof.files import scratch_folder, suffix_of, write_atomic
-from p3dof.manipulator import InverseDynamics, Manipulator
+from p3dof.methods import InverseDynamics
 from p3dof.viewer.animation import TITLE, animation_html, frames_of
 from p3dof.viewer.headless import SIZE, as_image, aside, checked_size, opened, picture_of
+from p3dof.viewer.machine import Machine, require_machine
 from p3dof.viewer.pages import standalone
 from p3dof.viewer.scale import ArrowScale
 from p3dof.viewer.scene import Scene, joints_of, three_forces, trace_of
@@ -30,7 +32,7 @@ _GIF_FPS = 50.0
 
 def save_screenshot(
     path: str | os.PathLike[str],
-    robot: Manipulator,
+    robot: Machine,
     pose: ArrayLike = (0.0, 0.0, 0.0),
     forces: ArrayLike | None = None,
     trace: ArrayLike | None = None,
@@ -77,7 +79,7 @@ def save_screenshot(
 
 
 def screenshot(
-    robot: Manipulator,
+    robot: Machine,
     pose: ArrayLike = (0.0, 0.0, 0.0),
     forces: ArrayLike | None = None,
     trace: ArrayLike | None = None,
@@ -86,12 +88,11 @@ def screenshot(
 ) -> bytes:
     """Return the picture that `save_screenshot` writes; arguments and errors are the same."""
     checked_size(size)
-    if not isinstance(robot, Manipulator):
-        raise InputError(f"robot: expected a Manipulator, got {shown(robot)}")
+    require_machine(robot)
     place = frozen_array("pose", pose, (3,))
     joints = joints_of(robot, place)
     if scale is None and forces is not None:
-        sliders = robot.inverse_kinematics(place).sliders
+        sliders = kinematics.inverse_kinematics(robot.parameters.geometry, place).sliders
         scale = ArrowScale.of_forces(robot, three_forces(forces), sliders)
     scene = Scene(robot, scale=scale)
     scene.display(joints, forces)
@@ -100,7 +101,7 @@ def screenshot(
     return picture_of(standalone(scene.window.messages()), size)
 
 
-def view_of(robot: Manipulator, result: InverseDynamics, time: float | None = None) -> dict[str, Any]:
+def view_of(robot: Machine, result: InverseDynamics, time: float | None = None) -> dict[str, Any]:
     """Return what a picture of a moment of a motion shows, as arguments of `save_screenshot`.
 
     Parameters
@@ -128,7 +129,7 @@ def view_of(robot: Manipulator, result: InverseDynamics, time: float | None = No
 
 def save_video(
     path: str | os.PathLike[str],
-    robot: Manipulator,
+    robot: Machine,
     result: InverseDynamics,
     fps: float = 25.0,
     size: tuple[int, int] = SIZE,

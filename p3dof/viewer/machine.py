@@ -1,0 +1,53 @@
+"""What the viewer asks of what it shows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from p3dof.checks import shown
+from p3dof.errors import InputError
+from p3dof.methods import InverseDynamics
+from p3dof.parameters import Parameters
+
+
+class Drawable(Protocol):
+    """A robot that can be drawn: a tree, and solids on its bodies."""
+
+    @property
+    def model(self) -> Any:
+        """The tree, a `pinocchio.Model`."""
+
+    @property
+    def visual_model(self) -> Any:
+        """Its visible solids, a `pinocchio.GeometryModel`."""
+
+
+class Machine(Drawable, Protocol):
+    """The manipulator, as `p3dof.Manipulator` is it: also with its measures, and forces over a motion."""
+
+    @property
+    def parameters(self) -> Parameters:
+        """Its measures and limits."""
+
+    @property
+    def inverse_dynamics(self) -> Callable[..., InverseDynamics]:
+        """Takes a `Motion`, a method and a wrench; returns the forces of the actuators."""
+
+
+def require_machine(robot: object) -> None:
+    """Raise unless something is a manipulator.
+
+    Parameters
+    ----------
+    robot : object
+        What the user gave.
+
+    Raises
+    ------
+    InputError
+        If it has no parameters, model or solids.
+    """
+    drawn = all(hasattr(robot, name) for name in ("model", "visual_model", "inverse_dynamics"))
+    if not drawn or not isinstance(getattr(robot, "parameters", None), Parameters):
+        raise InputError(f"robot: expected a Manipulator, got {shown(robot)}")
