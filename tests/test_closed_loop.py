@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import closed_loop_robots as robots
 import numpy as np
 import pinocchio as pin
@@ -420,6 +422,25 @@ def test_redundant_actuation_is_least_norm(four_bar):
     # z, follows from the coupler's own motion. Nothing in the plane holds y.
     assert two.unique.tolist() == [False, False, True]
     assert two.lambda_[2] == pytest.approx(one.lambda_[2], abs=1e-12)
+
+
+def test_what_one_pair_of_actuators_leaves_open_stays_determined_elsewhere(four_bar):
+    """Two four-bars on one base, the first with two actuators and the second with two: each opens its own."""
+    first = robots.four_bar(*FOUR_BAR)
+    again = re.sub(r'"((?:crank|coupler|rocker)\w*)"', r'"second_\1"', first)
+    parts = re.sub(r"</?robot[^>]*>|<link name=.base./>", "", again)
+    closures = [Closure("coupler_tip", "rocker_tip"), Closure("second_coupler_tip", "second_rocker_tip")]
+    actuated = ("crank_joint", "rocker_joint", "second_crank_joint", "second_rocker_joint")
+    both = ClosedLoopModel.from_urdf(
+        first.replace("</robot>", f"{parts}</robot>"), Sidecar(closures, actuated)
+    )
+    pair = ClosedLoopModel(four_bar.model, Sidecar(closures[:1], actuated[:2]))
+    q = robots.four_bar_q(0.9, *FOUR_BAR)
+    v, a = moving(four_bar, q)
+    one = pair.inverse_dynamics(q, v, a)
+    two = both.inverse_dynamics(*(np.tile(x, 2) for x in (q, v, a)))
+    assert two.unique.tolist() == [*one.unique, *one.unique]
+    np.testing.assert_allclose(two.tau, np.tile(one.tau, 2), rtol=1e-11)
 
 
 def test_a_structure_needs_no_actuator_forces():

@@ -256,6 +256,12 @@ def test_the_gains_are_those_of_the_docstring():
     np.testing.assert_allclose(pd(measured), expected, rtol=1e-12)
 
 
+def test_plain_springs_have_no_preload_no_damping_and_rest_at_zero():
+    none = np.zeros(3, dtype=bool)
+    moving = Measurement(0, 0, HOME, np.ones(3), none, PAPER.geometry)
+    np.testing.assert_array_equal(Springs(100.0)(moving), np.zeros(3))
+
+
 def test_springs():
     springs = Springs([100, 200, 300], rest=0.01, damping=5, preload=[1, 2, 3])
     none = np.zeros(3, dtype=bool)

@@ -303,6 +303,11 @@ def test_a_plant_has_no_rate_where_no_dynamics_is():
         assert np.isnan(rate).all()
 
 
+def test_what_errors_are_small_to_is_the_largest_force(robot):
+    result = robot.inverse_dynamics(MOTION)
+    np.testing.assert_array_equal(result.force_scale, np.abs(result.forces).max(axis=0))
+
+
 @pytest.mark.parametrize("method", [*METHODS, "compiled"])
 def test_without_a_wrench_a_result_has_six_zeros_a_sample(method, robot):
     result = robot.inverse_dynamics(MOTION, method=method)
