@@ -135,10 +135,7 @@ def draw(case: Case, out: Path, formats: tuple[str, ...], only: tuple[str, ...],
     drawings = Drawings(case, at)
     with together():
         written = [
-            plots.save(figure, path)
-            for name, files in paths.items()
-            for figure in [drawings.figure(name)]
-            for path in files
+            path for name, files in paths.items() for path in plots.save_all(drawings.figure(name), files)
         ]
     console = Console()
     print_payloads(console, case)

@@ -1,6 +1,6 @@
 """Figures; they need the extra ``plot`` (matplotlib), which is imported when one is drawn."""
 
-from p3dof.plots.common import save
+from p3dof.plots.common import save, save_all
 from p3dof.plots.energy import energy_figure
 from p3dof.plots.forces import forces_figure
 from p3dof.plots.joints import joints_figure
@@ -15,5 +15,6 @@ __all__ = [
     "mechanism_figure",
     "reactions_figure",
     "save",
+    "save_all",
     "tracking_figure",
 ]

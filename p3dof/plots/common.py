@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +23,9 @@ if TYPE_CHECKING:
 COLOURS = ("#0072b2", "#d55e00", "#009e73")
 """Colours of the legs A, B, C: distinct for colour-blind readers and in grey print."""
 
+
+RESOLUTION = 160
+"""Of pictures that are made of points [per inch]."""
 
 GAP = "not possible"
 """What legends call the hatched times without valid samples: out of reach, or near a singularity."""
@@ -50,11 +55,60 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
     InputError
         If the ending is not a format that matplotlib writes.
     """
-    kind = suffix_of(path, "figure").lstrip(".")
+    return save_all(figure, [path])[0]
+
+
+def save_all(figure: Figure, paths: Iterable[str | os.PathLike[str]]) -> list[Path]:
+    """Write a figure to several files, as `save` writes one; it is laid out only once."""
+    files = {path: suffix_of(path, "figure").lstrip(".") for path in paths}
+    with laid_out(figure):
+        return [write_atomic(path, encoded(figure, kind)) for path, kind in files.items()]
+
+
+@contextmanager
+def laid_out(figure: Figure) -> Iterator[None]:
+    """Lay a figure out once for all that is drawn in this block."""
+    engine, dpi, canvas = figure.get_layout_engine(), figure.dpi, figure.canvas
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine("none")
+    try:
+        yield
+    finally:
+        figure.set_layout_engine(engine)
+        figure.set_dpi(dpi)
+        figure.set_canvas(canvas)
+
+
+def encoded(figure: Figure, kind: str) -> bytes:
+    """Draw a figure that is laid out, once: `savefig` would draw it twice.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        The figure; its canvas and resolution change.
+    kind : {"png", "svg", "pdf"}
+        The format.
+
+    Returns
+    -------
+    bytes
+    """
     stream = io.BytesIO()
-    metadata = {"Date": None} if kind == "svg" else {}
-    figure.savefig(stream, format=kind, dpi=160, metadata=metadata)
-    return write_atomic(path, stream.getvalue())
+    if kind == "svg":
+        from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+        FigureCanvasSVG(figure).print_svg(stream, metadata={"Date": None})  # type: ignore[no-untyped-call]
+    elif kind == "pdf":
+        from matplotlib.backends.backend_pdf import FigureCanvasPdf
+
+        FigureCanvasPdf(figure).print_pdf(stream)  # type: ignore[no-untyped-call]
+    else:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+        figure.set_dpi(RESOLUTION)
+        FigureCanvasAgg(figure).print_png(stream)  # type: ignore[no-untyped-call]
+    return stream.getvalue()
 
 
 def new_figure(figsize: tuple[float, float]) -> Figure:
@@ -78,13 +132,15 @@ def new_figure(figsize: tuple[float, float]) -> Figure:
     """
     try:
         from matplotlib.figure import Figure
+
+        from p3dof.plots.layout import Panels
     except ImportError as error:
         raise MissingExtraError("figures need matplotlib: pip install 'p3dof[plot]'") from error
     except (
         ValueError
     ) as error:  # matplotlib refuses its own settings, such as MPLBACKEND, when it is imported
         raise InputError(f"matplotlib cannot start: {error}") from error
-    return Figure(figsize=figsize, layout="constrained")
+    return Figure(figsize=figsize, layout=Panels())
 
 
 def tidy(axis: Axes) -> None:

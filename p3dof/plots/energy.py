@@ -76,7 +76,6 @@ def energy_figure(energy: Energy) -> Figure:
             reverse=draw is _draw_bodies,
         )
     panels[-1].set_xlabel("time [s]")
-    figure.align_ylabels()
     return figure
 
 
@@ -94,7 +93,7 @@ def _draw_balance(axis: Axes, energy: Energy) -> None:
     _line(axis, energy, work, label=label, color=_BLACK, ls=_DASHED)
     axis.axhline(0, color=_GREY, lw=0.6, zorder=0)
     axis.set_title(
-        "Energy since the first sample, and the work done on the mechanism", fontsize=10, loc="left"
+        "Energy since the first sample, and the work done on the mechanism", fontsize=10, loc="left", y=1.0
     )
     axis.set_ylabel("change of energy [J]")
 
@@ -109,7 +108,7 @@ def _draw_bodies(axis: Axes, energy: Energy) -> None:
             energy.time, list(layers.values()), labels=list(layers), colors=colours, lw=0, alpha=0.85
         )
     _line(axis, energy, energy.kinetic_total, label="all bodies", color=_BLACK, lw=1, clip_on=False)
-    axis.set_title("Kinetic energy, one layer a group of bodies", fontsize=10, loc="left")
+    axis.set_title("Kinetic energy, one layer a group of bodies", fontsize=10, loc="left", y=1.0)
     axis.set_ylabel("kinetic energy [J]")
     axis.set_ylim(bottom=0)
 
@@ -122,7 +121,7 @@ def _draw_power(axis: Axes, energy: Energy) -> None:
     if _acts(energy.dissipated_power):
         _line(axis, energy, -energy.dissipated_power, label="friction", color="#cc79a7", ls=_DOTTED)
     axis.axhline(0, color=_GREY, lw=0.6, zorder=0)
-    axis.set_title("Power given to the mechanism (below zero: taken from it)", fontsize=10, loc="left")
+    axis.set_title("Power given to the mechanism (below zero: taken from it)", fontsize=10, loc="left", y=1.0)
     axis.set_ylabel("power [W]")
 
 

@@ -58,7 +58,7 @@ def forces_figure(results: Sequence[InverseDynamics]) -> Figure:
         top = axes[0, leg]
         for result, style in zip(results, _STYLES[-rows:], strict=True):
             line(top, result.time, result.forces[:, leg], result.valid, color=COLOURS[leg], **style)
-        top.set_title(f"actuator {name}", fontsize=10)
+        top.set_title(f"actuator {name}", fontsize=10, y=1.0)
         top.set_ylabel("force [N]")
         if rows == 2:
             difference = results[0].forces[:, leg] - results[1].forces[:, leg]
@@ -72,7 +72,7 @@ def forces_figure(results: Sequence[InverseDynamics]) -> Figure:
     if not valid.all():
         handles.append(Patch(**GAP_STYLE))
         labels.append(GAP)
-    figure.legend(handles, labels, loc="outside upper center", ncols=3, frameon=False, fontsize=9)
+    figure.legend(handles, labels, loc="upper center", ncols=3, frameon=False, fontsize=9)
     for axis in axes.ravel():
         shade_gaps(axis, results[0].time, valid)
         tidy(axis)

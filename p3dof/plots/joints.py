@@ -88,5 +88,4 @@ def joints_figure(result: InverseDynamics) -> Figure:
             fontsize=9,
             title_fontsize=10,
         )
-    figure.align_ylabels()
     return figure

@@ -55,7 +55,7 @@ def reactions_figure(result: AnyReactions) -> Figure:
         for axis in row[len(names) :]:
             axis.set_axis_off()
         for axis, name in zip(row, names, strict=False):
-            axis.set_title(f"{name} ({_LABELS[name]})", fontsize=9)
+            axis.set_title(f"{name} ({_LABELS[name]})", fontsize=9, y=1.0)
             for side, (kind, _, colour) in zip((axis, axis.twinx()), _KINDS, strict=True):
                 _draw(side, result, name, kind, colour)
             shade_gaps(axis, result.time, result.valid)

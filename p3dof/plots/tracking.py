@@ -63,5 +63,5 @@ def tracking_figure(runs: Mapping[str, Simulation]) -> Figure:
     for axis in axes.ravel():
         tidy(axis)
     handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), frameon=False, fontsize=9)
+    figure.legend(handles, labels, loc="upper center", ncols=len(labels), frameon=False, fontsize=9)
     return figure

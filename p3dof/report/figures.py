@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import io
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,6 +13,7 @@ from p3dof.energy import Energy
 from p3dof.manipulator import Manipulator
 from p3dof.methods import InverseDynamics
 from p3dof.parameters import LEGS
+from p3dof.plots.common import encoded, laid_out
 from p3dof.plots.joints import joints_figure
 from p3dof.plots.mechanism import mechanism_figure
 from p3dof.reactions import AnyReactions
@@ -151,9 +151,7 @@ def picture(figure: Figure, alternative: str, caption: str) -> Picture:
     """
     from matplotlib import rc_context
 
-    stream = io.BytesIO()
-    with rc_context({"svg.hashsalt": "p3dof", "svg.fonttype": "path"}):
-        figure.savefig(stream, format="svg", metadata={"Date": None})
-    encoded = base64.b64encode(stream.getvalue()).decode("ascii")
+    with rc_context({"svg.hashsalt": "p3dof", "svg.fonttype": "path"}), laid_out(figure):
+        data = base64.b64encode(encoded(figure, "svg")).decode("ascii")
     width, height = (round(96 * inches) for inches in figure.get_size_inches())
-    return Picture(f"data:image/svg+xml;base64,{encoded}", alternative, caption, width, height)
+    return Picture(f"data:image/svg+xml;base64,{data}", alternative, caption, width, height)
