@@ -33,7 +33,7 @@ from p3dof.viewer import (
     video,
 )
 from p3dof.viewer.animation import frames_of
-from p3dof.viewer.scene import ROOT
+from p3dof.viewer.drawing import ROOT
 
 VISUALS = f"meshcat/{ROOT}/visuals/"
 SMALL = (320, 240)

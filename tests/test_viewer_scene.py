@@ -19,7 +19,8 @@ import umsgpack
 
 from p3dof.parameters import LINKS
 from p3dof.viewer import ArrowScale, Scene, SceneWindow, joints_of, trace_of
-from p3dof.viewer.scene import LINKS_OF_LEGS, MARK, ROOT
+from p3dof.viewer.drawing import ROOT
+from p3dof.viewer.scene import LINKS_OF_LEGS, MARK
 
 VISUALS = f"/meshcat/{ROOT}/visuals/"
 

@@ -24,7 +24,7 @@ const cells = motion.names.map((name, i) => {
   const mark = element("span", "", leg);
   mark.className = "mark";
   mark.style.background = motion.colours[i];
-  leg.append(`force ${name}`);
+  leg.append(motion.words[i]);
   const cell = element("td", "", row);
   cell.id = `force_${name}`;
   return cell;
@@ -52,7 +52,7 @@ function show() {
   shown = animator.time;
   clock.textContent = `t = ${(motion.start + shown).toFixed(3)} s`;
   forcesAt(shown).forEach((force, i) => {
-    cells[i].textContent = force === null ? "not determined" : `${force.toFixed(1)} N`;
+    cells[i].textContent = force === null ? "not determined" : `${force.toFixed(motion.digits)} ${motion.units[i]}`;
   });
 }
 

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from p3dof import kinematics
 from p3dof.checks import FloatArray, positive, shown
@@ -18,44 +14,16 @@ from p3dof.errors import InputError
 from p3dof.files import suffix_of, write_atomic
 from p3dof.kinematics.states import reachable_poses
 from p3dof.methods import InverseDynamics
+from p3dof.viewer.frames import MAX_FRAMES, Frames, Labels, page_of
 from p3dof.viewer.machine import Machine, require_machine
-from p3dof.viewer.pages import as_script, filled, resource, standalone
+from p3dof.viewer.recorder import Recorder
 from p3dof.viewer.scale import ArrowScale
 from p3dof.viewer.scene import Scene, joints_of, trace_of
 from p3dof.viewer.scenery import COLOURS, LEGS, Room
-from p3dof.viewer.window import Command, SceneWindow
 
 TITLE = "3-DOF spatial parallel manipulator"
 _SAME = 1e-6
 """By how much sliders may differ between the two methods, in lengths of a leg."""
-MAX_FRAMES = 20_000
-"""Most frames of an animation: that is tens of megabytes."""
-_KINDS = ("position", "quaternion", "scale"), ("vector3", "quaternion", "vector3")
-"""What a transform is made of, and what the page calls their types."""
-
-
-@dataclass(frozen=True, eq=False)
-class Frames:
-    """What is shown, evenly spaced in time.
-
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        Times of the motion [s].
-    joints : ndarray, shape (N, 10)
-        Joints in Pinocchio's order; those of the last pose within reach where one is not.
-    forces : ndarray, shape (N, 3)
-        Of the actuators A, B, C [N]; NaN where there are none.
-    """
-
-    time: FloatArray
-    joints: FloatArray
-    forces: FloatArray
-
-    @property
-    def rate(self) -> float:
-        """Frames a second of the motion; 1 when there is only one."""
-        return (len(self.time) - 1) / float(self.time[-1] - self.time[0]) if len(self.time) > 1 else 1.0
 
 
 def animation_html(
@@ -94,26 +62,15 @@ def animation_html(
     if not isinstance(title, str):
         raise InputError(f"title: expected text, got {shown(title)}")
     frames = frames_of(robot, result, speed, fps)
-    window = _Recorder()
+    window = Recorder()
     scale = ArrowScale.of_motion(robot, result)
     scene = Scene(robot, window, scale)
     scene.draw_trace(trace_of(robot, result.motion.pose[result.valid]))
     for joints, forces in zip(frames.joints, frames.forces, strict=True):
         window.next_frame()
         scene.display(joints, forces)
-    motion = {
-        "title": title,
-        "start": float(frames.time[0]),
-        "speed": float(speed),
-        "rate": frames.rate,
-        "mesh": round(Room.around(robot.parameters).mesh, 12),
-        "legend": scale.legend,
-        "names": [leg.upper() for leg in LEGS],
-        "colours": [_web_colour(COLOURS[leg]) for leg in LEGS],
-        "forces": [[_plain(force) for force in row] for row in frames.forces],
-    }
-    script = filled(resource("animation.js"), MOTION=as_script(motion))
-    return standalone([*window.messages(), _packed(window.clips(frames.rate))], title, script)
+    labels = Labels(tuple(leg.upper() for leg in LEGS), tuple(COLOURS[leg] for leg in LEGS), scale.legend)
+    return page_of(window, frames, labels, float(speed), title, Room.around(robot.parameters).mesh)
 
 
 def save_animation(
@@ -204,88 +161,3 @@ def _held(poses: FloatArray) -> FloatArray:
         raise InputError("result: expected a motion with a pose within reach")
     latest = np.searchsorted(valid, np.arange(len(poses)), side="right") - 1
     return np.asarray(poses[valid[np.maximum(latest, 0)]])
-
-
-class _Recorder(SceneWindow):
-    """A window that remembers where everything was in every frame."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._count = 0
-        self._placements: dict[str, dict[int, FloatArray]] = {}
-        self._visible: dict[str, dict[int, bool]] = {}
-
-    def next_frame(self) -> None:
-        self._count += 1
-
-    def send(self, command: Command) -> None:
-        data = command.lower()
-        if self._count and data["type"] == "set_transform":
-            matrix = np.reshape(data["matrix"], (4, 4)).T
-            self._placements.setdefault(data["path"], {})[self._count - 1] = matrix
-        elif self._count and data["type"] == "set_property" and data["property"] == "visible":
-            self._visible.setdefault(data["path"], {})[self._count - 1] = data["value"]
-        super().send(command)
-
-    def clips(self, rate: float) -> dict[str, Any]:
-        """Return the command that plays the frames: only what moves is in it."""
-        tracks = {path: _placed(matrices) for path, matrices in self._placements.items()}
-        for path, shown_at in self._visible.items():
-            if len(set(shown_at.values())) > 1:
-                tracks.setdefault(path, []).append(_track("visible", "bool", shown_at.items()))
-        return {
-            "type": "set_animation",
-            "path": "",
-            "animations": [
-                {"path": path, "clip": {"fps": rate, "name": "motion", "tracks": moving}}
-                for path, moving in tracks.items()
-                if moving
-            ],
-            "options": {"play": True, "repetitions": math.inf},
-        }
-
-
-def _placed(matrices: dict[int, FloatArray]) -> list[dict[str, Any]]:
-    """Return the tracks of what is placed so in these frames; none if it stands still.
-
-    What stays the same has one key, and is not left out: the page starts from the last transform, in which it
-    takes a mirrored z for a turned and mirrored x.
-    """
-    parts = [_parts(matrix) for matrix in matrices.values()]
-    tracks, moves = [], False
-    for name, kind, values in zip(*_KINDS, zip(*parts, strict=True), strict=True):
-        constant = np.ptp(values, axis=0).max() == 0
-        moves = moves or not constant
-        keys = zip(matrices, (value.tolist() for value in values[: 1 if constant else None]), strict=False)
-        tracks.append(_track(name, kind, keys))
-    return tracks if moves else []
-
-
-def _parts(matrix: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Take a transform apart: position, quaternion (x, y, z, w) and scale, negative along a mirrored z."""
-    scale = np.linalg.norm(matrix[:3, :3], axis=0)
-    scale[2] = np.copysign(scale[2], np.linalg.det(matrix[:3, :3]))
-    return matrix[:3, 3], pin.Quaternion(matrix[:3, :3] / scale).coeffs(), scale
-
-
-def _track(name: str, kind: str, keys: Any) -> dict[str, Any]:
-    return {
-        "name": f".{name}",
-        "type": kind,
-        "keys": [{"time": frame, "value": value} for frame, value in keys],
-    }
-
-
-def _packed(command: dict[str, Any]) -> bytes:
-    """Pack an animation in single precision, which is all that a page keeps of it."""
-    import umsgpack
-
-    return bytes(umsgpack.packb(command, force_float_precision="single"))
-
-
-def _plain(force: float) -> float | None:
-    return round(float(force), 4) if math.isfinite(force) else None
-
-
-def _web_colour(rgba: Sequence[float]) -> str:
-    return "#" + "".join(f"{round(255 * part):02x}" for part in rgba[:3])

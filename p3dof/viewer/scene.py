@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from p3dof import kinematics
-from p3dof.checks import FloatArray, as_floats, frozen_array
+from p3dof.checks import FloatArray, as_floats
 from p3dof.description.shapes import PLATFORM
-from p3dof.errors import InputError, MissingExtraError
+from p3dof.errors import InputError
 from p3dof.parameters import Dimensions
+from p3dof.viewer.drawing import TRACE, Drawing
 from p3dof.viewer.forces import ForceArrows, colour_number
 from p3dof.viewer.machine import Machine, require_machine
 from p3dof.viewer.scale import ArrowScale
 from p3dof.viewer.scenery import LEGS, Room, draw_scenery, set_stage
 from p3dof.viewer.window import SceneWindow
 
-ROOT = "p3dof"
-"""Name of the machine under MeshCat's root, ``/meshcat``."""
 LINKS_OF_LEGS = {
     "a": ("slider_a", "leg_a"),
     "b": ("slider_b", "leg_b"),
@@ -31,13 +28,11 @@ MARK = (0.85, 0.05, 0.1, 1.0)
 """Colour of a leg that is out of reach."""
 GLASS = (0.62, 0.66, 0.70, 0.45)
 """Colour of the frame, which stands between the eye and the legs."""
-TRACE = 0x7B1FA2
-"""Colour of P and its path."""
 _PROUD = 1.04
 """How much larger the platform's skin is than its solids."""
 
 
-class Scene:
+class Scene(Drawing):
     """One machine in a window, at home at first.
 
     Everything is drawn under ``/meshcat``, whose axes are those of the fixed frame, in metres.
@@ -71,19 +66,15 @@ class Scene:
         self, robot: Machine, window: SceneWindow | None = None, scale: ArrowScale | None = None
     ) -> None:
         require_machine(robot)
-        if not isinstance(window, SceneWindow | None):
-            raise InputError(f"window: expected a SceneWindow, got {type(window).__name__}")
         if not isinstance(scale, ArrowScale | None):
             raise InputError(f"scale: expected an ArrowScale, got {type(scale).__name__}")
+        super().__init__(robot, window)
         self.robot = robot
-        self.window = SceneWindow() if window is None else window
-        self.visualizer = _visualizer(robot, self.window)
-        self._viewer = self.visualizer.viewer
         self._room = Room.around(robot.parameters)
         scale = ArrowScale.at_rest(robot) if scale is None else scale
         self._arrows = ForceArrows(self._viewer, self._room, robot.parameters.geometry.b, scale)
         self._columns = [robot.model.names[1:].tolist().index(f"slide_{leg}") for leg in LEGS]
-        set_stage(self._viewer, self._room, self._arrows.ends)
+        set_stage(self._viewer, np.concatenate((self._room.corners, self._arrows.ends)), self._room.scale)
         draw_scenery(self._viewer["scenery"], self._room)
         self._arrows.draw()
         self._draw_platform()
@@ -111,9 +102,8 @@ class Scene:
         InputError
             If a shape does not fit, or a joint is not finite.
         """
-        joints = frozen_array("q", q, (self.robot.model.nq,))
         newtons = None if forces is None else three_forces(forces)
-        self.visualizer.display(joints)
+        joints = self.place(q)
         self._viewer["platform"].set_transform(self._frame("platform_center"))
         self._arrows.show(joints[self._columns], newtons)
 
@@ -126,32 +116,6 @@ class Scene:
             The scale.
         """
         self._arrows.set_scale(scale)
-
-    def draw_trace(self, points: ArrayLike) -> None:
-        """Draw the path of P; it replaces the one before.
-
-        Parameters
-        ----------
-        points : array-like, shape (N, 3)
-            In the fixed frame [m]; where one is not finite the line has a gap. See `trace_of`.
-
-        Raises
-        ------
-        InputError
-            If the shape does not fit.
-        """
-        import meshcat.geometry as mg
-
-        path = as_floats("points", points)
-        if path.ndim != 2 or path.shape[1] != 3:
-            raise InputError(f"points: expected shape (N, 3), got {path.shape}")
-        steps = np.stack((path[:-1], path[1:]), axis=1)  # (N-1, 2, 3)
-        steps = steps[np.isfinite(steps).all(axis=(1, 2))]
-        self._viewer["trace"].delete()
-        if len(steps):
-            line = mg.PointsGeometry(steps.reshape(-1, 3).T.astype(np.float32))
-            ink = mg.LineBasicMaterial(color=TRACE, depthTest=False)  # seen through the platform
-            self._viewer["trace"].set_object(mg.LineSegments(line, ink))
 
     def mark_leg(self, leg: str | None) -> None:
         """Turn a leg red, and the others back to their colours.
@@ -196,9 +160,6 @@ class Scene:
         visualizer, number = self.visualizer, self.robot.model.getFrameId(name)
         placement = pin.updateFramePlacement(visualizer.model, visualizer.data, number)
         return np.asarray(placement.homogeneous)
-
-    def _solid(self, name: str) -> Any:
-        return self._viewer[f"{ROOT}/visuals/{name}"]
 
 
 def three_forces(forces: ArrayLike) -> FloatArray:
@@ -263,20 +224,6 @@ def trace_of(robot: Machine, pose: ArrayLike) -> FloatArray:
         raise InputError(f"pose: expected shape (..., 3), got {poses.shape}")
     y, z = poses[..., 0], poses[..., 1]
     return np.stack((0.0 * y, y, z - robot.parameters.geometry.h), axis=-1)
-
-
-def _visualizer(robot: Machine, window: SceneWindow) -> Any:
-    """Return Pinocchio's visualizer with the machine loaded into a window."""
-    try:
-        import meshcat
-    except ImportError as error:
-        raise MissingExtraError("the viewer needs meshcat: pip install 'p3dof[viz]'") from error
-    from pinocchio.visualize import MeshcatVisualizer
-
-    visualizer = MeshcatVisualizer(robot.model, None, robot.visual_model)
-    visualizer.initViewer(viewer=meshcat.Visualizer(window=window))
-    visualizer.loadViewerModel(ROOT)
-    return visualizer
 
 
 def _skin(r: float, size: Dimensions) -> tuple[FloatArray, NDArray[np.int64]]:

@@ -80,7 +80,7 @@ class Room:
     @property
     def scale(self) -> float:
         """By how much the machine is drawn larger than it is: 1 unless it is far from a metre."""
-        return 1.0 if _USUAL[0] < self.half < _USUAL[1] else 0.6 / self.half
+        return enlargement(self.half)
 
     @property
     def pivots(self) -> dict[str, FloatArray]:
@@ -94,31 +94,44 @@ class Room:
 
     @property
     def mesh(self) -> float:
-        """Distance between the lines of the floor: 1, 2 or 5 times a power of ten."""
-        power = 10.0 ** math.floor(math.log10(self.half / 4))
-        return power * max(step for step in (1, 2, 5) if step * power <= self.half / 4)
+        """Distance between the lines of the floor."""
+        return mesh_of(self.half)
 
 
-def set_stage(viewer: Any, room: Room, more: FloatArray) -> None:
-    """Set background and camera, and move the scene so that the camera looks at the machine.
+def enlargement(half: float) -> float:
+    """Return by how much something is drawn larger than it is: 1 unless its half size is far from a metre."""
+    return 1.0 if _USUAL[0] < half < _USUAL[1] else 0.6 / half
+
+
+def mesh_of(half: float) -> float:
+    """Return the distance between the lines of a floor: 1, 2 or 5 times a power of ten."""
+    power = 10.0 ** math.floor(math.log10(half / 4))
+    return power * max(step for step in (1, 2, 5) if step * power <= half / 4)
+
+
+def set_stage(
+    viewer: Any, points: FloatArray, scale: float, middle: tuple[float, float] = (0.0, 0.0)
+) -> None:
+    """Set background and camera, and move the scene so that the camera looks at what is drawn.
 
     Parameters
     ----------
     viewer : meshcat.Visualizer
         The root of what is drawn.
-    room : Room
-        Its measures.
-    more : ndarray, shape (N, 3)
-        What must be in the picture besides the machine [m].
+    points : ndarray, shape (N, 3)
+        What must be in the picture [m].
+    scale : float
+        By how much it is drawn larger than it is.
+    middle : tuple of float
+        x and y of what the camera looks at [m].
     """
     viewer["/Background"].set_property("top_color", list(TOP))
     viewer["/Background"].set_property("bottom_color", list(BOTTOM))
     viewer["/Grid"].set_property("visible", False)
     viewer["/Axes"].set_property("visible", False)
-    height, distance = _view(np.concatenate((room.corners, more)))
-    scale = room.scale
+    height, distance = _view(points - np.array([*middle, 0.0]))
     shift = np.diag((scale, scale, scale, 1.0))
-    shift[2, 3] = -scale * height
+    shift[:3, 3] = -scale * np.array([*middle, height])
     viewer.set_transform(shift)
     x, y, z = _towards_eye() * distance * scale
     camera = viewer["/Cameras/default/rotated/<object>"]
@@ -161,7 +174,7 @@ def draw_scenery(viewer: Any, room: Room) -> None:
     room : Room
         Its measures.
     """
-    _draw_floor(viewer["floor"], room)
+    draw_floor(viewer["floor"], room.half, room.bottom)
     _draw_axes(viewer["axes"], room)
     _draw_guides(viewer["guides"], room)
 
@@ -171,19 +184,29 @@ def above(points: FloatArray, height: float) -> FloatArray:
     return np.asarray(points + np.array([0.0, 0.0, height]))
 
 
-def _draw_floor(node: Any, room: Room) -> None:
-    """Draw a square grid, its middle lines darker."""
-    mesh = room.mesh
-    count = math.ceil(2.2 * room.half / mesh)
+def draw_floor(node: Any, half: float, bottom: float) -> None:
+    """Draw a square grid, its middle lines darker.
+
+    Parameters
+    ----------
+    node : meshcat.Visualizer
+        The node to draw into.
+    half : float
+        Half the size of what stands on it [m].
+    bottom : float
+        Its height [m].
+    """
+    mesh = mesh_of(half)
+    count = math.ceil(2.2 * half / mesh)
     edge = count * mesh
     lines = np.arange(-count, count + 1) * mesh
     ends = np.array([-edge, edge])
-    along_y = np.stack(np.broadcast_arrays(lines[:, None], ends, room.bottom), axis=-1)
+    along_y = np.stack(np.broadcast_arrays(lines[:, None], ends, bottom), axis=-1)
     along_x = along_y[..., [1, 0, 2]]
     fine = np.concatenate((along_x, along_y)).reshape(-1, 3)
     node["grid"].set_object(_lines(fine, 0xC3CBD3))
     cross = np.array([[-edge, 0.0, 0.0], [edge, 0.0, 0.0], [0.0, -edge, 0.0], [0.0, edge, 0.0]])
-    node["middle"].set_object(_lines(above(cross, room.bottom + 1e-3 * mesh), 0x8D99A6))
+    node["middle"].set_object(_lines(above(cross, bottom + 1e-3 * mesh), 0x8D99A6))
 
 
 def _draw_axes(node: Any, room: Room) -> None:
