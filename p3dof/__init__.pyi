@@ -17,14 +17,19 @@ from .parameters import (
     write_parameters,
 )
 
+from .description import Mechanism
+
 # What it does, and what acts on it
-from .motion import Motion, WrenchHistory, paper_motion
+from .motion import Curve, Motion, WrenchHistory, paper_motion
+
+# Where it is
+from .kinematics import BodyMotion, InverseKinematics, MechanismMotion, Singularity
 
 # What is found
-from .manipulator import Comparison
-from .methods import InverseDynamics
-from .energy import Energy
-from .reactions import Reactions, ReactionsComparison
+from .manipulator import Comparison, Opinion
+from .methods import Exceedance, InverseDynamics, JointStates, Utilisation
+from .energy import DriveLoads, Energy
+from .reactions import JointLoad, OpenPeak, Peak, Reactions, ReactionsComparison
 from .methods.compiled import ForceDerivatives
 from .methods.regressor import ForceRegressor
 
@@ -40,10 +45,11 @@ from .simulation import (
     Noise,
     Simulation,
     Springs,
+    Stop,
 )
 
 # Speed
-from .compiled import MachineKernels
+from .compiled import BoundInverseDynamics, MachineKernels
 
 # Any robot with closed loops
 from .closed_loop import ClosedLoopModel, FrameTarget, Sidecar
@@ -79,14 +85,19 @@ __all__ = [
     "AssemblyError",
     "Bodies",
     "Body",
+    "BodyMotion",
+    "BoundInverseDynamics",
     "ClosedLoopModel",
     "Comparison",
     "ComputedTorque",
     "ControlLoop",
     "ControllerError",
+    "Curve",
     "Dimensions",
+    "DriveLoads",
     "DynamicsError",
     "Energy",
+    "Exceedance",
     "Feedforward",
     "FileError",
     "ForceDerivatives",
@@ -98,27 +109,38 @@ __all__ = [
     "InputError",
     "Integration",
     "InverseDynamics",
+    "InverseKinematics",
+    "JointLoad",
+    "JointStates",
     "Limits",
     "MachineKernels",
     "Manipulator",
     "Measurement",
+    "Mechanism",
+    "MechanismMotion",
     "MissingExtraError",
     "ModelError",
     "ModelWarning",
     "Motion",
     "MotionError",
     "Noise",
+    "OpenPeak",
+    "Opinion",
     "P3dofError",
     "ParameterError",
     "Parameters",
+    "Peak",
     "ReachError",
     "Reactions",
     "ReactionsComparison",
     "SampleError",
     "Sidecar",
     "Simulation",
+    "Singularity",
     "SingularityError",
     "Springs",
+    "Stop",
+    "Utilisation",
     "WrenchHistory",
     "__version__",
     "closed_loop",

@@ -17,6 +17,8 @@ from p3dof.errors import InputError, ReachError, SingularityError
 OnInvalid: TypeAlias = Literal["raise", "nan"]
 """What to do with invalid samples: raise, or fill their rows with NaN."""
 
+_POLICIES = get_args(OnInvalid)
+
 LEGS = ("a", "b", "c")
 
 ACTUATION_TOLERANCE = 1e-6
@@ -40,7 +42,7 @@ def check_policy(on_invalid: str) -> None:
     InputError
         If it is neither ``"raise"`` nor ``"nan"``.
     """
-    if on_invalid not in get_args(OnInvalid):
+    if on_invalid not in _POLICIES:
         raise InputError(f"on_invalid: expected 'raise' or 'nan', got {on_invalid!r}")
 
 
@@ -59,9 +61,9 @@ def raise_not_finite(name: str, array: FloatArray) -> None:
     InputError
         If any entry is NaN or infinite.
     """
-    bad = ~np.all(np.isfinite(array), axis=-1)
-    if bad.any():
-        index, where = first_bad(bad)
+    finite = np.isfinite(array)
+    if not finite.all():
+        index, where = first_bad(~np.all(finite, axis=-1))
         raise InputError(f"{name}: expected finite numbers, got {array[index].tolist()}{where}")
 
 
@@ -161,52 +163,15 @@ def raise_singular(
     )
 
 
-def finite_states(
-    pose: ArrayLike,
-    velocity: ArrayLike,
-    acceleration: ArrayLike,
-    on_invalid: OnInvalid,
-    third: str = "acceleration",
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return pose, velocity and acceleration with one shape; rows that are not finite are NaN, or raise.
-
-    Parameters
-    ----------
-    pose, velocity, acceleration : array-like, shape (..., 3)
-        What the user gave.
-    on_invalid : {"raise", "nan"}
-        What to do with samples that are not finite.
-    third : str
-        What to call the third argument in an error.
-
-    Returns
-    -------
-    pose, velocity, acceleration : ndarray, shape (..., 3)
-        Rows that are not finite in one of them are NaN in all three.
-
-    Raises
-    ------
-    InputError
-        If a sample is not finite, or the shapes do not broadcast.
-    """
-    check_policy(on_invalid)
-    given = {"pose": pose, "velocity": velocity, third: acceleration}
-    arrays = {name: batch_of(name, value, 3) for name, value in given.items()}
-    if on_invalid == "raise":
-        for name, array in arrays.items():
-            raise_not_finite(name, array)
+def rows_like(wrench: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
+    """Return a wrench for every sample of a batch, whatever its numbers are; as `wrench_like`."""
+    array = batch_of("wrench", wrench, 6)
+    if array.shape == (*shape, 6):
+        return array
     try:
-        poses, speeds, rates = np.broadcast_arrays(*arrays.values())
+        return np.broadcast_to(array, (*shape, 6))
     except ValueError as error:
-        first, second, last = (array.shape for array in arrays.values())
-        raise InputError(
-            f"{', '.join(arrays)}: expected shapes that fit each other, got {first}, {second} and {last}"
-        ) from error
-    if on_invalid == "nan":
-        states = np.stack((poses, speeds, rates))  # (3, ..., 3)
-        finite = np.asarray(np.isfinite(states).all(axis=(0, -1)))[..., None]
-        poses, speeds, rates = np.where(finite, states, np.nan)
-    return poses, speeds, rates
+        raise InputError(f"wrench: expected shape {(*shape, 6)} or (6,), got {array.shape}") from error
 
 
 def wrench_like(wrench: ArrayLike | None, shape: tuple[int, ...], on_invalid: OnInvalid) -> FloatArray:
@@ -230,11 +195,10 @@ def wrench_like(wrench: ArrayLike | None, shape: tuple[int, ...], on_invalid: On
     InputError
         If the shape does not fit the batch, or a number is not finite.
     """
-    array = batch_of("wrench", np.zeros(6) if wrench is None else wrench, 6)
+    array = rows_like(np.zeros(6) if wrench is None else wrench, shape)
+    finite = np.isfinite(array)
+    if finite.all():
+        return array
     if on_invalid == "raise":
         raise_not_finite("wrench", array)
-    array = np.where(np.isfinite(array).all(axis=-1, keepdims=True), array, np.nan)
-    try:
-        return np.broadcast_to(array, (*shape, 6))
-    except ValueError as error:
-        raise InputError(f"wrench: expected shape {(*shape, 6)} or (6,), got {array.shape}") from error
+    return np.where(finite.all(axis=-1, keepdims=True), array, np.nan)

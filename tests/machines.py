@@ -9,6 +9,8 @@ from hypothesis import strategies as st
 from lagrange import BODIES, cloud_body, random_cloud
 
 from p3dof import kinematics
+from p3dof.methods.virtual_power import VirtualPowerMethod
+from p3dof.motion import states_of
 from p3dof.parameters import Bodies, Body, Geometry, Parameters
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -100,6 +102,14 @@ def conditioning(geometry, pose):
     return np.maximum(
         np.maximum(1, worst), 1 / np.abs(np.sin(kinematics.singularity(geometry, pose).actuation))
     )
+
+
+def virtual_power_forces(parameters, *motion, wrench=None, on_invalid="raise"):
+    """The forces at pose, velocity and acceleration by virtual powers; the wrench may be the fourth."""
+    if len(motion) > 3:
+        *motion, wrench = motion
+    states = states_of(*motion, wrench=wrench, on_invalid=on_invalid)
+    return VirtualPowerMethod(parameters).forces(states)
 
 
 def derivative(function, t, step):

@@ -41,7 +41,7 @@ TESTS = {
     "p3dof/kinematics/bodies.py": SHARED,
     "p3dof/kinematics/forward.py": SHARED,
     "p3dof/kinematics/inverse.py": SHARED,
-    "p3dof/kinematics/states.py": (*SHARED, "gate"),
+    "p3dof/kinematics/gate.py": (*SHARED, "gate"),
     "p3dof/kinematics/validity.py": (*SHARED, "gate"),
     "p3dof/methods/equations_of_motion.py": SHARED,
     "p3dof/methods/evidence.py": SHARED,

@@ -42,7 +42,7 @@ def test_compare_on_the_papers_motion(tmp_path, capsys, monkeypatch):
         assert word in out
     table = np.genfromtxt(tmp_path / "ö ut" / "forces.csv", delimiter=",", skip_header=1)
     assert table.shape == (101, 10)
-    expected = p3dof.load().inverse_dynamics(p3dof.paper_motion(101), "virtual-power").forces
+    expected = p3dof.load().inverse_dynamics(p3dof.paper_motion(101), method="virtual-power").forces
     np.testing.assert_array_equal(table[:, 4:7], expected)
     np.testing.assert_allclose(table[:, 1:4], expected, atol=1e-11)
     np.testing.assert_array_equal(table[:, 7:], table[:, 1:4] - table[:, 4:7])
@@ -55,8 +55,8 @@ def test_compare_on_the_papers_motion(tmp_path, capsys, monkeypatch):
 def test_compare_fails_when_the_methods_disagree(tmp_path, capsys, monkeypatch):
     from p3dof.methods import virtual_power
 
-    real = virtual_power.forces
-    monkeypatch.setattr(virtual_power, "forces", lambda *a, **k: real(*a, **k) * (1 + 1e-9))
+    real = virtual_power.forces_at
+    monkeypatch.setattr(virtual_power, "forces_at", lambda *a, **k: real(*a, **k) * (1 + 1e-9))
     code, out, _ = run(capsys, "compare", "--samples", 11, "--out", tmp_path, "--no-plot")
     assert code == 1
     assert "the methods DISAGREE" in out
@@ -84,14 +84,14 @@ def test_compare_with_files_and_invalid_samples(tmp_path, capsys):
 def test_compare_sees_that_the_methods_find_other_samples_valid(tmp_path, capsys, monkeypatch):
     from p3dof.methods import virtual_power
 
-    real = virtual_power.forces
+    real = virtual_power.forces_at
 
     def lame(*args, **kwargs):
         forces = real(*args, **kwargs)
         forces[3] = np.nan
         return forces
 
-    monkeypatch.setattr(virtual_power, "forces", lame)
+    monkeypatch.setattr(virtual_power, "forces_at", lame)
     code, out, _ = run(capsys, "compare", "--samples", 11, "--out", tmp_path, "--no-plot")
     assert code == 1
     assert "the methods DISAGREE" in out
@@ -416,7 +416,7 @@ def test_the_exact_variant(tmp_path, capsys):
         ("[getattr(p3dof, name) for name in p3dof.__all__ if name[0].isupper()]", ["numpy", "pinocchio"]),
         (
             "from p3dof.manipulator import METHODS; "
-            "[p3dof.load().forces([0] * 3, [0] * 3, [0] * 3, m) for m in METHODS]",
+            "[p3dof.load().forces([0] * 3, [0] * 3, [0] * 3, method=m) for m in METHODS]",
             ["numpy", "pinocchio"],
         ),
     ],

@@ -181,7 +181,7 @@ def test_commands_in_a_pipe(tmp_path):
     ran = subprocess.run(command, check=False, input=(tmp_path / "m.yaml").read_text(), **options)
     assert ran.returncode == 0
     table = np.genfromtxt(io.StringIO(ran.stdout), delimiter=",", names=True)
-    expected = p3dof.load().inverse_dynamics(p3dof.paper_motion(5), "pinocchio").forces
+    expected = p3dof.load().inverse_dynamics(p3dof.paper_motion(5), method="pinocchio").forces
     np.testing.assert_array_equal(np.column_stack([table[f"f{leg}_N"] for leg in "ABC"]), expected)
     assert "Forces" in ran.stderr  # the table for people
     assert os.listdir(tmp_path) == ["m.yaml"]  # noqa: PTH208 - the bare names

@@ -32,7 +32,7 @@ def test_payload_and_wrench_reach_the_forces(tmp_path, capsys, wrench_file):
     assert err.startswith("p3dof: the load is known from 0 to 0.5 s, the motion takes place from 0 to 1 s")
     robot = p3dof.load(PAPER.carrying(Body(5, [0.01, 0.02, -0.1], np.zeros(3))))
     history = p3dof.WrenchHistory.from_csv(wrench_file)
-    expected = robot.inverse_dynamics(p3dof.paper_motion(21), "virtual-power", wrench=history).forces
+    expected = robot.inverse_dynamics(p3dof.paper_motion(21), method="virtual-power", wrench=history).forces
     table = columns(tmp_path / "f.csv")
     for leg, name in enumerate("ABC"):
         np.testing.assert_allclose(table[f"f{name}_N"], expected[:, leg], rtol=1e-10)

@@ -211,7 +211,7 @@ def test_pictures(tmp_path, capsys, monkeypatch):
     expected = robot.forces(motion.pose[5], motion.velocity[5], motion.acceleration[5])
     np.testing.assert_allclose(how["forces"], expected, atol=1e-11)
     assert how["trace"].shape == (11, 3)
-    assert how["scale"].newtons == np.abs(robot.inverse_dynamics(motion, "virtual-power").forces).max()
+    assert how["scale"].newtons == np.abs(robot.inverse_dynamics(motion, method="virtual-power").forces).max()
     path, _, result, fps, options = made["save_video"]
     assert (path, fps, options["speed"], len(result.time)) == (film, 4.0, 0.5, 11)
     made.clear()

@@ -28,6 +28,8 @@ from p3dof.closed_loop.batch.linear import (
 from p3dof.closed_loop.batch.targets import FrameTargets
 from p3dof.errors import AssemblyError, InputError, ReachError, SingularityError
 from p3dof.methods import pinocchio
+from p3dof.methods.pinocchio import PinocchioMethod
+from p3dof.motion import states_of
 from p3dof.parameters import PAPER, Friction
 
 ROUGH = Friction({"sliders": 20, "joints": 0.3}, {"sliders": 5, "joints": 0.2, "universal_a": 0.7})
@@ -387,23 +389,13 @@ def test_inverse_dynamics_batch_and_frame_targets_refuse():
 # --- this machine -------------------------------------------------------------------------------------------
 
 
-def route(machine, pose, velocity, acceleration, wrench=None, one_by_one=False, **options):
+def route(machine, pose, velocity, acceleration, wrench=None, one_by_one=False, progress=None, **options):
     """The Pinocchio route, past the checks of the facade."""
-    h, friction = machine.parameters.geometry.h, machine.parameters.friction
+    dynamics = PinocchioMethod(machine.parameters, machine.loop)
+    states = states_of(pose, velocity, acceleration, wrench=wrench, **options)
     if not one_by_one:
-        given = (pose, velocity, acceleration, wrench, friction)
-        return pinocchio.solve(machine.loop, h, *given, **options)
-    parts = [
-        pinocchio.solve(
-            machine.loop,
-            h,
-            *(array[i : i + 1] for array in (pose, velocity, acceleration)),
-            None if wrench is None else wrench[i : i + 1],
-            friction,
-            **options,
-        )
-        for i in range(len(pose))
-    ]
+        return dynamics.solve(states, progress)
+    parts = [dynamics.solve(states.of_rows(np.array([i]), states.on_invalid)) for i in range(len(pose))]
     return [np.concatenate([getattr(part, name) for part in parts]) for name in EVIDENCE]
 
 
@@ -495,6 +487,7 @@ def test_bad_samples_among_good_ones():
     good = np.setdiff1d(np.arange(count), [5, 12, 21])
     expected = robot.forces(*(array[good] for array in given), method="virtual-power")
     assert np.abs(solution.forces[good] - expected).max() < 1e-13 * np.abs(expected).max()
+    pose[5] = motion.pose[5]
     with pytest.raises(ReachError, match=r"leg A is too short by 0\.05 m \(sample 21, the first") as info:
         route(robot, *given)
     assert (info.value.index, info.value.leg) == ((21,), "a")

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from machines import SEEDS, conditioning, random_machine, random_states
+from machines import SEEDS, conditioning, random_machine, random_states, virtual_power_forces
 from test_friction import random_friction
 
 import p3dof.cli.codegen  # the command
@@ -29,7 +29,6 @@ from p3dof.compiled.formulas import MODEL, kernel
 from p3dof.compiled.reduced import Reduced, model_of
 from p3dof.errors import FileError, P3dofError, ParameterError, ReachError, SingularityError
 from p3dof.files import check_generated, write_generated
-from p3dof.methods import equations_of_motion, virtual_power
 from p3dof.parameters import LINKS, PAPER, SOLIDS, Body, Parameters, write_parameters
 
 CC, CXX = shutil.which("gcc"), shutil.which("g++")
@@ -317,7 +316,7 @@ def test_near_singularities(library):
     states = random_states(machine, 8, 40, drop=0.01, angle=1e-4, near=near)
     assert len(states.pose) > 20
     model = library.prepare(machine)
-    expected = virtual_power.forces(machine, states.pose, states.velocity, states.acceleration, states.wrench)
+    expected = virtual_power_forces(machine, states.pose, states.velocity, states.acceleration, states.wrench)
     found = library.rows(
         "inverse_dynamics", model, states.pose, states.velocity, states.acceleration, states.wrench
     )
@@ -402,7 +401,7 @@ def python_status(function, *arguments):
 @settings(max_examples=20, deadline=None)
 def test_the_limits_are_those_of_python(library, seed):
     machine, rng = random_machine(seed), np.random.default_rng(seed)
-    model, g = library.prepare(machine), machine.geometry
+    model, g, full = library.prepare(machine), machine.geometry, p3dof.load(machine)
     width, rest = g.R - g.r, np.zeros(3)
     theta = np.arccos(g.R / (g.L + g.r))  # there the arm points along the rods, at y = 0
     poses = [[0, 0, theta + s * d] for s in (-1, 1) for d in (0, 5e-7, 2e-6)]
@@ -410,9 +409,9 @@ def test_the_limits_are_those_of_python(library, seed):
     poses += list(rng.uniform(-1.5, 1.5, (20, 3)) * [g.L, g.L, np.pi])
     poses += [[1e200, 0, 0], [-1e308, 0, 1], [0, 1e308, 0], [0, 0, 1e15], [np.nan, 0, 0], [0, np.inf, 0]]
     for pose in poses:
-        expected = python_status(virtual_power.forces, machine, pose, rest, rest)
+        expected = python_status(virtual_power_forces, machine, pose, rest, rest)
         assert library.status("inverse_dynamics", model, pose, rest, rest, None)[0] == expected, pose
-        expected = python_status(equations_of_motion.mass_matrix, machine, pose)
+        expected = python_status(lambda x: full.mass_matrix(x, method="virtual-power"), pose)
         assert library.status("mass_matrix", model, pose)[0] == expected, pose
 
 
@@ -545,15 +544,15 @@ def test_the_reference_is_a_matter_of_the_other_methods():
     by = reference.number_derivatives(machine, q, v, a, w)
     without = replace(machine, friction=p3dof.parameters.Friction())
     base = np.array([float(x) for x in model_of(machine).bodies])
-    forces = virtual_power.forces(without, q, v, a)
+    forces = virtual_power_forces(without, q, v, a)
     np.testing.assert_allclose(by[..., 6:] @ base, forces, rtol=0, atol=1e-12 * np.abs(forces).max())
     bias = reference.bias(machine, q, v)
-    at_rest = equations_of_motion.gravity_forces(machine, q)
+    at_rest = p3dof.load(machine).gravity_forces(q)
     np.testing.assert_allclose(
         reference.bias(machine, q, 0 * v), at_rest, rtol=0, atol=1e-13 * np.abs(at_rest).max()
     )
     J = kinematics.inverse_jacobian(machine.geometry, q)
-    held = virtual_power.forces(machine, q, v, 0 * a)
+    held = virtual_power_forces(machine, q, v, 0 * a)
     np.testing.assert_allclose(
         np.einsum("nij,ni->nj", J, held), bias, rtol=0, atol=1e-11 * np.abs(bias).max()
     )

@@ -11,6 +11,7 @@ import p3dof
 from p3dof.errors import InputError, ReachError
 from p3dof.manipulator import Opinion
 from p3dof.methods import virtual_power
+from p3dof.methods.virtual_power import VirtualPowerMethod
 
 
 @pytest.fixture(scope="module")
@@ -46,8 +47,8 @@ def test_differences_are_those_of_the_results(found):
 
 @pytest.mark.parametrize("factor", [1 + 1e-9, 1 - 1e-9])
 def test_a_method_that_is_wrong_by_a_billionth_is_noticed(robot, monkeypatch, factor):
-    true = virtual_power.forces
-    monkeypatch.setattr(virtual_power, "forces", lambda *a, **k: true(*a, **k) * factor)
+    true = virtual_power.forces_at
+    monkeypatch.setattr(virtual_power, "forces_at", lambda *a, **k: true(*a, **k) * factor)
     found = robot.compare(p3dof.paper_motion(11))
     assert not found.agree
     assert not found.passed
@@ -67,7 +68,7 @@ def test_an_opinion_that_is_off_or_missing_does_not_confirm(found):
 
 
 def test_samples_that_one_method_takes_alone_are_told_whatever_was_asked(robot, monkeypatch):
-    true = virtual_power.solve
+    true = VirtualPowerMethod.solve
 
     def lame(*given, **named):
         solution = true(*given, **named)
@@ -75,7 +76,7 @@ def test_samples_that_one_method_takes_alone_are_told_whatever_was_asked(robot, 
         forces[4] = np.nan
         return replace(solution, forces=forces)
 
-    monkeypatch.setattr(virtual_power, "solve", lame)
+    monkeypatch.setattr(VirtualPowerMethod, "solve", lame)
     found = robot.compare(p3dof.paper_motion(11), on_invalid="raise")
     np.testing.assert_array_equal(found.differing, [4])
     assert not found.agree

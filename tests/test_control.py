@@ -51,7 +51,7 @@ def test_a_wrong_mass_costs_no_more_than_its_share_of_the_acceleration(plain, er
     """
     run = followed(ComputedTorque(scaled(1 + error), ENTERED))
     robot, s = p3dof.load(), 1 + error
-    M = robot.mass_matrix(ENTERED.pose)
+    M = robot.mass_matrix(ENTERED.pose, method="virtual-power")
     C = robot.coriolis_matrix(ENTERED.pose, ENTERED.velocity)
     h = np.einsum("nij,nj->ni", C, ENTERED.velocity) + robot.gravity_forces(ENTERED.pose)
     needed = ENTERED.acceleration + np.linalg.solve(M, h[..., None])[..., 0]
@@ -246,8 +246,8 @@ def test_what_is_measured_is_the_machine_and_its_noise():
 def test_the_gains_are_those_of_the_docstring():
     pd = PD(PAPER, ENTERED, frequency=2, damping=0.7)
     robot = p3dof.load()
-    J = robot.jacobian(HOME)
-    m = np.diag(np.linalg.inv(J).T @ robot.mass_matrix(HOME) @ np.linalg.inv(J))
+    J = robot.jacobian(HOME, method="virtual-power")
+    m = np.diag(np.linalg.inv(J).T @ robot.mass_matrix(HOME, method="virtual-power") @ np.linalg.inv(J))
     hold = robot.forces(HOME, HOME, HOME)
     still = np.zeros(3, dtype=bool)
     measured = Measurement(0.0, 0.0, np.array([0.01, 0, 0]), np.array([0, 0.1, 0]), still, PAPER.geometry)
@@ -289,7 +289,14 @@ def test_held_computed_torque_asks_for_the_middle_of_the_hold(sign):
     for t in (0.0, 0.2, 0.4):
         x, v = start + t * speed + t**2 / 2 * a, speed + t * a
         sliders = robot.inverse_kinematics(x).sliders
-        held = Measurement(t, hold, sliders, robot.jacobian(x) @ v, np.zeros(3, dtype=bool), PAPER.geometry)
+        held = Measurement(
+            t,
+            hold,
+            sliders,
+            robot.jacobian(x, method="virtual-power") @ v,
+            np.zeros(3, dtype=bool),
+            PAPER.geometry,
+        )
         middle = x + v * hold / 2 + a * hold**2 / 8
         expected = robot.forces(middle, v + a * hold / 2, a)
         np.testing.assert_allclose(controller(held), expected, rtol=1e-11)
@@ -300,7 +307,9 @@ def test_held_feedforward_is_that_of_the_middle_of_the_hold():
     hold, t, none = 0.01, 0.6, np.zeros(3, dtype=bool)
     pose, velocity, _ = Reference(ENTERED).at(t)
     sliders = robot.inverse_kinematics(pose).sliders
-    on_track = Measurement(t, hold, sliders, robot.jacobian(pose) @ velocity, none, PAPER.geometry)
+    on_track = Measurement(
+        t, hold, sliders, robot.jacobian(pose, method="virtual-power") @ velocity, none, PAPER.geometry
+    )
     expected = robot.forces(*Reference(ENTERED).at(t + hold / 2))
     np.testing.assert_allclose(controller(on_track), expected, rtol=1e-10)
 
@@ -315,8 +324,10 @@ def test_computed_torque_gives_the_errors_the_dynamics_it_was_designed_for():
         pose = wanted[0] + rng.normal(0, 0.01, 3)
         velocity = wanted[1] + rng.normal(0, 0.2, 3)
         sliders = robot.inverse_kinematics(pose).sliders
-        measured = Measurement(t, 0.0, sliders, robot.jacobian(pose) @ velocity, none, PAPER.geometry)
-        found = robot.forward_dynamics(pose, velocity, controller(measured))
+        measured = Measurement(
+            t, 0.0, sliders, robot.jacobian(pose, method="virtual-power") @ velocity, none, PAPER.geometry
+        )
+        found = robot.forward_dynamics(pose, velocity, controller(measured), method="virtual-power")
         designed = wanted[2] + 2 * zeta * omega * (wanted[1] - velocity) + omega**2 * (wanted[0] - pose)
         np.testing.assert_allclose(found, designed, rtol=0, atol=1e-10)
 
@@ -357,7 +368,9 @@ def test_a_hold_whose_middle_is_beyond_reach_is_taken_at_its_beginning():
     still = p3dof.Motion(time, np.tile(pose, (2, 1)), np.zeros((2, 3)), np.zeros((2, 3)))
     controller, robot, none = ComputedTorque(PAPER, still), p3dof.load(), np.zeros(3, dtype=bool)
     sliders = robot.inverse_kinematics(pose).sliders
-    held = Measurement(0.0, 0.1, sliders, robot.jacobian(pose) @ velocity, none, PAPER.geometry)
+    held = Measurement(
+        0.0, 0.1, sliders, robot.jacobian(pose, method="virtual-power") @ velocity, none, PAPER.geometry
+    )
     correction = -2 * OMEGA * velocity  # the pose is the wanted one
     expected = robot.forces(pose, velocity, correction)
     np.testing.assert_allclose(controller(held), expected, rtol=1e-9)

@@ -79,7 +79,7 @@ def test_momenta_are_those_of_lagranges_velocities(seed):
 def test_kinetic_energy_is_that_of_the_mass_matrix_and_gravity_the_gradient_of_the_potential(seed):
     parameters = random_machine(seed)
     robot, s = p3dof.load(parameters), random_states(parameters, seed, 10, drop=0.3)
-    M = robot.mass_matrix(s.pose)
+    M = robot.mass_matrix(s.pose, method="virtual-power")
     T = kinetic_energy(parameters, s.pose, s.velocity).sum(axis=-1)
     close(T, np.einsum("ni,nij,nj->n", s.velocity, M, s.velocity) / 2, 2e-14)
     rate = derivative(lambda t: potential_energy(parameters, s.pose + t * s.velocity).sum(axis=-1), 0, 1e-4)
@@ -121,7 +121,7 @@ def test_rates_of_energy_and_momentum(seed):
     parameters = random_machine(seed)
     s = random_states(parameters, seed, 10, drop=0.3, angle=0.1)
     robot = p3dof.load(parameters)
-    f = robot.forces(s.pose, s.velocity, s.acceleration, "virtual-power", wrench=s.wrench)
+    f = robot.forces(s.pose, s.velocity, s.acceleration, method="virtual-power", wrench=s.wrench)
 
     def state(t):
         return s.pose + t * s.velocity + t**2 / 2 * s.acceleration, s.velocity + t * s.acceleration
@@ -130,7 +130,7 @@ def test_rates_of_energy_and_momentum(seed):
         pose, velocity = state(t)
         return (kinetic_energy(parameters, pose, velocity) + potential_energy(parameters, pose)).sum(axis=-1)
 
-    sliders = np.einsum("nij,nj->ni", robot.jacobian(s.pose), s.velocity)
+    sliders = np.einsum("nij,nj->ni", robot.jacobian(s.pose, method="virtual-power"), s.velocity)
     power = (f * sliders).sum(axis=-1) + (s.wrench[:, [1, 2, 4]] * s.velocity).sum(axis=-1)
     scale = np.abs(f * sliders).max()
     assert np.abs(derivative(energy, 0, 1e-4) - power).max() <= 1e-7 * scale

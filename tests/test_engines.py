@@ -16,6 +16,8 @@ from p3dof.description import describe
 from p3dof.engines import base
 from p3dof.engines.poses import link_motions
 from p3dof.errors import DynamicsError, InputError, MissingExtraError, ModelError, ReachError
+from p3dof.kinematics import reachable
+from p3dof.motion import states_of
 from p3dof.parameters import PAPER, SOLIDS, Body, Friction
 
 LIBRARIES = {"mujoco": "mujoco", "drake": "pydrake", "exudyn": "exudyn"}
@@ -55,7 +57,7 @@ def test_forces_of_the_papers_motion_are_those_of_both_routes(name, parameters, 
     found = engine(name, parameters).forces(MOTION, wrench)
     robot = p3dof.load(parameters)
     for method in ("virtual-power", "pinocchio"):
-        expected = robot.inverse_dynamics(MOTION, method, wrench).forces
+        expected = robot.inverse_dynamics(MOTION, method=method, wrench=wrench).forces
         assert off(found, expected) < 2e-13
 
 
@@ -69,7 +71,11 @@ def test_forces_of_random_machines_are_those_of_virtual_power(name):
         time = np.arange(float(len(states.pose)))
         motion = p3dof.Motion(time, states.pose, states.velocity, states.acceleration, check=False)
         found = engine(name, parameters).forces(motion, states.wrench)
-        expected = p3dof.load(parameters).inverse_dynamics(motion, "virtual-power", states.wrench).forces
+        expected = (
+            p3dof.load(parameters)
+            .inverse_dynamics(motion, method="virtual-power", wrench=states.wrench)
+            .forces
+        )
         worst = max(worst, off(found, expected))
     tell(f"{name}: {worst:.1e}")
     assert worst < 5e-12
@@ -78,13 +84,13 @@ def test_forces_of_random_machines_are_those_of_virtual_power(name):
 @EACH
 def test_an_error_of_a_percent_in_any_mass_shows(name):
     motion = p3dof.paper_motion(5)
-    expected = p3dof.load(SOLIDS).inverse_dynamics(motion, "virtual-power").forces
+    expected = p3dof.load(SOLIDS).inverse_dynamics(motion, method="virtual-power").forces
     for link, body in SOLIDS.bodies.items():
         heavier = replace(SOLIDS.bodies, **{link: Body(1.01 * body.mass, body.com, 1.01 * body.inertia)})
         wrong = replace(SOLIDS, bodies=heavier)
         found = engine(name, wrong).forces(motion)
         assert off(found, expected) > 1e-5, link
-        again = p3dof.load(wrong).inverse_dynamics(motion, "virtual-power").forces
+        again = p3dof.load(wrong).inverse_dynamics(motion, method="virtual-power").forces
         assert off(found, again) < 2e-13
 
 
@@ -109,8 +115,8 @@ def test_progress_is_told(name):
 
 def lying(monkeypatch, change):
     """Let the kinematics be wrong: `change` gets its true result and its arguments."""
-    true = base.kinematics.mechanism_motion
-    monkeypatch.setattr(base.kinematics, "mechanism_motion", lambda *given: change(true, *given))
+    true = base.kinematics.motion_at
+    monkeypatch.setattr(base.kinematics, "motion_at", lambda *given: change(true, *given))
 
 
 @EACH
@@ -131,9 +137,9 @@ def test_an_open_loop_is_refused(name, what, joint, monkeypatch):
 @pytest.mark.parametrize("order", range(3))
 @pytest.mark.parametrize("axis", range(3))
 def test_another_motion_of_the_platform_is_refused(name, order, axis, monkeypatch):
-    def change(true, geometry, *states):
-        moved = [state + 1e-6 * np.eye(3)[axis] * (i == order) for i, state in enumerate(states)]
-        return true(geometry, *moved)
+    def change(true, geometry, placed):
+        moved = [state + 1e-6 * np.eye(3)[axis] * (i == order) for i, state in enumerate(placed.states[:3])]
+        return true(geometry, reachable(geometry, states_of(*moved)))
 
     lying(monkeypatch, change)
     what = ("position", "velocity", "acceleration")[order]
@@ -166,7 +172,7 @@ def test_led_along_the_papers_motion_exudyn_finds_its_forces():
     """From its start at 5 rad/s; second order, fourth after one extrapolation."""
     needs_exudyn()
     motion = p3dof.paper_motion(1001)
-    expected = p3dof.load().inverse_dynamics(motion, "virtual-power").forces
+    expected = p3dof.load().inverse_dynamics(motion, method="virtual-power").forces
     found = engines.convergence(PAPER, motion, expected, step=4e-3, halvings=2)
     tell(
         f"errors {found.errors}, orders {found.orders}, extrapolated {found.extrapolated_error:.1e}, "
@@ -191,7 +197,7 @@ def test_led_under_a_wrench(varying):
     wrench = np.array([5, 10, -20, 0.5, 1, 0.3])
     if varying:
         wrench = wrench * np.sin(7 * motion.time)[:, None]
-    expected = p3dof.load(SOLIDS).inverse_dynamics(motion, "virtual-power", wrench).forces
+    expected = p3dof.load(SOLIDS).inverse_dynamics(motion, method="virtual-power", wrench=wrench).forces
     found = engines.convergence(SOLIDS, motion, expected, step=4e-3, halvings=1, wrench=wrench)
     assert found.orders == pytest.approx([2], abs=0.002)
     assert found.extrapolated_error < 1e-7
@@ -217,7 +223,7 @@ def from_rest(step, duration=0.5, ramp=0.2):
 def test_led_from_rest_by_either_integrator():
     needs_exudyn()
     motion = from_rest(1e-3)
-    expected = p3dof.load().inverse_dynamics(motion, "virtual-power").forces
+    expected = p3dof.load().inverse_dynamics(motion, method="virtual-power").forces
     for integrator, error, extrapolated in (
         ("trapezoidal", 2.5e-5, 1e-7),
         ("generalized-alpha", 6e-5, 1e-5),
@@ -233,7 +239,7 @@ def test_led_from_rest_by_either_integrator():
 def test_a_percent_of_mass_shows_in_time():
     needs_exudyn()
     motion = p3dof.paper_motion(251)
-    expected = p3dof.load().inverse_dynamics(motion, "virtual-power").forces
+    expected = p3dof.load().inverse_dynamics(motion, method="virtual-power").forces
     leg = PAPER.bodies.leg_a
     heavier = replace(PAPER.bodies, leg_a=Body(1.01 * leg.mass, leg.com, leg.inertia))
     found = engines.convergence(replace(PAPER, bodies=heavier), motion, expected, 4e-3, 1)
@@ -265,7 +271,7 @@ def released(pose, forces, duration):
     robot = p3dof.load()
 
     def rate(_, x):
-        return np.concatenate([x[3:], robot.forward_dynamics(x[:3], x[3:], forces)])
+        return np.concatenate([x[3:], robot.forward_dynamics(x[:3], x[3:], forces, method="virtual-power")])
 
     return solve_ivp(rate, (0, duration), np.append(pose, np.zeros(3)), "DOP853", rtol=1e-11, atol=1e-13).y[
         :3, -1
@@ -364,7 +370,7 @@ def test_where_no_neighbour_has_mass_to_give_only_exudyn_goes_on():
     for name in ("mujoco", "drake"):
         with pytest.raises(ModelError, match="massless link"):
             engine(name, slender)
-    expected = p3dof.load(slender).inverse_dynamics(MOTION, "virtual-power").forces
+    expected = p3dof.load(slender).inverse_dynamics(MOTION, method="virtual-power").forces
     assert off(engine("exudyn", slender).forces(MOTION), expected) < 2e-13
 
 

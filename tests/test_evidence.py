@@ -16,11 +16,14 @@ import p3dof.closed_loop.batch.dynamics as batch_dynamics
 from p3dof import PAPER, Friction, kinematics
 from p3dof.closed_loop.linear import Decomposition
 from p3dof.errors import DynamicsError
-from p3dof.methods import pinocchio, virtual_power, with_evidence
+from p3dof.methods import METHODS, pinocchio, with_evidence
+from p3dof.methods.pinocchio import PinocchioMethod
+from p3dof.methods.virtual_power import VirtualPowerMethod
+from p3dof.motion import states_over
 from p3dof.simulation.equations import Equations
 from p3dof.simulation.machine_plants import MachineJoints, MinimalPlant
 
-METHODS = ("pinocchio", "virtual-power")
+PAIR = ("pinocchio", "virtual-power")
 ROUGH = replace(PAPER, friction=Friction({"sliders": 20.0, "joints": 0.5}))
 WRENCH = np.array([3.0, 40.0, -30.0, 1.0, 2.0, 5.0])
 MOTION = p3dof.paper_motion(41)
@@ -35,12 +38,8 @@ def robot():
 
 
 def solution(method, parameters=ROUGH, motion=MOTION):
-    loads = np.tile(WRENCH, (len(motion), 1))
-    states = motion.pose, motion.velocity, motion.acceleration
-    if method == "virtual-power":
-        return virtual_power.solve(parameters, *states, wrench=loads)
-    loop, depth = p3dof.load(parameters).loop, parameters.geometry.h
-    return pinocchio.solve(loop, depth, *states, wrench=loads, friction=parameters.friction)
+    dynamics = METHODS[method](p3dof.load(parameters))
+    return dynamics.solve(states_over(motion, WRENCH))
 
 
 def balanced(method, found, wrench=WRENCH, motion=MOTION):
@@ -54,7 +53,7 @@ def assert_residual(result, expected):
     np.testing.assert_allclose(result.power_residual, expected, rtol=0, atol=1e-13 * scale)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", PAIR)
 def test_a_force_that_is_off_shows_in_the_power_balance(method):
     found = solution(method)
     right = balanced(method, found)
@@ -65,7 +64,7 @@ def test_a_force_that_is_off_shows_in_the_power_balance(method):
         assert_residual(balanced(method, replace(found, forces=off)), right.slider_velocities[:, leg])
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", PAIR)
 def test_a_load_a_loss_or_a_mass_that_is_off_shows_in_the_power_balance(method):
     found = solution(method)
     loads = WRENCH[1] * MOTION.velocity[:, 0] + WRENCH[2] * MOTION.velocity[:, 1]
@@ -78,11 +77,11 @@ def test_a_load_a_loss_or_a_mass_that_is_off_shows_in_the_power_balance(method):
     )
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", PAIR)
 def test_the_power_balance_of_a_result_is_that_of_its_forces(method, robot, monkeypatch):
     """Through the whole of `inverse_dynamics`: one per cent on the forces is one per cent of the power."""
-    right = robot.inverse_dynamics(MOTION, method, wrench=WRENCH)
-    route = {"pinocchio": pinocchio, "virtual-power": virtual_power}[method]
+    right = robot.inverse_dynamics(MOTION, method=method, wrench=WRENCH)
+    route = {"pinocchio": PinocchioMethod, "virtual-power": VirtualPowerMethod}[method]
     solve = route.solve
 
     def off(*args, **kwargs):
@@ -90,7 +89,7 @@ def test_the_power_balance_of_a_result_is_that_of_its_forces(method, robot, monk
         return replace(found, forces=1.01 * found.forces)
 
     monkeypatch.setattr(route, "solve", off)
-    assert_residual(robot.inverse_dynamics(MOTION, method, wrench=WRENCH), 0.01 * right.power)
+    assert_residual(robot.inverse_dynamics(MOTION, method=method, wrench=WRENCH), 0.01 * right.power)
 
 
 @pytest.mark.parametrize("length", ["r", "L", "b"])
@@ -104,15 +103,15 @@ def test_a_length_that_is_off_opens_the_loops_by_as_much(length):
 
 @pytest.mark.parametrize("body", ["leg_a", "leg_b", "rod_right"])
 def test_every_loop_of_the_closed_form_is_looked_at(body, robot, monkeypatch):
-    real, shift = kinematics.mechanism_motion, np.array([0, 0, 1e-3])
+    real, shift = kinematics.motion_at, np.array([0, 0, 1e-3])
 
     def shifted(*args, **kwargs):
         motion = real(*args, **kwargs)
         moved = replace(motion.bodies[body], origin=motion.bodies[body].origin + shift)
         return replace(motion, bodies={**motion.bodies, body: moved})
 
-    monkeypatch.setattr(virtual_power.kinematics, "mechanism_motion", shifted)
-    found = robot.inverse_dynamics(MOTION, "virtual-power")
+    monkeypatch.setattr(kinematics, "motion_at", shifted)
+    found = robot.inverse_dynamics(MOTION, method="virtual-power")
     np.testing.assert_allclose(found.closure_error, 1e-3, rtol=0, atol=1e-15)
 
 
@@ -138,7 +137,7 @@ def test_every_loop_of_the_pinocchio_route_is_looked_at(joint, arm, count, gap, 
 
     monkeypatch.setattr(pinocchio, "complete_near", alone)
     monkeypatch.setattr(robot.loop, "complete_batch", together)
-    found = robot.inverse_dynamics(motion, "pinocchio")
+    found = robot.inverse_dynamics(motion, method="pinocchio")
     np.testing.assert_allclose(found.closure_error, gap, rtol=1e-6, atol=1e-15)
 
 
@@ -151,14 +150,14 @@ def test_a_length_that_is_off_opens_a_loop_of_pinocchios_model(closure, end, rob
     frame = model.frames[model.getFrameId(name)]
     frame.placement = frame.placement * pin.SE3(np.eye(3), np.array([1e-3, 0, 0]))
     longer = p3dof.ClosedLoopModel(model, robot.loop.sidecar)
-    for q in robot.inverse_dynamics(MOTION, "pinocchio").joints.q:
+    for q in robot.inverse_dynamics(MOTION, method="pinocchio").joints.q:
         gaps = np.linalg.norm(longer.closure_error(q).reshape(3, 3), axis=1)
         np.testing.assert_allclose(gaps, 1e-3 * np.eye(3)[closure], rtol=0, atol=1e-14)
 
 
 def equation(robot, i=7):
     """A state of the mechanism with friction and a wrench, its solution, and the arguments for the error."""
-    found = robot.inverse_dynamics(MOTION, "pinocchio")
+    found = robot.inverse_dynamics(MOTION, method="pinocchio")
     state = found.joints.q[i], found.joints.v[i], found.joints.a[i]
     loads = {"external": {"platform_center": WRENCH}, "joint_forces": -20 * found.joints.v[i]}
     return state, loads, robot.loop.inverse_dynamics(*state, **loads)
@@ -197,7 +196,7 @@ def test_the_residual_of_a_result_shows_a_solver_that_is_off(robot, monkeypatch)
 
 def test_the_residual_of_a_batch_shows_a_solver_that_is_off(robot, monkeypatch):
     """With an inverse that is too large by a share, that share of the passive joints' forces is left over."""
-    joints = robot.inverse_dynamics(MOTION, "pinocchio").joints
+    joints = robot.inverse_dynamics(MOTION, method="pinocchio").joints
     share = 1e-8
     right = robot.loop.inverse_dynamics_batch(joints.q, joints.v, joints.a)
     inverse = batch_dynamics.inverse
@@ -250,7 +249,9 @@ def test_both_plants_say_the_same_of_a_state():
         for plant, x, rate in zip((minimal, constrained), (one, other), rates, strict=True)
     ]
     np.testing.assert_allclose(
-        a[0], robot.forward_dynamics(pose, velocity, forces, wrench=WRENCH), rtol=1e-11
+        a[0],
+        robot.forward_dynamics(pose, velocity, forces, wrench=WRENCH, method="virtual-power"),
+        rtol=1e-11,
     )
     np.testing.assert_allclose(a[1], a[0], rtol=0, atol=1e-10)
     for plant, x in ((minimal, one), (constrained, other)):

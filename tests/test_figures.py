@@ -43,7 +43,7 @@ def robot():
 
 @pytest.fixture(scope="module")
 def result(robot):
-    return robot.inverse_dynamics(p3dof.paper_motion(51), "virtual-power")
+    return robot.inverse_dynamics(p3dof.paper_motion(51), method="virtual-power")
 
 
 def test_every_joint_is_drawn_once_with_its_position_velocity_and_acceleration(result):
@@ -72,14 +72,14 @@ def test_invalid_samples_leave_gaps_and_lonely_ones_are_dots(robot):
     pose = np.zeros((5, 3))
     pose[[1, 3], 0] = 0.3  # out of reach
     motion = p3dof.Motion(time, pose, 0 * pose, 0 * pose, check=False)
-    result = robot.inverse_dynamics(motion, "virtual-power", on_invalid="nan")
+    result = robot.inverse_dynamics(motion, method="virtual-power", on_invalid="nan")
     line = joints_figure(result).axes[0].lines[0]
     np.testing.assert_array_equal(np.isnan(line.get_ydata()), [False, True, False, True, False])
     assert line.get_markevery() == [0, 2, 4]
     with pytest.raises(InputError, match="at least one valid sample, got none"):
         joints_figure(
             robot.inverse_dynamics(
-                p3dof.Motion(time, pose + 1, 0 * pose, 0 * pose), "virtual-power", on_invalid="nan"
+                p3dof.Motion(time, pose + 1, 0 * pose, 0 * pose), method="virtual-power", on_invalid="nan"
             )
         )
     with pytest.raises(InputError, match="expected InverseDynamics, got None"):

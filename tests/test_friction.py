@@ -67,13 +67,13 @@ def test_forces_are_those_without_friction_and_the_resistances(seed):
     rough = replace(smooth, friction=random_friction(np.random.default_rng(seed)))
     states = random_states(smooth, seed, 3)
     given_ = (states.pose, states.velocity, states.acceleration)
-    expected = p3dof.load(smooth).forces(*given_, "virtual-power", states.wrench)
+    expected = p3dof.load(smooth).forces(*given_, method="virtual-power", wrench=states.wrench)
     for i, (pose, velocity) in enumerate(zip(states.pose, states.velocity, strict=True)):
         resisting, _ = friction_forces(rough, pose, velocity)
         expected[i] += np.linalg.solve(LagrangeModel(smooth).jacobian(pose).T, resisting)
     scale = np.abs(expected).max()
     for method in ("virtual-power", "pinocchio"):
-        found = p3dof.load(rough).forces(*given_, method, states.wrench)
+        found = p3dof.load(rough).forces(*given_, method=method, wrench=states.wrench)
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10 * scale)
 
 
@@ -84,10 +84,14 @@ def test_forward_dynamics_is_the_inverse_both_ways(away, bound, seed):
     """Nearer the singular poses the forces grow, and with them what rounding leaves."""
     machine = replace(random_machine(seed), friction=random_friction(np.random.default_rng(seed)))
     robot, states = p3dof.load(machine), random_states(machine, seed, 3, **away)
-    forces = robot.forces(states.pose, states.velocity, states.acceleration, "virtual-power", states.wrench)
+    forces = robot.forces(
+        states.pose, states.velocity, states.acceleration, method="virtual-power", wrench=states.wrench
+    )
     scale = np.abs(states.acceleration).max()
     for method in ("virtual-power", "pinocchio"):
-        found = robot.forward_dynamics(states.pose, states.velocity, forces, method, states.wrench)
+        found = robot.forward_dynamics(
+            states.pose, states.velocity, forces, method=method, wrench=states.wrench
+        )
         np.testing.assert_allclose(found, states.acceleration, rtol=0, atol=bound * scale)
 
 
@@ -97,20 +101,22 @@ def test_the_power_is_balanced_with_friction_payload_and_wrench(method):
     payload = Body(5.0, [0.02, 0.03, -0.1], [0.02, 0.03, 0.04])
     robot = p3dof.load(replace(PAPER, friction=friction).carrying(payload))
     motion = p3dof.paper_motion(101)
-    result = robot.inverse_dynamics(motion, method, wrench=[3, 20, -10, 1, 2, 3])
+    result = robot.inverse_dynamics(motion, method=method, wrench=[3, 20, -10, 1, 2, 3])
     assert np.abs(result.power_residual).max() < 1e-12 * np.abs(result.power).max()
     expected = [friction_forces(robot.parameters, *row)[1] for row in zip(motion.pose, motion.velocity)]  # noqa: B905
     np.testing.assert_allclose(result.dissipation, expected, rtol=1e-10, atol=1e-10)
     assert result.dissipation.max() > 50
     assert result.dissipation.min() >= 0
-    free = p3dof.load().inverse_dynamics(motion, method)
+    free = p3dof.load().inverse_dynamics(motion, method=method)
     assert np.all(free.dissipation == 0)
 
 
 def test_both_routes_agree_over_the_papers_motion():
     robot = p3dof.load(replace(PAPER, friction=Friction({"joints": 0.1}, {"sliders": 10, "joints": 0.3})))
     motion = p3dof.paper_motion(201)
-    first, second = (robot.inverse_dynamics(motion, method) for method in ("pinocchio", "virtual-power"))
+    first, second = (
+        robot.inverse_dynamics(motion, method=method) for method in ("pinocchio", "virtual-power")
+    )
     assert np.abs(first.forces - second.forces).max() < 1e-10 * first.peak_forces.max()
     np.testing.assert_allclose(first.dissipation, second.dissipation, rtol=1e-10, atol=1e-11)
 
@@ -118,8 +124,8 @@ def test_both_routes_agree_over_the_papers_motion():
 def test_at_rest_nothing_resists():
     rough = replace(PAPER, friction=Friction({"sliders": 20}, {"sliders": 5, "joints": 1}))
     for method in ("pinocchio", "virtual-power"):
-        held = p3dof.load(rough).forces([0.01, 0.02, 0.1], np.zeros(3), np.zeros(3), method)
-        free = p3dof.load().forces([0.01, 0.02, 0.1], np.zeros(3), np.zeros(3), method)
+        held = p3dof.load(rough).forces([0.01, 0.02, 0.1], np.zeros(3), np.zeros(3), method=method)
+        free = p3dof.load().forces([0.01, 0.02, 0.1], np.zeros(3), np.zeros(3), method=method)
         np.testing.assert_allclose(held, free, rtol=1e-14)
 
 
@@ -129,7 +135,7 @@ def test_an_invalid_sample_loses_nan():
     pose[2, 0] = 1.0
     motion = p3dof.Motion(np.arange(4.0), pose, np.ones((4, 3)), np.zeros((4, 3)), check=False)
     for method in ("pinocchio", "virtual-power"):
-        found = robot.inverse_dynamics(motion, method, on_invalid="nan").dissipation
+        found = robot.inverse_dynamics(motion, method=method, on_invalid="nan").dissipation
         assert np.isnan(found).tolist() == [False, False, True, False]
 
 
@@ -215,8 +221,8 @@ def test_a_payload_takes_what_moving_it_alone_takes():
     """Newton and Euler for the payload alone, its wrench at P, against the difference of the forces."""
     payload = Body(7.0, [0.05, -0.02, 0.1], [[0.03, 0.01, 0.0], [0.01, 0.04, 0.005], [0.0, 0.005, 0.05]])
     motion = p3dof.paper_motion(51)
-    more = p3dof.load(PAPER.carrying(payload)).inverse_dynamics(motion, "virtual-power").forces
-    less = p3dof.load().inverse_dynamics(motion, "virtual-power").forces
+    more = p3dof.load(PAPER.carrying(payload)).inverse_dynamics(motion, method="virtual-power").forces
+    less = p3dof.load().inverse_dynamics(motion, method="virtual-power").forces
     robot = p3dof.load()
     platform = robot.mechanism_motion(motion.pose, motion.velocity, motion.acceleration).bodies["platform"]
     center, _, acceleration = platform.at(payload.com)
@@ -226,7 +232,7 @@ def test_a_payload_takes_what_moving_it_alone_takes():
     moment = np.einsum("nij,nj->ni", inertia, platform.epsilon) + np.cross(platform.omega, spin)
     moment += np.cross(center - platform.origin, force)
     wrench = np.concatenate([-force, -moment], axis=-1)
-    loaded = robot.inverse_dynamics(motion, "virtual-power", wrench=wrench).forces
+    loaded = robot.inverse_dynamics(motion, method="virtual-power", wrench=wrench).forces
     np.testing.assert_allclose(more, loaded, rtol=0, atol=1e-12 * np.abs(more).max())
     assert np.abs(more - less).max() > 30
 

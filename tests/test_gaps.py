@@ -86,8 +86,8 @@ def test_what_a_crossing_spoils(actuation, after, spoilt):
 @pytest.mark.parametrize("method", METHODS)
 def test_forces_near_a_crossing_are_left_out(robot, motion, method):
     with pytest.raises(SingularityError, match=TOLD) as info:
-        robot.inverse_dynamics(motion, method)
-    result = robot.inverse_dynamics(motion, method, on_invalid="nan")
+        robot.inverse_dynamics(motion, method=method)
+    result = robot.inverse_dynamics(motion, method=method, on_invalid="nan")
     assert len(result.crossings) == info.value.count == 2
     assert motion.time[info.value.index] == result.crossings[0]
     angle = robot.singularity(motion.pose).actuation
@@ -101,7 +101,7 @@ def test_forces_near_a_crossing_are_left_out(robot, motion, method):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_such_a_motion_has_no_peaks(robot, motion, method):
-    result = robot.inverse_dynamics(motion, method, on_invalid="nan")
+    result = robot.inverse_dynamics(motion, method=method, on_invalid="nan")
     assert not result.possible
     assert np.isnan([result.peak_forces, result.rms_forces]).all()
     assert result.force_scale.max() < 200
@@ -119,7 +119,7 @@ def test_such_a_motion_has_no_peaks(robot, motion, method):
 
 def test_reactions_have_the_same_gaps(robot, motion):
     some = motion[20:60]
-    known = robot.inverse_dynamics(some, "virtual-power", on_invalid="nan")
+    known = robot.inverse_dynamics(some, method="virtual-power", on_invalid="nan")
     for joints in ("paper", "both"):
         with pytest.raises(SingularityError, match=TOLD):
             robot.reactions(some, joints)
@@ -167,12 +167,12 @@ def test_commands_leave_gaps_and_tell_no_peak(files, tmp_path, capsys, command, 
 
 
 def test_figures_mark_gaps_and_keep_the_whole_time(robot, motion):
-    first, second = (robot.inverse_dynamics(motion, one, on_invalid="nan") for one in METHODS[:2])
+    first, second = (robot.inverse_dynamics(motion, method=one, on_invalid="nan") for one in METHODS[:2])
     some = motion[20:60]
     reactions = robot.reactions(some, on_invalid="nan")
     far = np.linspace(0, 1, 41)
     pose = np.column_stack([0.3 * far**2, 0 * far, 0 * far])  # its gap is at the end
-    leaving = robot.inverse_dynamics(p3dof.Motion.from_poses(far, pose), "compiled", on_invalid="nan")
+    leaving = robot.inverse_dynamics(p3dof.Motion.from_poses(far, pose), method="compiled", on_invalid="nan")
     for figure, end, gaps in (
         (plots.forces_figure([first, second]), 1.0, 2),
         (plots.forces_figure([leaving]), 1.0, 1),
@@ -197,7 +197,7 @@ def test_figures_mark_gaps_and_keep_the_whole_time(robot, motion):
     assert np.nanmax(drawn) < high
     legend = plots.forces_figure([first]).legends[0]
     assert [text.get_text() for text in legend.get_texts()][-1] == GAP
-    calm = robot.inverse_dynamics(p3dof.paper_motion(151), "compiled")
+    calm = robot.inverse_dynamics(p3dof.paper_motion(151), method="compiled")
     assert len(plots.forces_figure([calm]).legends[0].get_texts()) == 1
 
 

@@ -11,7 +11,7 @@ import p3dof
 from p3dof import kinematics
 from p3dof.cli import main
 from p3dof.errors import ReachError, SingularityError
-from p3dof.kinematics import states
+from p3dof.kinematics import gate as closed
 from p3dof.methods import pinocchio
 from p3dof.methods import pinocchio_gate as gate
 from p3dof.parameters import PAPER
@@ -25,7 +25,7 @@ REST = np.zeros(3)
 def verdicts(robot, poses):
     """What both ways say, and where they need not agree."""
     valid = [
-        np.isfinite(robot.forces(poses, REST, REST, method, on_invalid="nan")).all(axis=1)
+        np.isfinite(robot.forces(poses, REST, REST, method=method, on_invalid="nan")).all(axis=1)
         for method in ("pinocchio", "virtual-power")
     ]
     found, L = kinematics.singularity(robot.parameters.geometry, poses), robot.parameters.geometry.L
@@ -85,9 +85,9 @@ def test_margins_of_its_own_are_those_of_the_closed_forms():
         own.margins(pinocchio.targets_of(poses, g.h)), found.serial, rtol=0, atol=1e-15
     )
     motion = p3dof.paper_motion(101)
-    actuations = [robot.inverse_dynamics(motion, m).actuation for m in ("pinocchio", "virtual-power")]
+    actuations = [robot.inverse_dynamics(motion, method=m).actuation for m in ("pinocchio", "virtual-power")]
     np.testing.assert_allclose(*actuations, rtol=0, atol=1e-12)
-    few = [robot.inverse_dynamics(motion[:3], m).actuation for m in ("pinocchio", "virtual-power")]
+    few = [robot.inverse_dynamics(motion[:3], method=m).actuation for m in ("pinocchio", "virtual-power")]
     np.testing.assert_allclose(*few, rtol=0, atol=1e-12)
 
 
@@ -111,7 +111,7 @@ def test_errors_are_alike(count):
         errors = []
         for method in ("pinocchio", "virtual-power"):
             with pytest.raises(kind) as info:
-                robot.forces(poses, REST, REST, method)
+                robot.forces(poses, REST, REST, method=method)
             errors.append(info.value)
         first, second = errors
         assert (first.index, first.count) == (second.index, second.count) == ((1, 2), 2)
@@ -135,8 +135,8 @@ def short_leg(geometry, serial):
 
 
 GATES = {
-    "closed forms, reach": (states, "reached", short_leg),
-    "closed forms, actuation": (states, "actuation_angle", lambda _: np.zeros(21)),
+    "closed forms, reach": (closed, "reached", short_leg),
+    "closed forms, actuation": (closed, "actuation_angle", lambda _: np.zeros(21)),
     "Pinocchio, reach": (gate.Gate, "hopeless", lambda _, margins: (margins < 0.004).any(axis=-1)),
     "Pinocchio, actuation": (gate.Gate, "actuation", lambda _, q, __: np.where(q[:, 0] > 0, 0, 1)),
 }

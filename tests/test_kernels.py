@@ -9,17 +9,48 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from machines import SEEDS, conditioning, derivative, random_machine, random_states
+from machines import SEEDS, conditioning, derivative, random_machine, random_states, virtual_power_forces
 from test_friction import random_friction
 
 import p3dof
 from p3dof import kinematics
 from p3dof.compiled import MachineKernels, levels
 from p3dof.errors import InputError, ReachError, SingularityError
-from p3dof.methods import compiled as dynamics
-from p3dof.methods import equations_of_motion, virtual_power
+from p3dof.methods import compiled
+from p3dof.methods.compiled import CompiledMethod
+from p3dof.motion import states_of
 
 HOME = np.zeros(3)
+
+
+class dynamics:  # noqa: N801 - what the compiled way does with kernels of any level
+    @staticmethod
+    def forces(kernels, q, v, a, wrench=None, on_invalid="raise"):
+        return CompiledMethod(kernels).forces(states_of(q, v, a, wrench=wrench, on_invalid=on_invalid))
+
+    @staticmethod
+    def forward_dynamics(kernels, q, v, f, wrench=None, on_invalid="raise"):
+        states = states_of(q, v, forces=f, wrench=wrench, on_invalid=on_invalid)
+        return CompiledMethod(kernels).accelerate(states)
+
+    @staticmethod
+    def inverse_dynamics_derivatives(kernels, q, v, a, wrench=None, on_invalid="raise"):
+        states = states_of(q, v, a, wrench=wrench, on_invalid=on_invalid)
+        return compiled.inverse_dynamics_derivatives(kernels, states)
+
+    @staticmethod
+    def mass_matrix(kernels, q, on_invalid="raise"):
+        return CompiledMethod(kernels).mass_matrix(states_of(q, on_invalid=on_invalid))
+
+    @staticmethod
+    def jacobian(kernels, q, on_invalid="raise"):
+        return CompiledMethod(kernels).jacobian(states_of(q, on_invalid=on_invalid))
+
+    @staticmethod
+    def sliders(kernels, q, on_invalid="raise"):
+        return compiled.sliders(kernels, states_of(q, on_invalid=on_invalid))
+
+
 TURN = float(np.arccos(0.25 / 0.5))
 """θ of the paper's machine at which the sliders lose hold of the platform, y = 0 [rad]."""
 
@@ -45,10 +76,11 @@ def test_they_are_the_full_formulas(seed):
     states = random_states(machine, seed, 30)
     motion = states.pose, states.velocity, states.acceleration
     wrench = states.wrench if seed % 2 else None
-    expected = virtual_power.forces(machine, *motion, wrench)
+    expected = virtual_power_forces(machine, *motion, wrench)
     close = conditioning(machine.geometry, states.pose)[:, None]
-    M = equations_of_motion.mass_matrix(machine, states.pose)
-    acceleration = equations_of_motion.forward_dynamics(machine, *motion[:2], expected, wrench)
+    full = p3dof.load(machine)
+    M = full.mass_matrix(states.pose, method="virtual-power")
+    acceleration = full.forward_dynamics(*motion[:2], expected, wrench=wrench, method="virtual-power")
     J = kinematics.inverse_jacobian(machine.geometry, states.pose)
     sliders = kinematics.inverse_kinematics(machine.geometry, states.pose).sliders
     for name in levels():
@@ -74,7 +106,7 @@ def test_a_million_random_samples_of_random_machines(level):
         machine = random_machine(seed) if seed % 5 else p3dof.PAPER
         states = random_states(machine, seed, count)
         motion = states.pose, states.velocity, states.acceleration
-        expected = virtual_power.forces(machine, *motion)
+        expected = virtual_power_forces(machine, *motion)
         found = dynamics.forces(MachineKernels(machine, level), *motion)
         bound = 1e-12 * conditioning(machine.geometry, states.pose) * np.abs(expected).max()
         assert np.all(np.abs(found - expected).max(axis=1) < bound)
@@ -96,7 +128,7 @@ def test_derivatives_are_those_of_the_full_formulas(seed):
             def moved(t, which=which, axis=axis):
                 rows = [row.copy() for row in given_]
                 rows[which][:, axis] += t
-                return virtual_power.forces(machine, *rows, states.wrench)
+                return virtual_power_forces(machine, *rows, states.wrench)
 
             step = (2e-4 if which == 0 else 1e-2) * (size if axis < 2 else 1)
             expected = derivative(moved, 0.0, step)
@@ -111,7 +143,7 @@ def test_bad_samples_do_not_touch_their_neighbours(level):
     states = random_states(p3dof.PAPER, 3, 203)
     q, v, a, w = (np.array(row) for row in (states.pose, states.velocity, states.acceleration, states.wrench))
     bad = rng.choice(203, 60, replace=False)
-    expected = virtual_power.forces(p3dof.PAPER, q, v, a, w)
+    expected = virtual_power_forces(p3dof.PAPER, q, v, a, w)
     spoil = [
         (q, 0, np.nan), (q, 2, np.inf), (q, 1, -np.inf), (q, 0, 0.2501), (q, 0, 1e200), (q, 2, 3.1),
         (v, 1, np.nan), (v, 2, np.inf), (a, 1, np.nan), (a, 0, -np.inf), (w, 1, np.nan), (w, 0, np.inf),
@@ -123,7 +155,7 @@ def test_bad_samples_do_not_touch_their_neighbours(level):
             q[row, 0] = 0.22
     q[bad[-1]] = [0, 0, TURN]
     found = dynamics.forces(kernels, q, v, a, w, on_invalid="nan")
-    reference = virtual_power.forces(p3dof.PAPER, q, v, a, w, on_invalid="nan")
+    reference = virtual_power_forces(p3dof.PAPER, q, v, a, w, on_invalid="nan")
     np.testing.assert_array_equal(np.isnan(found), np.isnan(reference))
     assert np.isnan(found[bad]).all()
     good = np.setdiff1d(np.arange(203), bad)
@@ -133,10 +165,10 @@ def test_bad_samples_do_not_touch_their_neighbours(level):
     for array in (by.by_pose, by.by_velocity, by.by_acceleration):
         assert np.isnan(array[bad]).all()
         assert np.isfinite(array[good]).all()
-    reference = equations_of_motion.forward_dynamics(p3dof.PAPER, q, v, a, w, on_invalid="nan")
+    reference = p3dof.load().forward_dynamics(q, v, a, wrench=w, on_invalid="nan", method="virtual-power")
     found = dynamics.forward_dynamics(kernels, q, v, a, w, on_invalid="nan")
     np.testing.assert_array_equal(np.isnan(found), np.isnan(reference))
-    reference = equations_of_motion.mass_matrix(p3dof.PAPER, q, on_invalid="nan")
+    reference = p3dof.load().mass_matrix(q, on_invalid="nan", method="virtual-power")
     found = dynamics.mass_matrix(kernels, q, on_invalid="nan")
     np.testing.assert_array_equal(np.isnan(found), np.isnan(reference))
 
@@ -154,7 +186,7 @@ def test_samples_near_the_borders_are_decided_as_numpy_decides(level):
         ]
     )
     v, a = np.full(q.shape, 0.1), np.full(q.shape, 1.0)
-    reference = virtual_power.forces(p3dof.PAPER, q, v, a, on_invalid="nan")
+    reference = virtual_power_forces(p3dof.PAPER, q, v, a, on_invalid="nan")
     found = dynamics.forces(kernels, q, v, a, on_invalid="nan")
     np.testing.assert_array_equal(np.isnan(found), np.isnan(reference))
     good = np.isfinite(found[:, 0])
@@ -167,9 +199,9 @@ def test_samples_near_the_borders_are_decided_as_numpy_decides(level):
 
 def test_few_bad_samples_are_looked_at_alone(level, monkeypatch):
     asked = []
-    real = dynamics.holdable_states
+    real = compiled.holdable
     monkeypatch.setattr(
-        dynamics, "holdable_states", lambda p, q, *rest: (asked.append(len(q)), real(p, q, *rest))[1]
+        compiled, "holdable", lambda g, states: (asked.append(len(states.pose)), real(g, states))[1]
     )
     states = random_states(p3dof.PAPER, 4, 400)
     q = states.pose.copy()
@@ -203,7 +235,7 @@ def test_packed_records_are_served(level):
     kernels = MachineKernels(p3dof.PAPER, level)
     records = np.zeros(10, [("mark", "u1"), ("pose", "<f8", (3,)), ("rate", "<f8", (3,))])
     records["pose"] = np.linspace(-0.1, 0.1, 30).reshape(10, 3)
-    expected = virtual_power.forces(p3dof.PAPER, records["pose"], records["rate"], HOME)
+    expected = virtual_power_forces(p3dof.PAPER, records["pose"], records["rate"], HOME)
     found = dynamics.forces(kernels, records["pose"], records["rate"], HOME)
     np.testing.assert_allclose(found, expected, rtol=1e-13)
     assert dynamics.sliders(kernels, records["pose"]).shape == (10, 3)
@@ -234,14 +266,14 @@ def test_bad_input_is_the_error_of_the_other_methods(level, arguments, error, me
     with pytest.raises(error, match=message):
         dynamics.forces(MachineKernels(p3dof.PAPER, level), *arguments)
     with pytest.raises(error, match=message):
-        virtual_power.forces(p3dof.PAPER, *arguments)
+        virtual_power_forces(p3dof.PAPER, *arguments)
 
 
 def test_shapes_and_strides(level):
     kernels = MachineKernels(p3dof.PAPER, level)
     motion = p3dof.paper_motion(24)
     q, v, a = motion.pose, motion.velocity, motion.acceleration
-    expected = virtual_power.forces(p3dof.PAPER, q, v, a)
+    expected = virtual_power_forces(p3dof.PAPER, q, v, a)
 
     def close(found, reference):
         np.testing.assert_allclose(found, reference, rtol=0, atol=1e-13 * np.abs(expected).max())
@@ -251,14 +283,14 @@ def test_shapes_and_strides(level):
     close(dynamics.forces(kernels, q[::-2], v[::-2], a[::-2]), expected[::-2])
     close(dynamics.forces(kernels, np.asfortranarray(q), v.copy("F"), a.tolist()), expected)
     close(dynamics.forces(kernels, q[5], v[5], a[5]), expected[5])
-    close(dynamics.forces(kernels, q, v[3], a[3]), virtual_power.forces(p3dof.PAPER, q, v[3], a[3]))
+    close(dynamics.forces(kernels, q, v[3], a[3]), virtual_power_forces(p3dof.PAPER, q, v[3], a[3]))
     close(
         dynamics.forces(kernels, q[:, None], v[0], a[:2]),
-        virtual_power.forces(p3dof.PAPER, q[:, None], v[0], a[:2]),
+        virtual_power_forces(p3dof.PAPER, q[:, None], v[0], a[:2]),
     )
     close(
         dynamics.forces(kernels, q.astype(np.float32), v, a),
-        virtual_power.forces(p3dof.PAPER, q.astype(np.float32), v, a),
+        virtual_power_forces(p3dof.PAPER, q.astype(np.float32), v, a),
     )
     for count in (0, 1, 2, 7, 9):
         assert dynamics.forces(kernels, q[:count], v[:count], a[:count]).shape == (count, 3)
@@ -307,7 +339,7 @@ def test_a_control_loop_has_its_buffers(level, friction):
     motion = p3dof.paper_motion(7)
     wrench = [5.0, 1, 2, 6, 3, 7]
     for q, v, a in zip(motion.pose, motion.velocity, motion.acceleration, strict=True):
-        expected = virtual_power.forces(machine, q, v, a, wrench)
+        expected = virtual_power_forces(machine, q, v, a, wrench)
         loop.wrench[:] = wrench
         np.testing.assert_allclose(loop([q, v, a]), expected, rtol=1e-13)
         loop.state[:] = q, v, a
@@ -331,7 +363,7 @@ def test_a_single_sample_at_the_very_border(level):
     kernels = MachineKernels(p3dof.PAPER, level)
     edge = p3dof.PAPER.geometry.L - 0.15
     for pose in ([edge, 0, 0], [-edge, 0, 0], [0.0, 0, 2.5], [1e300, 0, 0]):
-        reference = virtual_power.forces(p3dof.PAPER, pose, HOME, HOME, on_invalid="nan")
+        reference = virtual_power_forces(p3dof.PAPER, pose, HOME, HOME, on_invalid="nan")
         found = dynamics.forces(kernels, pose, HOME, HOME, on_invalid="nan")
         np.testing.assert_array_equal(np.isnan(found), np.isnan(reference))
         np.testing.assert_allclose(found, reference, rtol=1e-12)
@@ -341,7 +373,7 @@ def test_one_sample_as_numbers(level):
     function = MachineKernels(p3dof.PAPER, level).function("inverse_dynamics")
     q, v, a = [0.1, 0.2, 0.3], [1.0, 2.0, 3.0], [4.0, 5.0, 6.0]
     *forces, margin = function(*q, *v, *a)
-    np.testing.assert_allclose(forces, virtual_power.forces(p3dof.PAPER, q, v, a), rtol=1e-13)
+    np.testing.assert_allclose(forces, virtual_power_forces(p3dof.PAPER, q, v, a), rtol=1e-13)
     assert margin > 0
     *forces, margin = function(0.3, *[0] * 8)
     assert np.isnan(forces).any()
@@ -382,33 +414,38 @@ def test_levels_and_threads_are_checked(monkeypatch):
 def test_the_facade_offers_them():
     robot = p3dof.load()
     motion = p3dof.paper_motion(101)
-    reference = robot.inverse_dynamics(motion, "virtual-power", wrench=[0, 5, 0, 0, 1, 0])
-    found = robot.inverse_dynamics(motion, "compiled", wrench=[0, 5, 0, 0, 1, 0])
+    reference = robot.inverse_dynamics(motion, method="virtual-power", wrench=[0, 5, 0, 0, 1, 0])
+    found = robot.inverse_dynamics(motion, method="compiled", wrench=[0, 5, 0, 0, 1, 0])
     assert found.method == "compiled"
     np.testing.assert_allclose(found.forces, reference.forces, rtol=0, atol=1e-12)
     assert np.abs(found.power_residual).max() < 1e-11
     q, v = motion.pose, motion.velocity
     np.testing.assert_allclose(
-        robot.forward_dynamics(q, v, found.forces, "compiled", [0, 5, 0, 0, 1, 0]),
+        robot.forward_dynamics(q, v, found.forces, method="compiled", wrench=[0, 5, 0, 0, 1, 0]),
         motion.acceleration, rtol=0, atol=1e-11,
     )  # fmt: skip
-    np.testing.assert_allclose(robot.mass_matrix(q, method="compiled"), robot.mass_matrix(q), atol=1e-13)
-    np.testing.assert_allclose(robot.jacobian(q, method="compiled"), robot.jacobian(q), atol=1e-14)
+    np.testing.assert_allclose(
+        robot.mass_matrix(q, method="compiled"), robot.mass_matrix(q, method="virtual-power"), atol=1e-13
+    )
+    np.testing.assert_allclose(
+        robot.jacobian(q, method="compiled"), robot.jacobian(q, method="virtual-power"), atol=1e-14
+    )
     np.testing.assert_allclose(robot.sliders(q), robot.inverse_kinematics(q).sliders, atol=1e-15)
     by = robot.inverse_dynamics_derivatives(motion, wrench=[0, 5, 0, 0, 1, 0])
     np.testing.assert_allclose(by.forces, found.forces, rtol=0, atol=1e-12)
-    J = robot.jacobian(q)
-    M = np.linalg.solve(np.swapaxes(J, -1, -2), robot.mass_matrix(q))
+    J = robot.jacobian(q, method="virtual-power")
+    M = np.linalg.solve(np.swapaxes(J, -1, -2), robot.mass_matrix(q, method="virtual-power"))
     np.testing.assert_allclose(by.by_acceleration, M, rtol=0, atol=1e-11)
     regressor = robot.force_regressor(q, v, motion.acceleration)
     np.testing.assert_allclose(
-        regressor.base @ regressor.base_parameters, robot.forces(q, v, motion.acceleration, "compiled"),
+        regressor.base @ regressor.base_parameters,
+        robot.forces(q, v, motion.acceleration, method="compiled"),
         rtol=0, atol=1e-11,
     )  # fmt: skip
     with pytest.raises(
-        InputError, match="method: expected one of 'virtual-power', 'compiled', got 'pinocchio'"
+        InputError, match="method: expected one of 'pinocchio', 'virtual-power', 'compiled', got 'numpy'"
     ):
-        robot.mass_matrix(q, method="pinocchio")
+        robot.mass_matrix(q, method="numpy")
     with pytest.raises(InputError, match="motion: expected a Motion, got list"):
         robot.inverse_dynamics_derivatives([1, 2])
 
@@ -421,7 +458,7 @@ def test_a_run_in_time_is_the_same(friction):
         else p3dof.PAPER
     )
     robot = p3dof.load(machine)
-    forces = robot.forces(HOME, HOME, HOME, "compiled") * [0.9, 1, 1.1]
+    forces = robot.forces(HOME, HOME, HOME, method="compiled") * [0.9, 1, 1.1]
     options = {"controller": forces, "wrench": [0, 3, 1, 0, 0.2, 0]}
     options["integration"] = p3dof.Integration(rtol=1e-12)
     runs = [robot.simulate(0.2, method=m, **options) for m in ("virtual-power", "compiled")]

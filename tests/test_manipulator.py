@@ -12,6 +12,7 @@ from lagrange import LagrangeModel
 from machines import SEEDS, conditioning, random_machine, random_states
 
 import p3dof
+from p3dof import methods
 from p3dof.errors import (
     DynamicsError,
     InputError,
@@ -21,7 +22,7 @@ from p3dof.errors import (
     SingularityError,
 )
 from p3dof.manipulator import JointStates
-from p3dof.methods import pinocchio, virtual_power
+from p3dof.motion import states_of
 from p3dof.parameters import PAPER, SOLIDS, Limits
 from p3dof.samples import ACTUATION_TOLERANCE
 
@@ -39,7 +40,7 @@ def both(request):
     """Both results over the paper's motion."""
     machine = p3dof.load(PAPER if request.param == "paper" else SOLIDS)
     motion = p3dof.paper_motion(1001)
-    return machine, *(machine.inverse_dynamics(motion, method) for method in METHODS)
+    return machine, *(machine.inverse_dynamics(motion, method=method) for method in METHODS)
 
 
 def test_methods_agree_over_the_papers_motion(both):
@@ -142,16 +143,16 @@ def test_jacobian_maps_forces_to_the_platform(robot):
     pose, wrench = [0.07, -0.03, 0.4], np.arange(1.0, 7.0)
     for method in METHODS:
         free, loaded = (robot.forces(pose, HOME, HOME, method=method, wrench=w) for w in (None, wrench))
-        balance = robot.jacobian(pose).T @ (loaded - free)
+        balance = robot.jacobian(pose, method="virtual-power").T @ (loaded - free)
         np.testing.assert_allclose(balance, [-2.0, -3.0, -5.0], atol=1e-12)
 
 
 def test_wrench_enters_the_power_balance(robot):
     motion = p3dof.paper_motion(51)
     for method in METHODS:
-        result = robot.inverse_dynamics(motion, method, wrench=[1, 20, -30, 4, 5, 6])
+        result = robot.inverse_dynamics(motion, method=method, wrench=[1, 20, -30, 4, 5, 6])
         assert np.abs(result.power_residual).max() <= 1e-13 * np.abs(result.power).max()
-        bare = robot.inverse_dynamics(motion, method)
+        bare = robot.inverse_dynamics(motion, method=method)
         assert np.abs(result.power - bare.power).max() > 1
 
 
@@ -159,7 +160,9 @@ def test_result_of_forward_and_inverse_kinematics(robot, both):
     first = both[1]
     np.testing.assert_allclose(first.sliders, robot.inverse_kinematics(first.motion.pose).sliders, atol=1e-14)
     np.testing.assert_allclose(robot.forward_kinematics(first.sliders), first.motion.pose, atol=1e-13)
-    speeds = np.einsum("nij,nj->ni", robot.jacobian(first.motion.pose), first.motion.velocity)
+    speeds = np.einsum(
+        "nij,nj->ni", robot.jacobian(first.motion.pose, method="virtual-power"), first.motion.velocity
+    )
     np.testing.assert_allclose(first.slider_velocities, speeds, atol=1e-12)
     assert first.slider_accelerations.shape == (1001, 3)
 
@@ -228,14 +231,14 @@ def test_invalid_samples(robot, method):
     assert np.isnan(forces[[1, 2, 4]]).all()
     assert np.isfinite(forces[[0, 3]]).all()
     motion = p3dof.Motion(np.arange(5.0), poses, np.zeros((5, 3)), np.zeros((5, 3)), check=False)
-    result = robot.inverse_dynamics(motion, method, on_invalid="nan")
+    result = robot.inverse_dynamics(motion, method=method, on_invalid="nan")
     assert result.valid.tolist() == [True, False, False, True, True]
     assert np.isnan(result.closure_error[[1, 2]]).all()
     assert not result.possible
     assert np.isnan([result.peak_forces, result.rms_forces]).all()  # the largest one may be in between
     assert "2 of 5 samples are invalid and left NaN" in " ".join(result.warnings)
     with pytest.raises(ReachError, match="sample 1"):
-        robot.inverse_dynamics(motion, method)
+        robot.inverse_dynamics(motion, method=method)
 
 
 @settings(max_examples=40)
@@ -274,7 +277,7 @@ def test_samples_that_pinocchio_cannot_solve_are_invalid_too(robot, monkeypatch)
 def test_a_result_without_a_valid_sample_has_no_peaks(robot):
     poses = np.full((3, 3), 9.0)
     motion = p3dof.Motion(np.arange(3.0), poses, 0 * poses, 0 * poses, check=False)
-    result = robot.inverse_dynamics(motion, "virtual-power", on_invalid="nan")
+    result = robot.inverse_dynamics(motion, method="virtual-power", on_invalid="nan")
     assert result.peak_forces.shape == (3,)
     assert np.isnan(result.peak_forces).all()
     assert np.isnan(result.rms_forces).all()
@@ -287,14 +290,14 @@ def test_crossing_an_actuation_singularity_is_told(robot):
     told = "after t = 1 s the motion crosses an actuation singularity: no force can do that"
     for method in ("pinocchio", "virtual-power", "compiled"):
         with pytest.raises(SingularityError, match=told) as info:
-            robot.inverse_dynamics(motion, method)
+            robot.inverse_dynamics(motion, method=method)
         assert info.value.index == (10,)
-        result = robot.inverse_dynamics(motion, method, on_invalid="nan")
+        result = robot.inverse_dynamics(motion, method=method, on_invalid="nan")
         np.testing.assert_allclose(result.crossings, [1.0])  # 1.0472 rad = 60° is singular
         assert np.flatnonzero(~result.valid).tolist() == [10, 11]
         assert np.isnan([result.peak_forces, result.rms_forces]).all()
         assert result.warnings[0] == told
-    assert len(robot.inverse_dynamics(p3dof.paper_motion(51), "virtual-power").crossings) == 0
+    assert len(robot.inverse_dynamics(p3dof.paper_motion(51), method="virtual-power").crossings) == 0
 
 
 @pytest.mark.parametrize("geometry", [PAPER.geometry, p3dof.Geometry(r=0.0177, R=0.04746, L=0.0782)])
@@ -322,21 +325,20 @@ def test_the_machine_of_a_manipulator_cannot_be_exchanged(robot):
 def test_unheld_pose_is_fine_for_kinematics(robot):
     pose = [0, 0, np.pi / 3]
     assert np.isfinite(robot.inverse_kinematics(pose).sliders).all()
-    assert np.isfinite(robot.jacobian(pose)).all()
+    assert np.isfinite(robot.jacobian(pose, method="virtual-power")).all()
 
 
 def test_pinocchio_follows_the_working_assembly_everywhere(robot):
     """Poses far from home, past the actuation singularity, in random order: joints equal the closed form."""
     s = random_states(PAPER, 21, 60)
-    states = s.pose, s.velocity, s.acceleration
-    first = pinocchio.solve(robot.loop, PAPER.geometry.h, *states)
-    second = virtual_power.solve(PAPER, *states)
+    states = states_of(s.pose, s.velocity, s.acceleration)
+    first, second = (methods.METHODS[name](robot).solve(states) for name in METHODS)
     difference = np.angle(np.exp(1j * (first.joints.q - second.joints.q)))
     assert np.abs(difference).max() < 1e-11
 
 
 def test_limits(robot):
-    result = robot.inverse_dynamics(p3dof.paper_motion(101), "virtual-power")
+    result = robot.inverse_dynamics(p3dof.paper_motion(101), method="virtual-power")
     assert result.exceedances(PAPER.limits) == []
     tight = Limits(travel=(-0.01, 0.01), speed=0.1, force=60, tilt=(-0.1, 0.5))
     found = result.exceedances(tight)
@@ -349,15 +351,15 @@ def test_limits(robot):
 
 
 def test_peak_and_rms(robot):
-    result = robot.inverse_dynamics(p3dof.paper_motion(1001), "virtual-power")
+    result = robot.inverse_dynamics(p3dof.paper_motion(1001), method="virtual-power")
     np.testing.assert_allclose(result.peak_forces, np.abs(result.forces).max(axis=0))
     time = np.concatenate([np.linspace(0, 0.5, 20), np.linspace(0.5, 1, 2000)[1:]])  # uneven steps
-    uneven = robot.inverse_dynamics(p3dof.paper_motion(20_001).resampled(time), "virtual-power")
-    fine = robot.inverse_dynamics(p3dof.paper_motion(20_001), "virtual-power")
+    uneven = robot.inverse_dynamics(p3dof.paper_motion(20_001).resampled(time), method="virtual-power")
+    fine = robot.inverse_dynamics(p3dof.paper_motion(20_001), method="virtual-power")
     exact = np.sqrt(np.mean(fine.forces[:-1] ** 2, axis=0))
     np.testing.assert_allclose(fine.rms_forces, exact, rtol=1e-4)
     np.testing.assert_allclose(uneven.rms_forces, exact, rtol=1e-2)
-    one = robot.inverse_dynamics(p3dof.paper_motion(1001)[5:6], "virtual-power")
+    one = robot.inverse_dynamics(p3dof.paper_motion(1001)[5:6], method="virtual-power")
     np.testing.assert_array_equal(one.rms_forces, one.peak_forces)
 
 
@@ -399,7 +401,7 @@ def test_load(tmp_path):
             lambda r: r.forces(HOME, HOME, HOME, method="matlab"),
             "method: expected one of 'pinocchio', 'virtual-power', 'compiled'",
         ),
-        (lambda r: r.inverse_dynamics(p3dof.paper_motion(5), "adams"), "method: expected"),
+        (lambda r: r.inverse_dynamics(p3dof.paper_motion(5), method="adams"), "method: expected"),
         (lambda r: r.inverse_dynamics(HOME), "motion: expected a Motion, got ndarray"),
         (lambda r: r.forces(HOME, HOME, HOME, on_invalid="skip"), "on_invalid: expected"),
         (lambda r: r.forces([0, 0], HOME, HOME), "pose: expected shape"),

@@ -835,7 +835,7 @@ def test_a_wrench_file(tmp_path):
     motion = paper_motion(11)
     robot = p3dof.load()
     given = robot.inverse_dynamics(motion, wrench=history)
-    table = robot.inverse_dynamics(motion, "virtual-power", wrench=history(motion.time))
+    table = robot.inverse_dynamics(motion, method="virtual-power", wrench=history(motion.time))
     np.testing.assert_allclose(given.forces, table.forces, rtol=1e-11)
     np.testing.assert_array_equal(given.wrench, history(motion.time))
     assert np.abs(given.power_residual).max() < 1e-10 * np.abs(given.power).max()

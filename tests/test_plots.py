@@ -13,7 +13,7 @@ from p3dof.errors import FileError, InputError, MissingExtraError
 @pytest.fixture(scope="module")
 def results():
     robot, motion = p3dof.load(), p3dof.paper_motion(51)
-    return [robot.inverse_dynamics(motion, method) for method in ("pinocchio", "virtual-power")]
+    return [robot.inverse_dynamics(motion, method=method) for method in ("pinocchio", "virtual-power")]
 
 
 def test_curves_are_the_forces_and_their_difference(results):
@@ -39,7 +39,7 @@ def test_one_result(results, tmp_path):
 def test_bad_input(results, tmp_path, monkeypatch):
     with pytest.raises(InputError, match="expected one or two, got 3"):
         plots.forces_figure([*results, results[0]])
-    other = p3dof.load().inverse_dynamics(p3dof.paper_motion(7), "virtual-power")
+    other = p3dof.load().inverse_dynamics(p3dof.paper_motion(7), method="virtual-power")
     with pytest.raises(InputError, match="same motion"):
         plots.forces_figure([results[0], other])
     with pytest.raises(InputError, match=r"ends in \.png"):

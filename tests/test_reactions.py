@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from lagrange import BODIES
-from machines import random_machine, random_states
+from machines import random_machine, random_states, virtual_power_forces
 
 import p3dof
 from p3dof import description, kinematics
@@ -19,8 +19,8 @@ from p3dof.cli.output import rich_table
 from p3dof.closed_loop import ClosedLoopModel, Closure, Sidecar
 from p3dof.closed_loop.reactions import ClosureJoint, ReactionSolver, loop_reactions
 from p3dof.errors import DynamicsError, InputError, ModelError, ReachError, SampleError, SingularityError
-from p3dof.methods import pinocchio, virtual_power
-from p3dof.motion import Motion, paper_motion
+from p3dof.methods.pinocchio import PinocchioMethod
+from p3dof.motion import Motion, paper_motion, states_over
 from p3dof.parameters import PAPER, PASSIVE, SLIDES, SOLIDS, Bodies, Body, Friction, Parameters
 from p3dof.reactions import JOINTS, how_chosen, of_solution, open_tables, over_motion, reactions_table
 from p3dof.reactions.joints import cuts
@@ -188,7 +188,7 @@ def test_joints_transmit_what_they_can(name, kind):
     parameters, motion, wrench = case(name)
     result = solved(name, kind)
     states = motion.pose, motion.velocity, motion.acceleration
-    actuators = virtual_power.forces(parameters, *states, wrench)
+    actuators = virtual_power_forces(parameters, *states, wrench)
     force, moment = scales(result)
     slides = np.stack([result[s].forces[:, 2] for s in ("slide_a", "slide_b", "slide_c")], axis=-1)
     assert np.all(largest(slides - actuators) <= 1e-10 * force)
@@ -245,7 +245,7 @@ def test_friction_lies_along_the_joints_freedoms(seed, kind):
 
     states = motion.pose, motion.velocity, motion.acceleration
     moving = kinematics.mechanism_motion(parameters.geometry, *states)
-    actuators = virtual_power.forces(parameters, *states, wrench)
+    actuators = virtual_power_forces(parameters, *states, wrench)
     for k, name in enumerate(SLIDES):
         along = actuators[:, k] + resisting(name, moving.slider_velocities[:, k])
         assert np.all(np.abs(result[name].forces[:, 2] - along) <= 1e-10 * force)
@@ -364,7 +364,7 @@ def test_the_unit_of_length_does_not_change_the_choice():
 
 def test_another_length_is_another_choice():
     loop, motion = p3dof.load().loop, paper_motion(3)
-    solution = pinocchio.solve(loop, PAPER.geometry.h, motion.pose, motion.velocity, motion.acceleration)
+    solution = PinocchioMethod(PAPER, loop).solve(states_over(motion))
     q, v, a = (getattr(solution.joints, name)[2] for name in "qva")
     solvers = [ReactionSolver(loop, cuts("paper"), length) for length in (None, 0.02, 0.4)]
     default, same, other = (solver.solve(q, v, a, solution.forces[2]) for solver in solvers)
@@ -450,9 +450,7 @@ def test_joints_are_those_of_the_description():
 def test_determined_forces_of_ball_joints_are_the_multipliers_of_the_inverse_dynamics():
     loop, result = p3dof.load().loop, solved("PAPER", "points")
     _, motion, wrench = case("PAPER")
-    solution = pinocchio.solve(
-        loop, PAPER.geometry.h, motion.pose, motion.velocity, motion.acceleration, wrench
-    )
+    solution = PinocchioMethod(PAPER, loop).solve(states_over(motion, wrench))
     states = solution.joints
     for i in range(0, len(motion), 5):
         external = {"platform_center": wrench[i]}
@@ -642,8 +640,7 @@ def test_invalid_samples():
 
 def test_forces_that_do_not_belong_to_the_motion():
     loop, motion = p3dof.load().loop, paper_motion(6)
-    states = motion.pose, motion.velocity, motion.acceleration
-    solution = pinocchio.solve(loop, PAPER.geometry.h, *states)
+    solution = PinocchioMethod(PAPER, loop).solve(states_over(motion))
     solution.forces[4, 1] += 1e-3
     with pytest.raises(SampleError, match=r"sample 4.*do not produce the motion") as caught:
         of_solution(loop, PAPER, motion, solution)
@@ -874,7 +871,7 @@ def test_scale_does_not_change_the_marks():
 def test_marks_do_not_mind_loops_that_are_open_by_rounding():
     """The share that decides, 1e-7, is more than 1e-11 m of opening adds, less than a joint takes."""
     loop, motion = p3dof.load().loop, paper_motion(3)
-    solution = pinocchio.solve(loop, PAPER.geometry.h, motion.pose, motion.velocity, motion.acceleration)
+    solution = PinocchioMethod(PAPER, loop).solve(states_over(motion))
     q, v, a = (getattr(solution.joints, name)[2] for name in "qva")
     opened = q + 1e-11 * np.random.default_rng(0).normal(size=q.shape)
     for kind in KINDS:

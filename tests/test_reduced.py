@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from lagrange import LagrangeModel
-from machines import SEEDS, conditioning, derivative, random_machine, random_states
+from machines import SEEDS, conditioning, derivative, random_machine, random_states, virtual_power_forces
 
 import p3dof
 from p3dof.compiled import reduced
 from p3dof.compiled.formulas import MODEL, NAMES, all_kernels, is_symmetric, kernel
 from p3dof.compiled.reduced import SYMMETRIC_ZEROS, State, model_of
-from p3dof.methods import equations_of_motion, virtual_power
 from p3dof.methods.regressor import BASE, INERTIAL, force_regressor, inertial_parameters
+from p3dof.motion import states_of
 from p3dof.motion.wrenches import WRENCH_ROWS
 from p3dof.parameters import PAPER, Bodies, Body
 
@@ -41,10 +41,13 @@ def test_it_is_the_recursion_and_lagrange_for_bodies_without_any_symmetry(seed):
     forces, M, acceleration = formulas(machine, states)
     motion = states.pose, states.velocity, states.acceleration
     scale = 1e-12 * conditioning(machine.geometry, states.pose)[:, None] * np.abs(forces).max()
-    assert np.all(np.abs(forces - virtual_power.forces(machine, *motion, states.wrench)) < scale)
+    assert np.all(np.abs(forces - virtual_power_forces(machine, *motion, states.wrench)) < scale)
     assert np.all(np.abs(forces - LagrangeModel(machine).forces(*motion, states.wrench)) < scale)
     np.testing.assert_allclose(
-        M, equations_of_motion.mass_matrix(machine, states.pose), rtol=0, atol=1e-12 * np.abs(M).max()
+        M,
+        p3dof.load(machine).mass_matrix(states.pose, method="virtual-power"),
+        rtol=0,
+        atol=1e-12 * np.abs(M).max(),
     )
     size = np.abs(states.acceleration).max()
     error = np.abs(acceleration - states.acceleration)
@@ -81,8 +84,8 @@ def test_its_numbers_are_the_base_parameters(seed):
     machine = random_machine(seed)
     states = random_states(machine, seed, 300)
     motion = states.pose, states.velocity, states.acceleration
-    forces = virtual_power.forces(machine, *motion)
-    found = force_regressor(machine, *motion)
+    forces = virtual_power_forces(machine, *motion)
+    found = force_regressor(machine, states_of(*motion))
     phi = inertial_parameters(machine.bodies)
     assert len(BASE) == 21
     assert found.base.shape == (len(states.pose), 3, 21)
@@ -109,13 +112,13 @@ def test_the_regressor_of_the_recursion_has_the_same_rank():
     motion = states.pose, states.velocity, states.acceleration
     rng, links = np.random.default_rng(0), p3dof.parameters.LINKS
     base = {name: Body(1.0, rng.normal(0, 0.1, 3), np.diag([1.0, 1.1, 1.2])) for name in links}
-    reference = virtual_power.forces(replace(machine, bodies=Bodies(**base)), *motion).ravel()
+    reference = virtual_power_forces(replace(machine, bodies=Bodies(**base)), *motion).ravel()
     columns = []
     for name in links:
         for _ in range(10):  # ten random changes span a body's ten parameters
             other = Body(rng.uniform(0.5, 2), rng.normal(0, 0.1, 3), _inertia(rng))
             changed = replace(machine, bodies=Bodies(**{**base, name: other}))
-            columns.append(virtual_power.forces(changed, *motion).ravel() - reference)
+            columns.append(virtual_power_forces(changed, *motion).ravel() - reference)
     A = np.array(columns).T
     singular = np.linalg.svd(A / np.linalg.norm(A, axis=0), compute_uv=False)
     assert singular[20] > 1e-9 * singular[0]
@@ -128,12 +131,12 @@ def test_derivatives_by_lengths_and_gravity(seed):
     machine = random_machine(seed)
     states = random_states(machine, seed, 10, drop=0.3, angle=0.3)
     motion = states.pose, states.velocity, states.acceleration
-    found = force_regressor(machine, *motion)
+    found = force_regressor(machine, states_of(*motion))
 
     def stretched(name):
         def at(t):
             geometry = replace(machine.geometry, **{name: getattr(machine.geometry, name) + t})
-            return virtual_power.forces(replace(machine, geometry=geometry), *motion)
+            return virtual_power_forces(replace(machine, geometry=geometry), *motion)
 
         return at
 
@@ -144,17 +147,17 @@ def test_derivatives_by_lengths_and_gravity(seed):
         )
     for axis in range(3):
         push = np.eye(3)[axis]
-        expected = virtual_power.forces(replace(machine, gravity=machine.gravity + push), *motion)
-        expected = expected - virtual_power.forces(machine, *motion)
-        bound = 1e-11 * np.abs(virtual_power.forces(machine, *motion)).max()
+        expected = virtual_power_forces(replace(machine, gravity=machine.gravity + push), *motion)
+        expected = expected - virtual_power_forces(machine, *motion)
+        bound = 1e-11 * np.abs(virtual_power_forces(machine, *motion)).max()
         np.testing.assert_allclose(found.by_gravity[..., axis], expected, rtol=0, atol=bound)
 
 
 def test_the_regressor_with_friction():
     """All its derivatives are those of the forces that the robot computes, friction included."""
     one = replace(PAPER, friction=p3dof.Friction({"sliders": 20, "joints": 0.5}))
-    found = force_regressor(one, [0.05, 0.02, 0.3], [0.4, -0.3, 1.2], [0, 0, 0])
-    frictionless = force_regressor(PAPER, [0.05, 0.02, 0.3], [0.4, -0.3, 1.2], [0, 0, 0])
+    found = force_regressor(one, states_of([0.05, 0.02, 0.3], [0.4, -0.3, 1.2], [0, 0, 0]))
+    frictionless = force_regressor(PAPER, states_of([0.05, 0.02, 0.3], [0.4, -0.3, 1.2], [0, 0, 0]))
     assert np.abs(found.by_lengths - frictionless.by_lengths).max() > 50
     rich = p3dof.Friction(
         {"sliders": 20, "joints": 0.5}, {"sliders": 5, "hinge_c": 0.4, "universal_a": 0.3}, 0.1
@@ -166,7 +169,7 @@ def test_the_regressor_with_friction():
         found = robot.force_regressor(*motion)
 
         def forces(motion=motion, robot=robot, **changed):
-            return p3dof.load(replace(robot.parameters, **changed)).forces(*motion, "pinocchio")
+            return p3dof.load(replace(robot.parameters, **changed)).forces(*motion, method="pinocchio")
 
         size = np.abs(forces()).max()
         np.testing.assert_allclose(
@@ -196,7 +199,7 @@ def test_the_regressor_leaves_invalid_rows():
     machine = replace(PAPER, friction=p3dof.Friction({"joints": 0.5}))
     poses = [[0.0, 0, 0], [0.3, 0, 0]]
     for one in (machine, PAPER):
-        found = force_regressor(one, poses, np.ones(3), np.zeros(3), on_invalid="nan")
+        found = force_regressor(one, states_of(poses, np.ones(3), np.zeros(3), on_invalid="nan"))
         for array in (found.base, found.by_lengths, found.by_gravity, found.friction):
             assert np.isfinite(array[0]).all()
             assert np.isnan(array[1]).all()

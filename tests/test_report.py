@@ -132,7 +132,7 @@ def page(html):
 def test_the_numbers_are_those_of_the_api(robot, motion, page):
     wrench = (1.0, 2.0, -30.0, 0.0, 0.4, 0.0)
     by_pinocchio = robot.inverse_dynamics(motion, wrench=wrench)
-    result = robot.inverse_dynamics(motion, "virtual-power", wrench=wrench)
+    result = robot.inverse_dynamics(motion, method="virtual-power", wrench=wrench)
     energy = robot.energy(by_pinocchio)
     rows = {row[0]: row[1:] for row in page.tables["What the drives must do"]}
     for name, values in (
@@ -252,7 +252,7 @@ def test_every_payload_is_shown(tmp_path, capsys):
 
 def test_each_limit_has_its_peak_time_and_share(robot, motion, page):
     wrench = (1.0, 2.0, -30.0, 0.0, 0.4, 0.0)
-    result = robot.inverse_dynamics(motion, "virtual-power", wrench=wrench)
+    result = robot.inverse_dynamics(motion, method="virtual-power", wrench=wrench)
     rows = {row[0]: row[1:] for row in page.tables["How much of the limits is used"][1:]}
     assert len(rows) == 10
     columns = {f"force {leg} [N]": (result.forces[:, k], 500.0) for k, leg in enumerate("ABC")} | {
@@ -294,7 +294,7 @@ def test_parameters_are_complete(robot, page):
 
 @pytest.mark.usefixtures("undrawn")
 def test_exceeded_limits_stand_in_a_box(robot, motion, page, html):
-    result = robot.inverse_dynamics(motion, "virtual-power")
+    result = robot.inverse_dynamics(motion, method="virtual-power")
     exceedances = result.exceedances(robot.parameters.limits)
     assert exceedances
     box = html[html.index('class="box care"') : html.index('<dl class="key">')]
@@ -437,8 +437,8 @@ def test_a_browser_runs_the_animation_and_lets_nothing_in_or_out(tmp_path, motio
 def test_disagreement_is_shown(monkeypatch, motion):
     from p3dof.methods import virtual_power
 
-    real = virtual_power.forces
-    monkeypatch.setattr(virtual_power, "forces", lambda *a, **k: real(*a, **k) * (1 + 1e-9))
+    real = virtual_power.forces_at
+    monkeypatch.setattr(virtual_power, "forces_at", lambda *a, **k: real(*a, **k) * (1 + 1e-9))
     html = report.render(p3dof.load(), motion)
     assert "The two methods DISAGREE:" in html
     assert 'class="box bad"' in html

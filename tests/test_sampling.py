@@ -126,7 +126,7 @@ def test_a_curve_gets_as_many_samples_as_its_loads_need(robot, six):
     assert set(six.time) <= set(fine.time)
     assert robot.refined(fine) is not six
     assert len(robot.refined(fine)) == len(fine)  # enough is enough
-    result = robot.inverse_dynamics(fine, "virtual-power")
+    result = robot.inverse_dynamics(fine, method="virtual-power")
     assert not [words for words in result.warnings if "too coarse" in words]
     with pytest.raises(InputError, match="motion: expected a Motion"):
         robot.refined("poses.csv")
@@ -162,11 +162,11 @@ def test_a_load_that_peaks_between_the_samples_counts(robot, six):
     wrench = np.zeros((5, 6))
     wrench[2, 2] = -500.0
     load = WrenchHistory(time, wrench)
-    fine = robot.refined(six, load)
+    fine = robot.refined(six, wrench=load)
     highest = loads_at(robot.kernels, fine, load)["highest force"]
     exact = loads_at(robot.kernels, six.resampled(np.union1d(six.divided(512).time, time)), load)
     near(highest, exact["highest force"])
-    told = robot.inverse_dynamics(six.divided(64), "virtual-power", load).warnings
+    told = robot.inverse_dynamics(six.divided(64), method="virtual-power", wrench=load).warnings
     assert any("too coarse" in words for words in told)
 
 
@@ -177,18 +177,20 @@ def test_a_load_that_peaks_between_the_samples_counts(robot, six):
 def test_too_few_samples_are_told_of_any_motion(robot, six, method):
     plain = Motion(six.time, six.pose, six.velocity, six.acceleration)
     for motion in (six, plain):
-        (told,) = [words for words in robot.inverse_dynamics(motion, method).warnings if "coarse" in words]
+        (told,) = [
+            words for words in robot.inverse_dynamics(motion, method=method).warnings if "coarse" in words
+        ]
         assert "between them" in told
         assert "work and energy differ by" in told
-    assert robot.inverse_dynamics(p3dof.paper_motion(1001), method).warnings == ()
-    (told,) = robot.inverse_dynamics(p3dof.paper_motion(11), method).warnings
+    assert robot.inverse_dynamics(p3dof.paper_motion(1001), method=method).warnings == ()
+    (told,) = robot.inverse_dynamics(p3dof.paper_motion(11), method=method).warnings
     assert told.startswith("the samples are too coarse: ")
-    assert "1 warnings" in repr(robot.inverse_dynamics(p3dof.paper_motion(11), method))
+    assert "1 warnings" in repr(robot.inverse_dynamics(p3dof.paper_motion(11), method=method))
 
 
 def test_what_is_told_is_so(robot):
     """Of 21 samples of the paper's motion, the warning names numbers that a finer motion has."""
-    (told,) = robot.inverse_dynamics(p3dof.paper_motion(21), "virtual-power").warnings
+    (told,) = robot.inverse_dynamics(p3dof.paper_motion(21), method="virtual-power").warnings
     exact = loads_at(robot.kernels, p3dof.paper_motion(4001), WrenchHistory([0.0], np.zeros((1, 6))))
     named = re.findall(
         r"([\w ]+) of ([ABC]) is (-?[\d.]+) \S+ between them, (-?[\d.]+)", told.split(": ", 1)[1]
@@ -215,13 +217,13 @@ def test_an_acceleration_that_jumps_is_not_taken_for_coarse(robot, at):
     p = way[part] + speed[part] * since + levels[part] * since**2 / 2
     zero = 0 * time
     motion = Motion(time, *(np.column_stack([zero, x, zero]) for x in (p, v, a)))
-    assert robot.inverse_dynamics(motion, "virtual-power").warnings == ()
+    assert robot.inverse_dynamics(motion, method="virtual-power").warnings == ()
 
 
 def test_rounded_samples_are_not_taken_for_coarse(robot):
     exact = p3dof.paper_motion(1001)
     columns = (x.round(6) for x in (exact.pose, exact.velocity, exact.acceleration))
-    assert robot.inverse_dynamics(Motion(exact.time, *columns), "virtual-power").warnings == ()
+    assert robot.inverse_dynamics(Motion(exact.time, *columns), method="virtual-power").warnings == ()
 
 
 # --- the command line ---------------------------------------------------------------------------------------
@@ -229,7 +231,7 @@ def test_rounded_samples_are_not_taken_for_coarse(robot):
 
 def test_the_commands_print_the_peaks_of_the_curve(robot, six, files, capsys):
     """Every printed number agrees with a 20 times finer computation; at the six rows, none would."""
-    fine = robot.inverse_dynamics(six.divided(20 * 64), "virtual-power")
+    fine = robot.inverse_dynamics(six.divided(20 * 64), method="virtual-power")
     drives = robot.energy(fine).drives
     code, shown, _ = run(capsys, "forces", "--motion", files / "poses.csv", "--method", "virtual-power")
     assert code == 0
@@ -248,7 +250,7 @@ def test_the_commands_print_the_peaks_of_the_curve(robot, six, files, capsys):
     for name, field in names.items():
         near(rows[name], getattr(drives, field))
     assert "too coarse" not in shown
-    coarse = robot.inverse_dynamics(six, "virtual-power")
+    coarse = robot.inverse_dynamics(six, method="virtual-power")
     assert round(coarse.peak_forces[0], 1) == 104.6
     assert round(fine.peak_forces[0], 1) == 123.4
 

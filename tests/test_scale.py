@@ -35,7 +35,7 @@ def test_both_ways_agree_at_every_scale(s, machine):
     states = random_states(machine, 3, 30, drop=0.3, angle=0.3)
     by = np.array([s, s, 1])
     pose, velocity, acceleration = states.pose * by, states.velocity * by, states.acceleration * by
-    expected = robot.forces(pose, velocity, acceleration, "virtual-power")
+    expected = robot.forces(pose, velocity, acceleration, method="virtual-power")
     size = np.abs(expected).max(axis=1, keepdims=True)
     batch = robot.forces(pose, velocity, acceleration)
     assert (np.abs(batch - expected) / size).max() < 1e-12
@@ -70,7 +70,7 @@ def test_platforms_far_up_and_down(z):
     pose = motion.pose + np.array([0, z, 0])
     for rows in (slice(None), slice(0, 3)):
         states = pose[rows], motion.velocity[rows], motion.acceleration[rows]
-        expected = robot.forces(*states, "virtual-power")
+        expected = robot.forces(*states, method="virtual-power")
         error = np.abs(robot.forces(*states) - expected).max() / np.abs(expected).max()
         assert error < 2 * np.finfo(float).eps * abs(z) / PAPER.geometry.L
 
@@ -79,7 +79,7 @@ def test_platforms_far_up_and_down(z):
 def test_parallelograms_of_any_width(b):
     robot = p3dof.load(replace(PAPER, geometry=replace(PAPER.geometry, b=b)))
     motion = p3dof.paper_motion(20)
-    expected = robot.inverse_dynamics(motion, "virtual-power").forces
+    expected = robot.inverse_dynamics(motion, method="virtual-power").forces
     error = np.abs(robot.inverse_dynamics(motion).forces - expected).max() / np.abs(expected).max()
     assert error < 1e-12 + 10 * np.finfo(float).eps * b / PAPER.geometry.L
 
@@ -90,7 +90,7 @@ def test_parallel_legs_cannot_hold_the_platform(gap):
     with pytest.raises(ParameterError, match="R - r: expected at least 1e-06 L"):
         Geometry(r=0.25 - gap, R=0.25)
     machine = replace(PAPER, geometry=Geometry(r=0.25 - 1e-6, R=0.25))
-    forces = [p3dof.load(machine).forces(REST, REST, REST, m) for m in ("pinocchio", "virtual-power")]
+    forces = [p3dof.load(machine).forces(REST, REST, REST, method=m) for m in ("pinocchio", "virtual-power")]
     np.testing.assert_allclose(*forces, rtol=1e-8, atol=0)
 
 

@@ -120,7 +120,7 @@ def test_any_machine_moves_as_lagrange_has_it(method, seed):
     power = np.sum(lossy.forces * lossy.slider_velocities, axis=1)
     power += np.sum(lossy.wrench[:, (1, 2, 4)] * lossy.velocity, axis=1)
     result = p3dof.load(replace(machine, friction=rough)).inverse_dynamics(
-        lossy.motion, "virtual-power", wrench=lossy.wrench
+        lossy.motion, method="virtual-power", wrench=lossy.wrench
     )
     scale = np.abs(lossy.forces).max()
     np.testing.assert_allclose(result.forces, lossy.forces, rtol=0, atol=1e-10 * scale)
@@ -406,7 +406,10 @@ def test_holding_a_constant_force_changes_nothing(method):
 def test_joints_may_be_the_start_and_open_loops_are_refused_with_their_gap():
     robot = p3dof.load()
     state = robot.loop.complete(robot.inverse_kinematics([0.01, 0.02, 0.1]).sliders, [0.1, 0, 0], np.zeros(3))
-    pose, velocity = [0.01, 0.02, 0.1], np.linalg.solve(robot.jacobian([0.01, 0.02, 0.1]), [0.1, 0, 0])
+    pose, velocity = (
+        [0.01, 0.02, 0.1],
+        np.linalg.solve(robot.jacobian([0.01, 0.02, 0.1]), [0.1, 0, 0]),
+    )
     forces = robot.forces(pose, HOME, HOME)
     first = robot.simulate(
         0.05, start=InitialState(joints=(state.q, state.v)), controller=forces, method="pinocchio"

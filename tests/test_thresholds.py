@@ -270,7 +270,7 @@ def test_joints_of_a_run_that_starts_with_open_loops(robot, swing):
 
 
 def test_limits_that_are_exceeded_are_told_with_value_and_time(robot):
-    result = robot.inverse_dynamics(p3dof.paper_motion(101), "virtual-power")
+    result = robot.inverse_dynamics(p3dof.paper_motion(101), method="virtual-power")
     tight = replace(PAPER.limits, speed=0.1, force=60.0)
     for exceedance in result.exceedances(tight):
         leg = "ABC".index(exceedance.leg)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from machines import SEEDS, random_machine, random_states
+from machines import SEEDS, random_machine, random_states, virtual_power_forces
 from test_friction import random_friction
 
 import p3dof
@@ -15,7 +15,6 @@ from p3dof import kinematics
 from p3dof.compiled.tracing import Tape, derivatives, straight_line
 from p3dof.compiled.tracing.c import statements
 from p3dof.compiled.tracing.python import function_of
-from p3dof.methods import equations_of_motion, virtual_power
 from p3dof.simulation.equations import Equations
 
 
@@ -27,10 +26,10 @@ def test_the_equations_are_those_of_the_arrays(seed):
     equations, geometry = Equations(machine), machine.geometry
     inverse = kinematics.inverse_kinematics(geometry, states.pose).sliders
     J = kinematics.inverse_jacobian(geometry, states.pose)
-    forces = virtual_power.forces(machine, states.pose, states.velocity, states.acceleration)
+    forces = virtual_power_forces(machine, states.pose, states.velocity, states.acceleration)
     given_ = np.random.default_rng(seed).normal(0, np.abs(forces).max(), (3, 3))
-    expected = equations_of_motion.forward_dynamics(
-        machine, states.pose, states.velocity, given_, states.wrench
+    expected = p3dof.load(machine).forward_dynamics(
+        states.pose, states.velocity, given_, wrench=states.wrench, method="virtual-power"
     )
     for i, (x, v, a) in enumerate(zip(states.pose, states.velocity, states.acceleration, strict=True)):
         sliders = equations.sliders(*x, *v)

@@ -16,7 +16,7 @@ from p3dof.parameters import PAPER, Limits
 
 @pytest.fixture(scope="module")
 def result():
-    return p3dof.load().inverse_dynamics(p3dof.paper_motion(101), "virtual-power")
+    return p3dof.load().inverse_dynamics(p3dof.paper_motion(101), method="virtual-power")
 
 
 def test_shares_are_of_the_limit_on_the_side_of_the_value(result):

@@ -133,7 +133,7 @@ def robot():
 
 
 def test_pages_that_stand_alone_carry_them(robot):
-    result = robot.inverse_dynamics(p3dof.paper_motion(5), "virtual-power")
+    result = robot.inverse_dynamics(p3dof.paper_motion(5), method="virtual-power")
     for page in (animation_html(robot, result, fps=4), Scene(robot).window.get_scene()):
         assert "three.js" in page
         assert licences() in html.unescape(page)
@@ -147,7 +147,7 @@ def test_a_report_carries_them_with_its_animation(robot, monkeypatch):
     pictures = Pictures(*[blank] * len(dataclasses.fields(Pictures)))
     monkeypatch.setattr("p3dof.report.page.pictures_of", lambda *_: pictures)
     motion = p3dof.paper_motion(5)
-    moving = animation_html(robot, robot.inverse_dynamics(motion, "virtual-power"), fps=4)
+    moving = animation_html(robot, robot.inverse_dynamics(motion, method="virtual-power"), fps=4)
     page = report.render(robot, motion, animation=moving)
     assert licences() in html.unescape(html.unescape(page))
     assert "<script" not in page  # what runs, runs in the frame

@@ -204,7 +204,7 @@ def test_the_scale_at_rest_holds_the_poses_of_the_sliders(robot):
     scale = ArrowScale.at_rest(robot)
     rng, rest = np.random.default_rng(5), np.zeros(3)
     poses = rng.uniform([-0.25, -0.2, -0.78], [0.25, 0.2, 0.78], (4000, 3))
-    forces = np.abs(robot.forces(poses, rest, rest, "virtual-power", on_invalid="nan")).max(axis=1)
+    forces = np.abs(robot.forces(poses, rest, rest, method="virtual-power", on_invalid="nan")).max(axis=1)
     forces = forces[np.isfinite(forces)]
     assert 0.9 * forces.max() < scale.newtons < 1.1 * forces.max()
     assert "at rest" in scale.legend
@@ -377,7 +377,7 @@ def test_the_camera_sees_every_arrow_of_a_motion(seed, largest):
     reach = g.L - (g.R - g.r)
     y, z, theta = 0.5 * reach * np.sin(7 * way), parameters.limits.travel[1] * np.sin(4 * way), 0.3 * way
     motion = p3dof.Motion.from_poses(way, np.stack((y, z, theta), axis=-1))
-    solved = scaled(robot.inverse_dynamics(motion, "virtual-power", on_invalid="nan"), 1.0)
+    solved = scaled(robot.inverse_dynamics(motion, method="virtual-power", on_invalid="nan"), 1.0)
     assert solved.valid.any()
     solved = dataclasses.replace(solved, forces=largest * np.where(way > 0.6, -1, 1)[:, None] * solved.forces)
     scale = ArrowScale.of_motion(robot, solved)

@@ -63,7 +63,7 @@ def robot():
 
 @pytest.fixture(scope="module")
 def result(robot):
-    return robot.inverse_dynamics(p3dof.paper_motion(51), "virtual-power")
+    return robot.inverse_dynamics(p3dof.paper_motion(51), method="virtual-power")
 
 
 @pytest.fixture(scope="module")
@@ -729,7 +729,7 @@ def test_states(robot, result):
 def test_the_load_stays_on_a_platform_that_is_moved_by_hand(robot):
     motion = p3dof.paper_motion(11)
     wrench = np.linspace(0, 1, 11)[:, None] * [0, 0, -50.0, 0, 3.0, 0]
-    states = States(robot, robot.inverse_dynamics(motion, "virtual-power", wrench))
+    states = States(robot, robot.inverse_dynamics(motion, method="virtual-power", wrench=wrench))
     pose, rest = np.array([0.05, 0.01, 0.1]), np.zeros(3)
     shown = states.of_pose(pose, 0.55, rest, "static")
     expected = robot.forces(pose, rest, rest, wrench=[0, 0, -27.5, 0, 1.65, 0])
@@ -762,7 +762,7 @@ def test_a_motion_that_leaves_the_reach_keeps_the_last_pose(robot):
     motion = p3dof.Motion.from_poses(time_, np.stack([y, 0 * y, 0 * y], -1))
     with pytest.raises(ReachError, match="leg A"):
         LiveViewer(robot, motion, port=0)
-    result = robot.inverse_dynamics(motion, "virtual-power", on_invalid="nan")
+    result = robot.inverse_dynamics(motion, method="virtual-power", on_invalid="nan")
     with LiveViewer(robot, result, port=0, playing=False, at=0.7) as live:
         assert live.shown.pose[0] == pytest.approx(0.21)
         live.seek(0.95)

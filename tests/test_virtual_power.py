@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from lagrange import LagrangeModel
-from machines import SEEDS, conditioning, derivative, random_machine, random_states
+from machines import SEEDS, conditioning, derivative, random_machine, random_states, virtual_power_forces
 
 from p3dof import kinematics
 from p3dof.errors import InputError, ReachError, SingularityError
-from p3dof.methods import virtual_power
 from p3dof.paper.formulas import Lengths
 from p3dof.paper.inertials import Inertial
 from p3dof.paper.virtual_power import Wrench, actuator_forces
@@ -29,7 +28,7 @@ def test_agrees_with_lagrange(seed):
     """Random machines without symmetry, of sizes over two decades; general bodies and gravity; a wrench."""
     parameters = random_machine(seed)
     s = random_states(parameters, seed, 20)
-    ours = virtual_power.forces(parameters, s.pose, s.velocity, s.acceleration, s.wrench)
+    ours = virtual_power_forces(parameters, s.pose, s.velocity, s.acceleration, s.wrench)
     expected = LagrangeModel(parameters).forces(s.pose, s.velocity, s.acceleration, s.wrench)
     largest = np.abs(expected).max(axis=-1)
     assert np.all(np.abs(ours - expected).max(axis=-1) <= 1e-10 * largest)
@@ -42,7 +41,7 @@ def test_agrees_with_lagrange_near_singular_poses(seed):
     parameters = random_machine(seed)
     near = {"drop": 0.1, "angle": 0.01}
     s = random_states(parameters, seed, 5, drop=0.005, angle=1e-5, near=near)
-    ours = virtual_power.forces(parameters, s.pose, s.velocity, s.acceleration)
+    ours = virtual_power_forces(parameters, s.pose, s.velocity, s.acceleration)
     expected = LagrangeModel(parameters).forces(s.pose, s.velocity, s.acceleration)
     allowed = 1e-12 * conditioning(parameters.geometry, s.pose) * np.abs(expected).max(axis=-1)
     assert np.all(np.abs(ours - expected).max(axis=-1) <= allowed)
@@ -61,7 +60,7 @@ def test_static_forces_are_the_gradient_of_the_potential(parameters):
             for name, body in parameters.bodies.items()
         )
 
-    f = virtual_power.forces(parameters, pose, HOME, HOME)
+    f = virtual_power_forces(parameters, pose, HOME, HOME)
     gradient = np.einsum("nij,ni->nj", kinematics.inverse_jacobian(geometry, pose), f)
     for j in range(3):
         axis = np.eye(3)[j]
@@ -70,7 +69,7 @@ def test_static_forces_are_the_gradient_of_the_potential(parameters):
 
 
 def test_weight_is_carried():
-    f = virtual_power.forces(PAPER, [0.05, -0.02, 0.3], HOME, HOME)
+    f = virtual_power_forces(PAPER, [0.05, -0.02, 0.3], HOME, HOME)
     assert f.sum() == pytest.approx(PAPER.bodies.mass * 9.806, rel=1e-14)
 
 
@@ -80,7 +79,7 @@ def test_width_of_the_parallelogram_does_not_matter(seed):
     parameters = random_machine(seed)
     s = random_states(parameters, seed, 20)
     forces = [
-        virtual_power.forces(
+        virtual_power_forces(
             replace(parameters, geometry=replace(parameters.geometry, b=b)),
             s.pose,
             s.velocity,
@@ -99,7 +98,7 @@ def test_axial_inertia_of_the_legs_does_not_matter():
     bodies = replace(PAPER.bodies, leg_a=other, leg_b=other)
     s = random_states(PAPER, 7, 50)
     forces = [
-        virtual_power.forces(p, s.pose, s.velocity, s.acceleration)
+        virtual_power_forces(p, s.pose, s.velocity, s.acceleration)
         for p in (PAPER, replace(PAPER, bodies=bodies))
     ]
     np.testing.assert_allclose(*forces, rtol=0, atol=1e-10)
@@ -111,7 +110,7 @@ def test_middle_entry_of_the_printed_j3_does_not_matter():
     other = Body(platform.mass, platform.com, platform.inertia + np.diag([0, 0, 0.007]))
     s = random_states(PAPER, 8, 50)
     forces = [
-        virtual_power.forces(p, s.pose, s.velocity, s.acceleration)
+        virtual_power_forces(p, s.pose, s.velocity, s.acceleration)
         for p in (PAPER, replace(PAPER, bodies=replace(PAPER.bodies, platform=other)))
     ]
     np.testing.assert_allclose(*forces, rtol=0, atol=1e-12)
@@ -120,7 +119,7 @@ def test_middle_entry_of_the_printed_j3_does_not_matter():
 def test_wrench_is_balanced_by_virtual_power():
     rng = np.random.default_rng(0)
     pose, wrench = np.array([0.07, -0.03, 0.4]), rng.normal(0, 10, 6)
-    without, loaded = (virtual_power.forces(PAPER, pose, HOME, HOME, w) for w in (None, wrench))
+    without, loaded = (virtual_power_forces(PAPER, pose, HOME, HOME, w) for w in (None, wrench))
     J = kinematics.inverse_jacobian(PAPER.geometry, pose)
     expected = -np.linalg.solve(J.T, [wrench[1], wrench[2], wrench[4]])  # power of F_y, F_z, M_y
     np.testing.assert_allclose(loaded - without, expected, rtol=1e-12, atol=1e-12)
@@ -160,7 +159,7 @@ def test_symbols_run_through_the_same_formula(symbolic):
     else:
         compiled = sympy.lambdify(symbols[:used], f, modules="math", cse=True)
         evaluate = lambda values: np.array(compiled(*values))  # noqa: E731
-    expected = virtual_power.forces(parameters, s.pose, s.velocity, s.acceleration, s.wrench)
+    expected = virtual_power_forces(parameters, s.pose, s.velocity, s.acceleration, s.wrench)
     for i in range(len(s.pose)):
         values = [*Lengths.of(parameters.geometry)]
         for name in names:
@@ -175,13 +174,13 @@ def test_blocks_and_leading_dimensions_do_not_change_a_sample():
     pose, velocity, acceleration = (
         np.tile(x, (150, 1)) for x in (s.pose, s.velocity, s.acceleration)
     )  # two blocks
-    forces = virtual_power.forces(PAPER, pose, velocity, acceleration)
-    one = virtual_power.forces(PAPER, s.pose, s.velocity, s.acceleration)
+    forces = virtual_power_forces(PAPER, pose, velocity, acceleration)
+    one = virtual_power_forces(PAPER, s.pose, s.velocity, s.acceleration)
     np.testing.assert_allclose(forces, np.tile(one, (150, 1)), rtol=0, atol=1e-12)
-    shaped = virtual_power.forces(PAPER, s.pose.reshape(3, 20, 3), s.velocity.reshape(3, 20, 3), np.zeros(3))
+    shaped = virtual_power_forces(PAPER, s.pose.reshape(3, 20, 3), s.velocity.reshape(3, 20, 3), np.zeros(3))
     assert shaped.shape == (3, 20, 3)
-    assert virtual_power.forces(PAPER, np.zeros((0, 3)), HOME, HOME).shape == (0, 3)
-    single = virtual_power.forces(PAPER, s.pose[0], s.velocity[0], s.acceleration[0])
+    assert virtual_power_forces(PAPER, np.zeros((0, 3)), HOME, HOME).shape == (0, 3)
+    single = virtual_power_forces(PAPER, s.pose[0], s.velocity[0], s.acceleration[0])
     np.testing.assert_allclose(single, one[0], rtol=1e-14)
 
 
@@ -190,15 +189,15 @@ def test_singular_poses_raise_with_the_sample():
     poses = np.zeros((3, 3))
     poses[1, 2] = theta
     with pytest.raises(SingularityError, match=r"actuation-singular.*sample 1, the first of 1") as info:
-        virtual_power.forces(PAPER, poses, HOME, HOME)
+        virtual_power_forces(PAPER, poses, HOME, HOME)
     assert info.value.index == (1,)
-    forces = virtual_power.forces(PAPER, poses, HOME, HOME, on_invalid="nan")
+    forces = virtual_power_forces(PAPER, poses, HOME, HOME, on_invalid="nan")
     assert np.isnan(forces[1]).all()
     assert np.isfinite(forces[[0, 2]]).all()
     with pytest.raises(SingularityError):
-        virtual_power.forces(PAPER, [0, 0, theta - 0.5 * ACTUATION_TOLERANCE], HOME, HOME)
-    assert np.isfinite(virtual_power.forces(PAPER, [0, 0, theta - 2 * ACTUATION_TOLERANCE], HOME, HOME)).all()
-    near = virtual_power.forces(PAPER, [0, 0, theta - 1e-4], HOME, HOME)
+        virtual_power_forces(PAPER, [0, 0, theta - 0.5 * ACTUATION_TOLERANCE], HOME, HOME)
+    assert np.isfinite(virtual_power_forces(PAPER, [0, 0, theta - 2 * ACTUATION_TOLERANCE], HOME, HOME)).all()
+    near = virtual_power_forces(PAPER, [0, 0, theta - 1e-4], HOME, HOME)
     assert np.isfinite(near).all()
     assert np.abs(near).max() > 1e4  # unbounded toward the singularity
 
@@ -207,19 +206,19 @@ def test_unreachable_and_nan_rows():
     poses = np.zeros((4, 3))
     poses[1, 0], poses[2, 1] = 0.3, np.nan
     with pytest.raises(InputError, match="sample 2"):
-        virtual_power.forces(PAPER, poses, HOME, HOME)
+        virtual_power_forces(PAPER, poses, HOME, HOME)
     with pytest.raises(ReachError, match="leg A"):
-        virtual_power.forces(PAPER, poses[:2], HOME, HOME)
+        virtual_power_forces(PAPER, poses[:2], HOME, HOME)
     wrench = np.zeros((4, 6))
     wrench[3, 5] = np.inf
-    forces = virtual_power.forces(PAPER, poses, HOME, HOME, wrench, on_invalid="nan")
+    forces = virtual_power_forces(PAPER, poses, HOME, HOME, wrench, on_invalid="nan")
     assert np.isnan(forces[1:]).all()
-    np.testing.assert_array_equal(forces[0], virtual_power.forces(PAPER, HOME, HOME, HOME))
+    np.testing.assert_array_equal(forces[0], virtual_power_forces(PAPER, HOME, HOME, HOME))
 
 
 def test_overflow_is_told():
     with pytest.raises(InputError, match="forces: expected finite"):
-        virtual_power.forces(PAPER, np.zeros((2, 3)), [0, 0, 1e200], HOME)
+        virtual_power_forces(PAPER, np.zeros((2, 3)), [0, 0, 1e200], HOME)
 
 
 @pytest.mark.parametrize(
@@ -232,7 +231,7 @@ def test_overflow_is_told():
 )
 def test_bad_wrench(wrench, words):
     with pytest.raises(InputError, match=words):
-        virtual_power.forces(PAPER, np.zeros((2, 3)), HOME, HOME, wrench)
+        virtual_power_forces(PAPER, np.zeros((2, 3)), HOME, HOME, wrench)
 
 
 def test_only_the_platform_carries_mass():
@@ -242,6 +241,6 @@ def test_only_the_platform_carries_mass():
     bodies = Bodies.alike(slider=speck, leg=speck, crossbar=Body.massless(), platform=point)
     parameters = replace(PAPER, bodies=bodies, geometry=Geometry())
     pose, velocity, acceleration = [0.1, 0.02, 0.5], [0.4, -0.3, 2.0], [3.0, -2.0, 9.0]
-    f = virtual_power.forces(parameters, pose, velocity, acceleration)
+    f = virtual_power_forces(parameters, pose, velocity, acceleration)
     J = kinematics.inverse_jacobian(parameters.geometry, pose)
     np.testing.assert_allclose(f, np.linalg.solve(J.T, [3.0, -2.0 + 9.806, 0.0]), atol=1e-9)

@@ -10,6 +10,7 @@ from p3dof.methods import METHODS
 from p3dof.motion import Load
 
 TIMES = np.linspace(0, 2, 6)  # as many times as a wrench has components: what fits both must not be mixed up
+MOTION = p3dof.Motion.rest_to_rest([0, 0, 0], [0.05, 0.02, 0.1], 2.0, samples=6)
 FORCE, MOMENT = np.eye(6)[[2, 4]]
 
 
@@ -87,12 +88,12 @@ def test_derivatives_reactions_and_comparison_take_either():
     robot, motion = p3dof.load(), p3dof.paper_motion(7)
     table, function = expected(motion.time), FUNCTIONS["a question about one time"]
     for calculate in (
-        lambda wrench: robot.inverse_dynamics_derivatives(motion, wrench).forces,
-        lambda wrench: robot.reactions(motion, "paper", wrench).forces,
-        lambda wrench: robot.compare(motion, wrench).first.forces,
+        lambda wrench: robot.inverse_dynamics_derivatives(motion, wrench=wrench).forces,
+        lambda wrench: robot.reactions(motion, "paper", wrench=wrench).forces,
+        lambda wrench: robot.compare(motion, wrench=wrench).first.forces,
         lambda wrench: (
             robot.refined(
-                motion, p3dof.WrenchHistory(motion.time, wrench) if wrench is table else wrench
+                motion, wrench=p3dof.WrenchHistory(motion.time, wrench) if wrench is table else wrench
             ).time
         ),
     ):
@@ -112,7 +113,7 @@ def test_derivatives_reactions_and_comparison_take_either():
 )
 def test_a_wrench_that_is_none(wrench, message):
     with pytest.raises(p3dof.InputError, match=message):
-        Load(wrench).over(TIMES)
+        p3dof.load().inverse_dynamics(MOTION, wrench=wrench, method="compiled")
 
 
 def test_a_wrench_that_is_none_at_one_time():

@@ -112,7 +112,7 @@ def _print_convergence(console: Console, case: Case) -> None:
     count = max(2, 2 * round(entered.duration / STEP / 2))  # whole double steps
     motion = entered.resampled(count + 1)
     wrench = None if case.history is None else case.history(motion.time)
-    known = case.robot.inverse_dynamics(motion, "virtual-power", wrench=wrench)
+    known = case.robot.inverse_dynamics(motion, method="virtual-power", wrench=wrench)
     found = engines.convergence(
         case.robot.parameters, motion, known.forces, motion.duration / count, HALVINGS, wrench=wrench
     )

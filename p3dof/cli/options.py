@@ -17,7 +17,8 @@ from p3dof.checks import LARGEST, FloatArray, shown
 from p3dof.cli.files import InputFile, OutputFile, protect, source
 from p3dof.cli.output import progress_bar
 from p3dof.errors import ParameterError, SampleError
-from p3dof.manipulator import METHODS, InverseDynamics, Manipulator, load
+from p3dof.manipulator import InverseDynamics, Manipulator, load
+from p3dof.methods import DEFAULT_METHOD, METHODS
 from p3dof.motion import Motion, WrenchHistory, paper_motion
 from p3dof.motion.splines import eased
 from p3dof.parameters import Body, read_parameters
@@ -76,7 +77,7 @@ def machine_of(parameters: Path | None, payload: Body | None = None) -> Manipula
 METHOD = click.option(
     "--method",
     type=click.Choice(METHODS),
-    default=METHODS[0],
+    default=DEFAULT_METHOD,
     show_default=True,
     help="How to compute the forces.",
 )
@@ -234,10 +235,10 @@ class Case:
                 )
             return motion
         if self.on_invalid == "raise":  # names the row of the file rather than a sample of the curve
-            self.robot.forces(motion.pose, motion.velocity, motion.acceleration, "compiled")
+            self.robot.forces(motion.pose, motion.velocity, motion.acceleration, method="compiled")
         if self.samples is not None:
             return motion.resampled(self.samples)
-        return self.robot.refined(motion, self.history)
+        return self.robot.refined(motion, wrench=self.history)
 
     @functools.cached_property
     def history(self) -> WrenchHistory | None:
@@ -282,7 +283,7 @@ class Case:
             start = time.perf_counter()
             result = self.robot.inverse_dynamics(
                 self.motion,
-                method=method,  # type: ignore[arg-type]  # one of METHODS, as the options say
+                method=method,
                 wrench=self.wrench,
                 on_invalid=self.on_invalid,  # type: ignore[arg-type]  # likewise
                 progress=progress,
@@ -304,7 +305,7 @@ class Case:
         """Return the reactions of all joints, with a progress bar."""
         with progress_bar("reactions", len(self.motion)) as progress:
             result = self.robot.reactions(  # type: ignore[call-overload,unused-ignore]  # on_invalid: see solve
-                self.motion, joints, self.wrench, self.on_invalid, progress
+                self.motion, joints, wrench=self.wrench, on_invalid=self.on_invalid, progress=progress
             )
         self.require_valid(result.valid)
         return cast(AnyReactions, result)

@@ -47,9 +47,9 @@ def reactions(case: Case, joints: Choice, out: Path | None, figure: Path | None)
         print_plain(console, f"{UNDECIDED} {how_chosen(result)}")
     known = case.robot.inverse_dynamics(
         case.motion,
-        "virtual-power",
-        case.wrench,
-        case.on_invalid,  # type: ignore[arg-type]  # one of two, as the options say
+        method="virtual-power",
+        wrench=case.wrench,
+        on_invalid=case.on_invalid,  # type: ignore[arg-type]  # one of two, as the options say
     )
     print_warnings(console, known.warnings)
     for path in written:

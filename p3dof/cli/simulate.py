@@ -17,11 +17,10 @@ from p3dof.cli.output import print_plain, print_warnings, progress_bar, show
 from p3dof.cli.payloads import print_payloads
 from p3dof.errors import MissingExtraError
 from p3dof.files import together
-from p3dof.manipulator import METHODS
+from p3dof.methods import DEFAULT_METHOD, METHODS
 from p3dof.motion import Motion
 from p3dof.parameters import Limits, Parameters
 from p3dof.simulation import (
-    DEFAULT_METHOD,
     PD,
     TIME_LIMIT,
     ComputedTorque,
@@ -161,7 +160,7 @@ def simulate(
                 controller=controller,
                 control=control,
                 wrench=case.load_along(chosen),
-                method=method,  # type: ignore[arg-type]  # one of METHODS, as the options say
+                method=method,
                 samples=samples,
                 integration=Integration(time_limit=time_limit),
                 progress=progress,
@@ -173,7 +172,7 @@ def simulate(
     console = Console()
     print_payloads(console, case)
     show(console, errors_table(runs))
-    print_warnings(console, case.robot.remarks(case.motion, case.history))
+    print_warnings(console, case.robot.remarks(case.motion, wrench=case.history))
     _print_ratio(console, runs)
     _print_limits(console, case.robot.parameters.limits, runs)
     for name, run in runs.items():

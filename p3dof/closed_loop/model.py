@@ -229,7 +229,8 @@ def _complete_scaled(
         found.q * units.motion(units.q),
         found.v * units.motion(units.v),
         found.a * units.motion(units.v),
-        scaled.influence(found.inverse_jacobian, units.v[core.actuated_v], factors),
+        scaled.influence(found.influence, units.v, factors),
+        found.actuated_v,
         found.same_assembly,
         {i: scaled.told(error) for i, error in found.errors.items()},
     )

@@ -1,7 +1,7 @@
 """States of motion with everything that the generated C computes there, by other ways than it does.
 
 Kinematics by `p3dof.kinematics`, forces by virtual powers, their derivatives by complex steps through that
-recursion, the rest by `p3dof.methods.equations_of_motion`. Only the fold of the bodies, which says what the
+recursion, the rest by `p3dof.methods.virtual_power`. Only the fold of the bodies, which says what the
 base inertial parameters are, is shared.
 """
 
@@ -18,7 +18,8 @@ from p3dof.checks import FloatArray
 from p3dof.compiled.formulas import MODEL
 from p3dof.compiled.reduced import fold
 from p3dof.errors import ParameterError
-from p3dof.methods import equations_of_motion, virtual_power
+from p3dof.methods.virtual_power import VirtualPowerMethod
+from p3dof.motion import states_of
 from p3dof.paper.formulas import Lengths
 from p3dof.paper.friction import NO_LOSSES, losses_of
 from p3dof.paper.inertials import Inertial, inertials
@@ -81,7 +82,7 @@ def reference(parameters: Parameters, count: int = 8, seed: int = 1) -> Referenc
     pose = _short(pose)
     size = [parameters.geometry.L, parameters.geometry.L, 1]
     velocity, acceleration = rng.normal(0, 1, (count, 3)) * size, rng.normal(0, 10, (count, 3)) * size
-    holding = virtual_power.forces(parameters, pose, np.zeros(3), np.zeros(3))
+    holding = VirtualPowerMethod(parameters).forces(states_of(pose))
     weight = float(np.abs(holding).max()) or 1.0
     wrench = rng.normal(0, weight / 2, (count, 6)) * [1, 1, 1, *(3 * [parameters.geometry.r])]
     acting = holding + rng.normal(0, weight / 2, (count, 3))
@@ -113,7 +114,9 @@ def outputs(parameters: Parameters, inputs: dict[str, FloatArray]) -> dict[str, 
     """
     pose, velocity, acceleration, wrench, acting, sliders = inputs.values()
     motion, count = (pose, velocity, acceleration), len(pose)
-    forces = virtual_power.forces(parameters, *motion, wrench)
+    dynamics = VirtualPowerMethod(parameters)
+    forces = dynamics.forces(states_of(*motion, wrench=wrench))
+    driven = states_of(pose, velocity, forces=acting, wrench=wrench)
     by_motion = force_derivatives(parameters, *motion, wrench)
     by_numbers = number_derivatives(parameters, *motion, wrench)
     geometry = parameters.geometry
@@ -121,9 +124,9 @@ def outputs(parameters: Parameters, inputs: dict[str, FloatArray]) -> dict[str, 
         "inverse_dynamics": forces,
         "inverse_kinematics": kinematics.inverse_kinematics(geometry, pose).sliders,
         "jacobian": kinematics.inverse_jacobian(geometry, pose).reshape(count, 9),
-        "mass_matrix": equations_of_motion.mass_matrix(parameters, pose).reshape(count, 9),
+        "mass_matrix": dynamics.mass_matrix(states_of(pose)).reshape(count, 9),
         "bias": bias(parameters, pose, velocity),
-        "forward_dynamics": equations_of_motion.forward_dynamics(parameters, pose, velocity, acting, wrench),
+        "forward_dynamics": dynamics.accelerate(driven),
         "inverse_dynamics_derivatives": np.concatenate(
             [forces, *(by_motion[..., i : i + 3].reshape(count, 9) for i in (0, 3, 6))], axis=-1
         ),

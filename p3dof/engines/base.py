@@ -15,8 +15,7 @@ from p3dof.description import Mechanism
 from p3dof.engines.inputs import check_machine, check_motion, library, step_count
 from p3dof.engines.samples import FinalState, Sample, platform_motion
 from p3dof.errors import DynamicsError
-from p3dof.kinematics.states import holdable_states
-from p3dof.motion import Motion
+from p3dof.motion import Motion, states_of
 from p3dof.parameters import PAPER, Parameters
 from p3dof.samples import wrench_like
 
@@ -112,8 +111,9 @@ class Engine(ABC):
         """
         check_motion(motion)
         loads = wrench_like(wrench, motion.time.shape, "raise")
-        states = holdable_states(self.parameters, motion.pose, motion.velocity, motion.acceleration, "raise")
-        found = kinematics.mechanism_motion(self.parameters.geometry, *states)
+        geometry = self.parameters.geometry
+        states = states_of(motion.pose, motion.velocity, motion.acceleration)
+        found = kinematics.motion_at(geometry, kinematics.holdable(geometry, states))
         q, v, a = (
             np.stack([values[name] for name in self.joints], axis=-1)
             for values in (found.position, found.velocity, found.acceleration)

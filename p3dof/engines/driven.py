@@ -22,8 +22,7 @@ from p3dof.engines.exudyn_model import Drive, ExudynModel
 from p3dof.engines.inputs import check_machine, check_motion, step_count
 from p3dof.errors import DynamicsError, InputError
 from p3dof.kinematics import MechanismMotion
-from p3dof.kinematics.states import holdable_states
-from p3dof.motion import Motion
+from p3dof.motion import Motion, states_of
 from p3dof.parameters import Parameters
 from p3dof.samples import wrench_like
 
@@ -167,8 +166,8 @@ def driven_forces(
     loads = None if wrench is None else wrench_like(wrench, motion.time.shape, "raise")
     time = _steps(motion, step)
     fine = motion.resampled(time)
-    states = holdable_states(parameters, fine.pose, fine.velocity, fine.acceleration, "raise")
-    moving = kinematics.mechanism_motion(parameters.geometry, *states)
+    states = states_of(fine.pose, fine.velocity, fine.acceleration)
+    moving = kinematics.motion_at(parameters.geometry, kinematics.holdable(parameters.geometry, states))
     step = motion.duration / (len(time) - 1)
     model = _led_model(parameters, moving, step)
     if loads is not None:

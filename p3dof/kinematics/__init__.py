@@ -3,12 +3,14 @@
 Neither Pinocchio nor the description is used here: what agrees with them agrees independently.
 """
 
-from p3dof.kinematics.bodies import BodyMotion, MechanismMotion, closure_error, mechanism_motion
+from p3dof.kinematics.bodies import BodyMotion, MechanismMotion, closure_error, mechanism_motion, motion_at
 from p3dof.kinematics.forward import forward_kinematics
+from p3dof.kinematics.gate import Placed, holdable, reachable, reachable_poses
 from p3dof.kinematics.inverse import (
     InverseKinematics,
     inverse_jacobian,
     inverse_kinematics,
+    jacobian_at,
     joint_coordinates,
     singularity,
 )
@@ -18,12 +20,18 @@ __all__ = [
     "BodyMotion",
     "InverseKinematics",
     "MechanismMotion",
+    "Placed",
     "Singularity",
     "closure_error",
     "forward_kinematics",
+    "holdable",
     "inverse_jacobian",
     "inverse_kinematics",
+    "jacobian_at",
     "joint_coordinates",
     "mechanism_motion",
+    "motion_at",
+    "reachable",
+    "reachable_poses",
     "singularity",
 ]

@@ -20,9 +20,10 @@ from p3dof.algebra import (
     vector_array,
 )
 from p3dof.checks import FloatArray, batch_of
+from p3dof.kinematics.gate import Placed, reachable
 from p3dof.kinematics.inverse import joint_coordinates, paper_angles
-from p3dof.kinematics.states import reachable_states
-from p3dof.paper.formulas import Lengths, Rates, accelerations, configuration, velocities
+from p3dof.motion.states import states_of
+from p3dof.paper.formulas import Rates, accelerations, velocities
 from p3dof.paper.recursion import Frame, body_axes, frames
 from p3dof.parameters import Geometry
 from p3dof.samples import OnInvalid
@@ -131,12 +132,16 @@ def mechanism_motion(
     ReachError, InputError
         As `inverse_kinematics`.
     """
-    poses, speeds, rates = reachable_states(geometry, pose, velocity, acceleration, on_invalid)
-    shape = poses.shape[:-1]
-    lengths = Lengths.of(geometry)
-    x = configuration(lengths, components(poses), np)
-    v = velocities(lengths, x, components(speeds))
-    a = accelerations(lengths, x, v, components(speeds), components(rates))
+    states = states_of(pose, velocity, acceleration, on_invalid=on_invalid)
+    return motion_at(geometry, reachable(geometry, states))
+
+
+def motion_at(geometry: Geometry, placed: Placed) -> MechanismMotion:
+    """Return `mechanism_motion` at states that were looked at."""
+    states, lengths, x = placed
+    shape, velocity = states.shape, components(states.velocity)
+    v = velocities(lengths, x, velocity)
+    a = accelerations(lengths, x, v, velocity, components(states.acceleration))
     axes = body_axes(lengths)
     bodies = {name: _body(frame, axes[name], shape) for name, frame in frames(lengths, x, v, a).items()}
     sliders = vector_array(x.sliders, shape)
@@ -144,7 +149,7 @@ def mechanism_motion(
         sliders,
         vector_array(v.sliders, shape),
         vector_array(a.sliders, shape),
-        joint_coordinates(sliders, *paper_angles(geometry, x, poses[..., 2]).values()),
+        joint_coordinates(sliders, *paper_angles(geometry, x, states.pose[..., 2]).values()),
         _joint_rates(v, shape),
         _joint_rates(a, shape),
         bodies,

@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike
 
 from p3dof.algebra import components, matrix_array, vector_array
 from p3dof.checks import FloatArray, batch_of
-from p3dof.kinematics.states import reachable_poses
+from p3dof.kinematics.gate import Placed, reachable
 from p3dof.kinematics.validity import Singularity, actuation_angle, reach_margins, reached
+from p3dof.motion.states import states_of
 from p3dof.paper.formulas import Configuration, Lengths, configuration, jacobian
 from p3dof.parameters import Geometry
 from p3dof.samples import OnInvalid
@@ -94,10 +95,9 @@ def inverse_kinematics(
     InputError
         If the shape does not fit or a number is not finite.
     """
-    poses = reachable_poses(geometry, pose, on_invalid)
-    x = configuration(Lengths.of(geometry), components(poses), np)
+    states, _, x = reachable(geometry, states_of(pose, on_invalid=on_invalid))
     return InverseKinematics(
-        vector_array(x.sliders, poses.shape[:-1]), paper_angles(geometry, x, poses[..., 2])
+        vector_array(x.sliders, states.shape), paper_angles(geometry, x, states.pose[..., 2])
     )
 
 
@@ -123,11 +123,13 @@ def inverse_jacobian(geometry: Geometry, pose: ArrayLike, on_invalid: OnInvalid 
     ReachError, InputError
         As `inverse_kinematics`.
     """
-    poses = reachable_poses(geometry, pose, on_invalid)
-    lengths = Lengths.of(geometry)
-    x = configuration(lengths, components(poses), np)
-    J = matrix_array(jacobian(lengths, x), poses.shape[:-1])
-    J[np.isnan(poses).any(axis=-1)] = np.nan
+    return jacobian_at(reachable(geometry, states_of(pose, on_invalid=on_invalid)))
+
+
+def jacobian_at(placed: Placed) -> FloatArray:
+    """Return `inverse_jacobian` at states that were looked at, (..., 3, 3)."""
+    J = matrix_array(jacobian(placed.lengths, placed.x), placed.states.shape)
+    J[np.isnan(placed.states.pose).any(axis=-1)] = np.nan
     return J
 
 

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from p3dof import engines
 from p3dof.checks import FloatArray, Progress, frozen_array
 from p3dof.errors import InputError, SampleError
-from p3dof.methods import InverseDynamics, write_table
-from p3dof.methods.registry import Method
+from p3dof.methods import InverseDynamics, Method, write_table
 from p3dof.motion import Motion, WrenchOverTime
 from p3dof.parameters import LEGS
 from p3dof.samples import OnInvalid
@@ -266,7 +265,9 @@ def _by_both(
     def timed(name: Method, policy: OnInvalid) -> tuple[InverseDynamics, float]:
         with watch(name, len(motion)) as progress:
             start = time.perf_counter()
-            result = robot.inverse_dynamics(motion, name, wrench, policy, progress)
+            result = robot.inverse_dynamics(
+                motion, wrench=wrench, on_invalid=policy, method=name, progress=progress
+            )
         return result, time.perf_counter() - start
 
     try:
@@ -306,7 +307,8 @@ def _compiled(robot: Manipulator, known: InverseDynamics) -> Opinion:
     """Compute the forces of the valid samples by the kernels, without what else a result carries."""
     asked, forces = _valid_motion(known), np.full_like(known.forces, np.nan)
     states = asked.pose, asked.velocity, asked.acceleration
-    robot.forces(*states, "compiled", known.wrench[known.valid])  # the first call prepares
+    wrench = known.wrench[known.valid]
+    robot.forces(*states, wrench=wrench, method="compiled")  # the first call prepares
     start = time.perf_counter()
-    forces[known.valid] = robot.forces(*states, "compiled", known.wrench[known.valid])
+    forces[known.valid] = robot.forces(*states, wrench=wrench, method="compiled")
     return Opinion(f"compiled ({robot.kernels.level})", forces, time.perf_counter() - start)

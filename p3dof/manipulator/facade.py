@@ -1,4 +1,4 @@
-"""`Manipulator`: one machine, with its kinematics and both dynamics behind a few calls."""
+"""`Manipulator`: one machine, with its kinematics, its dynamics and all else behind a few calls."""
 
 from __future__ import annotations
 
@@ -8,28 +8,32 @@ from contextlib import nullcontext
 from functools import partial
 from typing import Any, Literal, overload
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from p3dof import simulation
+from p3dof import description, kinematics, simulation
 from p3dof.checks import FloatArray, Progress
+from p3dof.closed_loop import ClosedLoopModel
+from p3dof.compiled import MachineKernels
 from p3dof.energy import Energy, energy_of
-from p3dof.errors import InputError
-from p3dof.kinematics.states import holdable_states
+from p3dof.kinematics import InverseKinematics, MechanismMotion, Singularity
 from p3dof.manipulator.comparison import TOLERANCE, Comparison, compare
-from p3dof.manipulator.differential import DifferentialMachine
+from p3dof.manipulator.model import ManipulatorModel
 from p3dof.manipulator.sampling import refined, remarks_on, warnings_about
 from p3dof.methods import (
+    DEFAULT_METHOD,
     InverseDynamics,
+    Method,
+    check_method,
     compiled,
-    pinocchio,
-    virtual_power,
+    equations_of_motion,
+    regressor,
     with_evidence,
     without_crossings,
 )
-from p3dof.methods.registry import Method, check_method
-from p3dof.motion import Load, Motion, WrenchHistory, WrenchOverTime
-from p3dof.parameters import PAPER, Parameters, read_parameters
+from p3dof.methods.compiled import ForceDerivatives
+from p3dof.methods.regressor import ForceRegressor
+from p3dof.motion import Motion, WrenchHistory, WrenchOverTime, states_of, states_over
+from p3dof.parameters import PAPER, Parameters, machine_html, read_parameters
 from p3dof.reactions import (
     BOTH,
     AnyReactions,
@@ -39,7 +43,7 @@ from p3dof.reactions import (
     ReactionsComparison,
     over_motion,
 )
-from p3dof.samples import OnInvalid, finite_states, wrench_like
+from p3dof.samples import OnInvalid
 from p3dof.simulation import ControllerLike, ControlLoop, InitialState, Integration, Simulation
 
 
@@ -67,194 +71,309 @@ def load(
     InputError
         If `parameters` is something else.
     """
-    if parameters is None:
-        return Manipulator(PAPER)
     if not isinstance(parameters, str | os.PathLike):
         return Manipulator(parameters)
     return Manipulator(read_parameters(parameters, any_size))
 
 
-class Manipulator(DifferentialMachine):
-    """The 3-DOF spatial parallel manipulator: parameters, model and both dynamics.
+class Manipulator:
+    """The 3-DOF spatial parallel manipulator: parameters, model, kinematics and dynamics.
 
     Poses are (y [m], z [m], θ [rad]), zero at home; sliders and forces are ordered A, B, C, positive along
-    +z0. Arrays may have any leading batch dimensions. The Pinocchio route works in buffers of its own: give
-    each thread its own manipulator.
+    +z0. Arrays may have any leading batch dimensions, which broadcast. Pinocchio works in buffers: give each
+    thread its own manipulator.
 
     Parameters
     ----------
-    parameters : Parameters
-        The machine.
+    parameters : Parameters, optional
+        The machine; the paper's by default.
+
+    Notes
+    -----
+    Arguments of the methods:
+
+    pose, velocity, acceleration : array-like, shape (..., 3)
+        Of (y, z, θ): [m, m, rad] and per second, per second².
+    motion : Motion
+        The motion of the platform, N samples.
+    forces : array-like, shape (..., 3)
+        Of the actuators on their sliders [N].
+    wrench : array-like, shape (6,) or (..., 6), optional
+        External force and moment on the platform at P, in the fixed frame [N, N m]. Over a motion or a run it
+        may be a function of one time or of many too, such as a `p3dof.WrenchHistory`.
+    on_invalid : {"raise", "nan"}
+        Raise for samples that are not finite, out of reach or, where forces are asked for, actuation-singular
+        or beyond a singularity; or leave NaN in their rows.
+    method : {"pinocchio", "virtual-power", "compiled"}
+        RNEA and loop closures in Pinocchio, sample by sample; the paper's formulas, vectorised; or the
+        compiled kernels, which are the fastest by far.
+    progress : callable, optional
+        Called with (done, total) during long work.
+
+    They raise `ReachError`, `SingularityError` or `SampleError` for the first invalid sample, naming it and
+    how many there are, and `InputError` for arguments that do not fit.
     """
+
+    def __init__(self, parameters: Parameters | None = None) -> None:
+        self._model = ManipulatorModel(PAPER if parameters is None else parameters)
+
+    def __repr__(self) -> str:
+        g, mass = self.parameters.geometry, self.parameters.bodies.mass
+        return f"{type(self).__name__}(r={g.r:g}, R={g.R:g}, L={g.L:g}, moving mass {mass:g} kg)"
+
+    def _repr_html_(self) -> str:
+        return machine_html(self.parameters, type(self).__name__)
+
+    def __reduce__(self) -> tuple[type[Manipulator], tuple[Parameters]]:
+        return type(self), (self.parameters,)
+
+    # What it is made of
+
+    @property
+    def parameters(self) -> Parameters:
+        """The machine; make another `Manipulator` for another one."""
+        return self._model.parameters
+
+    @property
+    def mechanism(self) -> description.Mechanism:
+        """The neutral description: links, joints, closures, solids."""
+        return self._model.mechanism
+
+    @property
+    def urdf(self) -> str:
+        """The URDF of the tree for any reader, every link with a mass; `ModelError` if one is too light."""
+        return self._model.urdf
+
+    @property
+    def exact_urdf(self) -> str:
+        """The URDF of the tree with the bodies just as the parameters have them, massless ones included."""
+        return self._model.exact_urdf
+
+    @property
+    def sidecar(self) -> str:
+        """The loop closures and actuated joints that belong to the URDF, as YAML."""
+        return self._model.sidecar
+
+    @property
+    def kernels(self) -> MachineKernels:
+        """The compiled kernels, or what stands in for them; others can be put in their place."""
+        return self._model.kernels
+
+    @kernels.setter
+    def kernels(self, kernels: MachineKernels) -> None:
+        self._model.use(kernels)
+
+    @property
+    def loop(self) -> ClosedLoopModel:
+        """The mechanism as a general closed-loop model on Pinocchio; not for several threads at once."""
+        return self._model.loop
+
+    @property
+    def model(self) -> Any:
+        """The tree as a `pinocchio.Model`."""
+        return self.loop.model
+
+    @property
+    def constraint_models(self) -> Any:
+        """The loop closures as `pinocchio.StdVec_ConstraintModel`."""
+        return self.loop.constraint_models
+
+    @property
+    def visual_model(self) -> Any:
+        """The visible solids as a `pinocchio.GeometryModel`."""
+        return self._model.visual_model
+
+    @property
+    def collision_model(self) -> Any:
+        """The solids for collision checks as a `pinocchio.GeometryModel`."""
+        return self._model.collision_model
+
+    # Kinematics
+
+    def inverse_kinematics(self, pose: ArrayLike, *, on_invalid: OnInvalid = "raise") -> InverseKinematics:
+        """Return sliders and passive angles at poses, in closed form: `p3dof.kinematics`."""
+        return kinematics.inverse_kinematics(self.parameters.geometry, pose, on_invalid)
+
+    def forward_kinematics(
+        self, sliders: ArrayLike, *, all_modes: bool = False, on_invalid: OnInvalid = "raise"
+    ) -> FloatArray:
+        """Return the poses (..., 3) at positions of the `sliders` (..., 3) [m].
+
+        With `all_modes`, all four assembly modes (..., 4, 3), the working one first, NaN where one does not
+        exist.
+        """
+        return kinematics.forward_kinematics(self.parameters.geometry, sliders, all_modes, on_invalid)
+
+    def sliders(self, pose: ArrayLike, *, on_invalid: OnInvalid = "raise") -> FloatArray:
+        """Return the slider positions (..., 3) [m] at poses by the kernels: for many calls or samples."""
+        return compiled.sliders(self.kernels, states_of(pose, on_invalid=on_invalid))
+
+    def jacobian(
+        self, pose: ArrayLike, *, on_invalid: OnInvalid = "raise", method: Method = DEFAULT_METHOD
+    ) -> FloatArray:
+        """Return J = ∂(λA, λB, λC)/∂(y, z, θ), (..., 3, 3) [1, 1, m/rad].
+
+        Slider velocities are J times the pose's velocity.
+        """
+        return self._model.methods[method].jacobian(states_of(pose, on_invalid=on_invalid))
+
+    def singularity(self, pose: ArrayLike) -> Singularity:
+        """Return the margins of poses from both kinds of singularity; NaN where a pose is not finite."""
+        return kinematics.singularity(self.parameters.geometry, pose)
+
+    def mechanism_motion(
+        self,
+        pose: ArrayLike,
+        velocity: ArrayLike,
+        acceleration: ArrayLike,
+        *,
+        on_invalid: OnInvalid = "raise",
+    ) -> MechanismMotion:
+        """Return the motion of every joint and body, in closed form: `p3dof.kinematics`."""
+        return kinematics.mechanism_motion(self.parameters.geometry, pose, velocity, acceleration, on_invalid)
+
+    # Dynamics at states of motion
 
     def forces(
         self,
         pose: ArrayLike,
         velocity: ArrayLike,
         acceleration: ArrayLike,
-        method: Method = "pinocchio",
+        *,
         wrench: ArrayLike | None = None,
         on_invalid: OnInvalid = "raise",
+        method: Method = DEFAULT_METHOD,
     ) -> FloatArray:
-        """Return the actuator forces at states of motion, without a time axis.
+        """Return the actuator forces (..., 3) [N] at states of motion, without a time axis."""
+        states = states_of(pose, velocity, acceleration, wrench=wrench, on_invalid=on_invalid)
+        return self._model.methods[method].forces(states)
 
-        Parameters
-        ----------
-        pose, velocity, acceleration : array-like, shape (..., 3)
-            Of (y, z, θ) [m, m, rad] and per second, per second²; leading shapes broadcast.
-        method : {"pinocchio", "virtual-power", "compiled"}
-            RNEA and loop closures in Pinocchio, whose kinematics runs sample by sample; the paper's virtual
-            powers, vectorised; or the kernels, which are the fastest by far.
-        wrench : array-like, shape (..., 6), optional
-            External force and moment on the platform at P, in the fixed frame [N, N m].
-        on_invalid : {"raise", "nan"}
-            Raise for samples that are not finite, out of reach or singular, or leave NaN in their rows.
+    def forward_dynamics(
+        self,
+        pose: ArrayLike,
+        velocity: ArrayLike,
+        forces: ArrayLike,
+        *,
+        wrench: ArrayLike | None = None,
+        on_invalid: OnInvalid = "raise",
+        method: Method = DEFAULT_METHOD,
+    ) -> FloatArray:
+        """Return the acceleration of the platform under actuator forces, (..., 3) [m/s², m/s², rad/s²].
 
-        Returns
-        -------
-        ndarray, shape (..., 3)
-            Forces of the actuators A, B, C on their sliders [N].
-
-        Raises
-        ------
-        ReachError, SingularityError
-            Naming the first bad sample and how many there are.
-        InputError
-            If shapes do not fit, a number is not finite, or the method is unknown.
+        It exists at singular poses too.
         """
-        check_method(method)
-        if method == "compiled":
-            return compiled.forces(self.kernels, pose, velocity, acceleration, wrench, on_invalid)
-        if method == "virtual-power":
-            return virtual_power.forces(self.parameters, pose, velocity, acceleration, wrench, on_invalid)
-        states = finite_states(pose, velocity, acceleration, on_invalid)
-        leading = states[0].shape[:-1]
-        loads = None if wrench is None else wrench_like(wrench, leading, on_invalid)
-        pose, velocity, acceleration = (np.reshape(array, (-1, 3)) for array in states)
-        solution = pinocchio.solve(
-            self.loop,
-            self.parameters.geometry.h,
-            pose,
-            velocity,
-            acceleration,
-            wrench=None if loads is None else loads.reshape(-1, 6),
-            friction=self.parameters.friction,
-            on_invalid=on_invalid,
-            shape=leading,
-        )
-        return solution.forces.reshape(states[0].shape)
+        states = states_of(pose, velocity, forces=forces, wrench=wrench, on_invalid=on_invalid)
+        return self._model.methods[method].accelerate(states)
+
+    def mass_matrix(
+        self, pose: ArrayLike, *, on_invalid: OnInvalid = "raise", method: Method = DEFAULT_METHOD
+    ) -> FloatArray:
+        """Return the mass matrix in y, z, θ, (..., 3, 3) [kg, kg m, kg m²]."""
+        return self._model.methods[method].mass_matrix(states_of(pose, on_invalid=on_invalid))
+
+    def coriolis_matrix(
+        self, pose: ArrayLike, velocity: ArrayLike, *, on_invalid: OnInvalid = "raise"
+    ) -> FloatArray:
+        """Return the Coriolis matrix C in y, z, θ, (..., 3, 3), with Ṁ - 2C skew.
+
+        C times the pose's velocity are forces [N, N, N m].
+        """
+        states = states_of(pose, velocity, on_invalid=on_invalid)
+        return equations_of_motion.coriolis_matrix(self.parameters, states)
+
+    def gravity_forces(self, pose: ArrayLike, *, on_invalid: OnInvalid = "raise") -> FloatArray:
+        """Return the gradient of the potential energy by y, z, θ, (..., 3) [N, N, N m]."""
+        return equations_of_motion.gravity_forces(self.parameters, states_of(pose, on_invalid=on_invalid))
+
+    def force_derivatives(
+        self,
+        pose: ArrayLike,
+        velocity: ArrayLike,
+        acceleration: ArrayLike,
+        *,
+        wrench: ArrayLike | None = None,
+        on_invalid: OnInvalid = "raise",
+    ) -> ForceDerivatives:
+        """Return the actuator forces and their exact derivatives by pose, velocity and acceleration.
+
+        The wrench stays when the motion changes.
+        """
+        states = states_of(pose, velocity, acceleration, wrench=wrench, on_invalid=on_invalid)
+        return compiled.inverse_dynamics_derivatives(self.kernels, states)
+
+    def force_regressor(
+        self,
+        pose: ArrayLike,
+        velocity: ArrayLike,
+        acceleration: ArrayLike,
+        *,
+        on_invalid: OnInvalid = "raise",
+    ) -> ForceRegressor:
+        """Return how the actuator forces depend on the parameters, in which most of them are linear.
+
+        By the 21 base inertial parameters, the 100 of the bodies, the lengths and gravity, with friction and
+        without external loads.
+        """
+        states = states_of(pose, velocity, acceleration, on_invalid=on_invalid)
+        return regressor.force_regressor(self.parameters, states)
+
+    # Over a motion
 
     def inverse_dynamics(
         self,
         motion: Motion,
-        method: Method = "pinocchio",
+        *,
         wrench: WrenchOverTime = None,
         on_invalid: OnInvalid = "raise",
+        method: Method = DEFAULT_METHOD,
         progress: Progress | None = None,
     ) -> InverseDynamics:
-        """Return the actuator forces over a motion, with joints, closure error and power balance.
+        """Return the actuator forces over a motion, with joints, closure error, power balance and warnings.
 
-        Parameters
-        ----------
-        motion : Motion
-            The motion of the platform.
-        method : {"pinocchio", "virtual-power", "compiled"}
-            RNEA and loop closures, the paper's virtual powers, or the kernels.
-        wrench : array-like, shape (6,) or (N, 6), or callable, optional
-            External force and moment on the platform at P, in the fixed frame [N, N m]; or a function of the
-            times, such as a `p3dof.WrenchHistory`.
-        on_invalid : {"raise", "nan"}
-            Raise for samples that are out of reach or singular, and where the motion crosses a singularity
-            between samples; or leave NaN in their rows, and in those near a crossing.
-        progress : callable, optional
-            Called with (done, total) while Pinocchio solves.
-
-        Returns
-        -------
-        InverseDynamics
-            With its `warnings`.
-
-        Raises
-        ------
-        ReachError, SingularityError
-            Naming the first bad sample and how many there are.
-        InputError
-            If the wrench does not fit, the method is unknown, or `motion` is not a `Motion`.
+        Where the motion crosses a singularity between samples, those near by are invalid.
         """
-        check_method(method)
-        if not isinstance(motion, Motion):
-            raise InputError(f"motion: expected a Motion, got {type(motion).__name__}")
-        given = motion.pose, motion.velocity, motion.acceleration
-        loads = None if wrench is None else Load(wrench).over(motion.time, on_invalid)
-        if method == "pinocchio":  # which decides by itself which samples are valid
-            states = finite_states(*given, on_invalid)
-            solution = pinocchio.solve(
-                self.loop,
-                self.parameters.geometry.h,
-                *states,
-                wrench=loads,
-                friction=self.parameters.friction,
-                on_invalid=on_invalid,
-                progress=progress,
-            )
-        else:
-            states = holdable_states(self.parameters, *given, on_invalid)
-            known = None
-            if method == "compiled":
-                known = compiled.forces(self.kernels, *states, loads, on_invalid="nan")
-            solution = virtual_power.solve(self.parameters, *states, wrench=loads, known=known)
-        solution, crossings = without_crossings(motion.time, solution, on_invalid)
+        dynamics, states = self._model.methods[method], states_over(motion, wrench, on_invalid)
+        solution, crossings = without_crossings(motion.time, dynamics.solve(states, progress), on_invalid)
         history = wrench if isinstance(wrench, WrenchHistory) else None
         examine = partial(warnings_about, self.parameters, wrench=history)
-        return with_evidence(method, motion, solution, loads, crossings, examine)
+        return with_evidence(method, motion, solution, states.wrench, crossings, examine)
 
-    def refined(self, motion: Motion, wrench: WrenchOverTime = None) -> Motion:
+    def inverse_dynamics_derivatives(
+        self, motion: Motion, *, wrench: WrenchOverTime = None, on_invalid: OnInvalid = "raise"
+    ) -> ForceDerivatives:
+        """Return `force_derivatives` over a motion, (N, 3) and (N, 3, 3)."""
+        return compiled.inverse_dynamics_derivatives(self.kernels, states_over(motion, wrench, on_invalid))
+
+    def compare(
+        self,
+        motion: Motion,
+        *,
+        wrench: WrenchOverTime = None,
+        on_invalid: OnInvalid = "raise",
+        others: Iterable[str] = (),
+        tolerance: float = TOLERANCE,
+        progress: Progress | None = None,
+    ) -> Comparison:
+        """Return the forces by Pinocchio, virtual powers, kernels and `others`, with differences and verdict.
+
+        `others` are engines of `p3dof.engines.ENGINES`, or ``"all"``; `MissingExtraError` if one is not
+        installed. `tolerance` is the largest difference that passes, as a share of the largest force; at
+        least 1e-9 for all but the first two. Only samples that both methods refuse raise.
+        """
+        return compare(self, motion, wrench, on_invalid, others, tolerance, lambda *_: nullcontext(progress))
+
+    def refined(self, motion: Motion, *, wrench: WrenchOverTime = None) -> Motion:
         """Return a motion with as many samples as its peaks and its work need.
 
-        Of a motion from poses alone, ``Motion.from_csv`` or ``Motion.from_poses``, the samples follow the
-        curve through the poses, which are among them; of another one, they follow the interpolation between
-        its samples. Twice as many would change no peak of force, speed or power, no RMS force and no work
-        of an actuator by more than .03 %. A motion whose samples suffice comes back as it is.
-
-        Parameters
-        ----------
-        motion : Motion
-            The motion of the platform.
-        wrench : array-like, shape (6,) or (N, 6), or callable, optional
-            External load, as for `inverse_dynamics`.
-
-        Returns
-        -------
-        Motion
-            With at most 4,001 samples, or four times those that there are: where that does not suffice, as
-            with noisy poses, `InverseDynamics.warnings` says so.
-
-        Raises
-        ------
-        InputError
-            If the wrench does not fit, or `motion` is not a `Motion`.
+        Poses alone are followed along the curve through them, other motions between their samples. Twice as
+        many would change no peak, RMS or work by more than .03 %. At most 4,001 samples, or four times those
+        that there are: where that does not suffice, `InverseDynamics.warnings` says so.
         """
         return refined(self.parameters, motion, wrench)
 
-    def remarks(self, motion: Motion, wrench: WrenchOverTime = None) -> tuple[str, ...]:
-        """Return what there is to know about the samples of a motion.
-
-        Parameters
-        ----------
-        motion, wrench
-            As for `refined`.
-
-        Returns
-        -------
-        tuple of str
-            Those of `InverseDynamics.warnings` that concern the poses of a file and the number of samples.
-
-        Raises
-        ------
-        InputError
-            If the wrench does not fit, or `motion` is not a `Motion`.
-        """
-        result = self.inverse_dynamics(motion, "compiled", wrench, on_invalid="nan")
+    def remarks(self, motion: Motion, *, wrench: WrenchOverTime = None) -> tuple[str, ...]:
+        """Return what there is to know about the samples of a motion: a part of its warnings."""
+        result = self.inverse_dynamics(motion, wrench=wrench, on_invalid="nan", method="compiled")
         return remarks_on(self.parameters, result, wrench)
 
     @overload
@@ -262,6 +381,7 @@ class Manipulator(DifferentialMachine):
         self,
         motion: Motion,
         joints: Literal["both"] = ...,
+        *,
         wrench: WrenchOverTime = ...,
         on_invalid: OnInvalid = ...,
         progress: Progress | None = ...,
@@ -271,6 +391,7 @@ class Manipulator(DifferentialMachine):
         self,
         motion: Motion,
         joints: Idealisation,
+        *,
         wrench: WrenchOverTime = ...,
         on_invalid: OnInvalid = ...,
         progress: Progress | None = ...,
@@ -280,6 +401,7 @@ class Manipulator(DifferentialMachine):
         self,
         motion: Motion,
         joints: Choice,
+        *,
         wrench: WrenchOverTime = ...,
         on_invalid: OnInvalid = ...,
         progress: Progress | None = ...,
@@ -288,144 +410,42 @@ class Manipulator(DifferentialMachine):
         self,
         motion: Motion,
         joints: Choice = BOTH,
+        *,
         wrench: WrenchOverTime = None,
         on_invalid: OnInvalid = "raise",
         progress: Progress | None = None,
     ) -> AnyReactions:
-        """Return the force and moment in every joint over a motion; see `p3dof.reactions`.
+        """Return the force and moment in every joint over a motion: `p3dof.reactions`.
 
-        Parameters
-        ----------
-        motion : Motion
-            The motion of the platform.
-        joints : {"both", "paper", "points"}
-            How the cuts of the loops are built: universal joints and a hinge, or balls; in both ways by
-            default, since rigid bodies leave some loads open (see `p3dof.ReactionsComparison`).
-        wrench : array-like, shape (6,) or (N, 6), or callable, optional
-            External force and moment on the platform at P, in the fixed frame [N, N m]; or a function of
-            the times.
-        on_invalid : {"raise", "nan"}
-            Raise for samples that are out of reach or singular, or leave NaN in their rows.
-        progress : callable, optional
-            Called with (done, total) while Pinocchio solves.
-
-        Returns
-        -------
-        ReactionsComparison or Reactions
-            By both idealisations, or by the one that was asked for.
-
-        Raises
-        ------
-        ReachError, SingularityError, SampleError
-            Naming the first bad sample.
-        InputError
-            If the wrench does not fit, the idealisation is unknown, or `motion` is not a `Motion`.
+        `joints` is how the cuts of the loops are built: ``"paper"``, with universal joints and a hinge;
+        ``"points"``, with balls; or ``"both"``, since rigid bodies leave some loads open.
         """
         return over_motion(self.loop, self.parameters, motion, joints, wrench, on_invalid, progress)
 
-    def compare(
-        self,
-        motion: Motion,
-        wrench: WrenchOverTime = None,
-        on_invalid: OnInvalid = "raise",
-        others: Iterable[str] = (),
-        tolerance: float = TOLERANCE,
-        progress: Progress | None = None,
-    ) -> Comparison:
-        """Return the forces over a motion by Pinocchio, by virtual powers and by others, with a verdict.
-
-        Parameters
-        ----------
-        motion : Motion
-            The motion of the platform.
-        wrench : array-like, shape (6,) or (N, 6), or callable, optional
-            External force and moment on the platform at P, as for `inverse_dynamics` [N, N m].
-        on_invalid : {"raise", "nan"}
-            Raise for samples that both methods refuse, or leave NaN in their rows. Samples that only one of
-            them refuses never raise: the comparison tells them, and the methods disagree.
-        others : iterable of str
-            Engines to ask too, of `p3dof.engines.ENGINES`, or ``"all"``; the compiled kernels always are.
-        tolerance : float
-            Largest difference that passes, as a share of the largest force; at least 1e-9 for the others.
-        progress : callable, optional
-            Called with (done, total) while each solves.
-
-        Returns
-        -------
-        Comparison
-
-        Raises
-        ------
-        ReachError, SingularityError
-            Naming the first bad sample and how many there are.
-        InputError
-            If an argument does not fit, or an engine is unknown.
-        MissingExtraError
-            If the library of an engine is not installed.
-        """
-        return compare(self, motion, wrench, on_invalid, others, tolerance, lambda *_: nullcontext(progress))
-
     def energy(self, result: InverseDynamics) -> Energy:
-        """Return energy, momentum, work and drive loads over a motion; see `p3dof.energy`.
+        """Return energy, momentum, work and drive loads over a motion, from its forces by any method.
 
         Of a run in time, ``robot.inverse_dynamics(run.motion, wrench=run.wrench)`` is such a result.
-
-        Parameters
-        ----------
-        result : InverseDynamics
-            Of this machine, by either method.
-
-        Returns
-        -------
-        Energy
-
-        Raises
-        ------
-        InputError
-            If `result` is something else, or that of a machine of another geometry.
         """
         return energy_of(self.parameters, result)
+
+    # In time, and to look at
 
     def show(self, motion: Motion | InverseDynamics | None = None, **options: Any) -> Any:
         """Show the machine in a page of the browser, moving, with controls; needs the extra ``viz``.
 
-        Parameters
-        ----------
-        motion : Motion or InverseDynamics, optional
-            What to play; without it the machine stands at home.
-        **options
-            As for `p3dof.viewer.show`: port, speed, ...
-
-        Returns
-        -------
-        p3dof.viewer.LiveViewer
-            With `url` and `stop()`; in a notebook it shows itself.
-
-        Raises
-        ------
-        MissingExtraError
-            If meshcat is not installed.
+        What moves may be a `Motion` or an `InverseDynamics`; without it the machine stands at home. `options`
+        are those of `p3dof.viewer.show`: port, speed, ... It returns a `p3dof.viewer.LiveViewer` with `url`
+        and `stop()`, which shows itself in a notebook. `MissingExtraError` if meshcat is not installed.
         """
         from p3dof import viewer
 
         return viewer.show(self, motion, **options)
 
     def viewer(self, port: int | None = None) -> Any:
-        """Return Pinocchio's MeshCat visualizer of the machine, shown in a page; needs the extra ``viz``.
+        """Return a `pinocchio.visualize.MeshcatVisualizer` of the machine; needs the extra ``viz``.
 
-        Parameters
-        ----------
-        port : int, optional
-            Where to serve the page; a free one by default.
-
-        Returns
-        -------
-        pinocchio.visualize.MeshcatVisualizer
-
-        Raises
-        ------
-        MissingExtraError
-            If meshcat is not installed.
+        Its page is served at a `port`, a free one by default. `MissingExtraError` without meshcat.
         """
         from p3dof import viewer
 
@@ -440,13 +460,13 @@ class Manipulator(DifferentialMachine):
         control: ControlLoop = simulation.CONTINUOUS,
         reference: Motion | None = None,
         wrench: WrenchOverTime = None,
-        method: Method = simulation.DEFAULT_METHOD,
+        method: Method = DEFAULT_METHOD,
         samples: int | ArrayLike = 1001,
         stop_at: Sequence[str] = simulation.KINDS,
         integration: Integration = simulation.PRECISE,
         progress: Progress | None = None,
     ) -> Simulation:
-        """Move the machine in time under a controller, constant forces, or none: `p3dof.simulation.simulate`.
+        """Move the machine for a `duration` [s] under a controller, constant forces, or none.
 
         `start` is a pose (y, z, θ), or an `InitialState` with velocity or joints. `controller` takes a
         `Measurement` and returns the forces of A, B, C [N], or is forces that stay; `control` says how often

@@ -18,9 +18,10 @@ from p3dof.compiled import MachineKernels
 from p3dof.energy import imbalance, work_given
 from p3dof.errors import InputError
 from p3dof.kinematics import singularity
-from p3dof.methods import InverseDynamics, compiled
+from p3dof.methods import InverseDynamics
+from p3dof.methods.compiled import CompiledMethod
 from p3dof.methods.crossings import crossing_told, crossings_of
-from p3dof.motion import Load, Motion, WrenchHistory, WrenchOverTime
+from p3dof.motion import Motion, WrenchHistory, WrenchOverTime, states_over
 from p3dof.motion.splines import between_samples
 from p3dof.parameters import LEGS, Parameters
 
@@ -170,10 +171,11 @@ def loads_at(kernels: MachineKernels, motion: Motion, load: WrenchHistory) -> Lo
     """
     pose, velocity, time = motion.pose, motion.velocity, motion.time
     actuation = singularity(kernels.parameters.geometry, pose).actuation
-    forces = compiled.forces(kernels, pose, velocity, motion.acceleration, load(time), "nan")
+    states, dynamics = states_over(motion, load(time), "nan"), CompiledMethod(kernels)
+    forces = dynamics.forces(states)
     if not np.isfinite(forces).all() or len(crossings_of(actuation)[0]):
         return None
-    speeds = np.einsum("nij,nj->ni", compiled.jacobian(kernels, pose, "nan"), velocity)
+    speeds = np.einsum("nij,nj->ni", dynamics.jacobian(states), velocity)
     power = forces * speeds
     net, given = work_given(time, power)
     mean_square = np.trapezoid(forces**2, time, axis=0) / motion.duration
@@ -193,7 +195,8 @@ def _load(motion: Motion, wrench: WrenchOverTime) -> WrenchHistory:
     """Return a load as a function of time: linear between the samples where it is given at these."""
     if isinstance(wrench, WrenchHistory):
         return wrench
-    return WrenchHistory(motion.time, Load(wrench).over(motion.time))
+    known = states_over(motion, wrench).wrench
+    return WrenchHistory(motion.time, np.zeros((len(motion), 6)) if known is None else known)
 
 
 def _with_load_rows(motion: Motion, load: WrenchHistory) -> Motion:

@@ -2,7 +2,7 @@
 
 from p3dof.methods.crossings import without_crossings
 from p3dof.methods.evidence import with_evidence
-from p3dof.methods.registry import DEFAULT_METHOD, METHODS, Method, check_method
+from p3dof.methods.registry import DEFAULT_METHOD, METHODS, Method, Methods, check_method
 from p3dof.methods.results import (
     Exceedance,
     InverseDynamics,
@@ -13,14 +13,17 @@ from p3dof.methods.results import (
 )
 from p3dof.methods.tables import evidence_table, forces_table, limits_table
 from p3dof.methods.utilisation import Utilisation, utilisations
+from p3dof.methods.way import DynamicsMethod
 
 __all__ = [
     "DEFAULT_METHOD",
     "METHODS",
+    "DynamicsMethod",
     "Exceedance",
     "InverseDynamics",
     "JointStates",
     "Method",
+    "Methods",
     "Solution",
     "Utilisation",
     "check_method",

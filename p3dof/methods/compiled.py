@@ -1,7 +1,7 @@
-"""Dynamics and kinematics of arrays of states by the kernels, with checks and errors as the other methods.
+"""The compiled way: dynamics and kinematics by the kernels, with the errors of the others.
 
 A kernel tells whether every sample is clearly good. If not, `p3dof.kinematics` decides which samples are
-refused, as it does for the other methods, and NumPy does those again that are not clearly good.
+refused, as it does for the virtual powers, and NumPy does those again that are not clearly good.
 """
 
 from __future__ import annotations
@@ -11,20 +11,26 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from p3dof.checks import FloatArray, batch_of
+from p3dof.checks import FloatArray, Progress
 from p3dof.compiled.formulas import ACCELERATION, POSE, VELOCITY
 from p3dof.compiled.friction import loss_derivatives, losses
 from p3dof.compiled.kernels import MachineKernels, on_arrays
 from p3dof.compiled.reduced import State
-from p3dof.errors import InputError
-from p3dof.kinematics.states import forced_states, holdable_states, reachable_poses
+from p3dof.kinematics import Placed, holdable, reachable
+from p3dof.methods.closed_form import solution_with
+from p3dof.methods.results import Solution
+from p3dof.motion.states import States
 from p3dof.motion.wrenches import WRENCH_ROWS
-from p3dof.samples import OnInvalid, check_policy, raise_not_finite, wrench_like
+from p3dof.parameters import Geometry
+from p3dof.samples import raise_not_finite
 
 _BY_STATE = tuple((*POSE, *VELOCITY, *ACCELERATION).index(name) for name in State._fields)
 """Columns of pose, velocity and acceleration in a row that the forces change with."""
+
+_MOVING = ("pose", "velocity", "acceleration")
+_DRIVEN = ("pose", "velocity", "forces")
+_POSE = ("pose",)
 
 _RESULT = {
     "inverse_dynamics": "forces",
@@ -37,8 +43,58 @@ _RESULT = {
 }
 """What to call the first three outputs of a kernel."""
 
-_Check: TypeAlias = Callable[[Sequence[FloatArray], OnInvalid], Sequence[FloatArray]]
-"""Raises for the states that are refused, or returns them with their rows NaN."""
+_Gate: TypeAlias = Callable[[Geometry, States], Placed]
+"""Raises for the states that are refused, or leaves their rows NaN."""
+
+
+class CompiledMethod:
+    """Forces and equations of motion by the compiled kernels; doors as `DynamicsMethod` has them.
+
+    Parameters
+    ----------
+    kernels : MachineKernels
+        Of the machine.
+    """
+
+    def __init__(self, kernels: MachineKernels) -> None:
+        self._kernels = kernels
+        self._friction = bool(kernels.parameters.friction)
+
+    def forces(self, states: States) -> FloatArray:
+        """Return the actuator forces (..., 3) [N]."""
+        loads = _loads(self._kernels, states, self._friction)
+        name = "inverse_dynamics" if loads is None else "inverse_dynamics_loaded"
+        return _run(self._kernels, name, states, _MOVING, loads, 3, holdable).reshape(states.pose.shape)
+
+    def solve(self, states: States, progress: Progress | None = None) -> Solution:  # noqa: ARG002 - it is quick
+        """Return forces by the kernels, joints and evidence by the closed forms, at N samples."""
+        parameters = self._kernels.parameters
+        placed = holdable(parameters.geometry, states)
+        looked_at = placed.states._replace(on_invalid="nan")
+        loads = _loads(self._kernels, looked_at, self._friction)
+        name = "inverse_dynamics" if loads is None else "inverse_dynamics_loaded"
+        forces = _run(self._kernels, name, looked_at, _MOVING, loads, 3, None)
+        return solution_with(forces, parameters, placed)
+
+    def accelerate(self, states: States) -> FloatArray:
+        """Return the acceleration (..., 3) of the platform under forces."""
+        loads = _loads(self._kernels, states, self._friction)
+        name = "forward_dynamics" if loads is None else "forward_dynamics_loaded"
+        return _run(self._kernels, name, states, _DRIVEN, loads, 3, reachable).reshape(states.pose.shape)
+
+    def jacobian(self, states: States) -> FloatArray:
+        """Return ∂(λA, λB, λC)/∂(y, z, θ), (..., 3, 3)."""
+        found = _run(self._kernels, "kinematics", states, _POSE, None, 7, reachable)
+        J = np.zeros((len(found), 3, 3))
+        J[:, :, 0], J[:, :, 1], J[:, 2, 2] = found[:, 3:6], 1, found[:, 6]
+        J[np.isnan(found[:, 0])] = np.nan
+        return J.reshape(*states.shape, 3, 3)
+
+    def mass_matrix(self, states: States) -> FloatArray:
+        """Return the mass matrix in y, z, θ, (..., 3, 3)."""
+        found = _run(self._kernels, "mass_matrix", states, _POSE, None, 6, reachable)
+        yy, yz, yt, zt, tt, zz = range(6)
+        return found[:, [yy, yz, yt, yz, zz, zt, yt, zt, tt]].reshape(*states.shape, 3, 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,269 +115,123 @@ class ForceDerivatives:
     by_acceleration: FloatArray
 
 
-def forces(
-    kernels: MachineKernels,
-    pose: ArrayLike,
-    velocity: ArrayLike,
-    acceleration: ArrayLike,
-    wrench: ArrayLike | None = None,
-    on_invalid: OnInvalid = "raise",
-) -> FloatArray:
-    """Return the actuator forces; arguments, result and errors are those of `virtual_power.forces`.
-
-    Parameters
-    ----------
-    kernels : MachineKernels
-        Of the machine.
-    pose, velocity, acceleration, wrench, on_invalid
-        As for `p3dof.paper.virtual_power.forces`.
-
-    Returns
-    -------
-    ndarray, shape (..., 3)
-        [N]
-    """
-    states, leading = _states(
-        ("pose", "velocity", "acceleration"), (pose, velocity, acceleration), on_invalid
-    )
-    loads = _loads(kernels, states, wrench, leading, on_invalid)
-    name = "inverse_dynamics" if loads is None else "inverse_dynamics_loaded"
-    found = np.empty((len(states[0]), 3))
-
-    def check(rows: Sequence[FloatArray], policy: OnInvalid) -> Sequence[FloatArray]:
-        poses, speeds, rates = rows
-        return holdable_states(kernels.parameters, poses, speeds, rates, policy)
-
-    _solve(kernels, name, states if loads is None else [*states, loads], found, check, on_invalid, leading)
-    return found.reshape(*leading, 3)
-
-
-def inverse_dynamics_derivatives(
-    kernels: MachineKernels,
-    pose: ArrayLike,
-    velocity: ArrayLike,
-    acceleration: ArrayLike,
-    wrench: ArrayLike | None = None,
-    on_invalid: OnInvalid = "raise",
-) -> ForceDerivatives:
+def inverse_dynamics_derivatives(kernels: MachineKernels, states: States) -> ForceDerivatives:
     """Return the actuator forces and their derivatives by pose, velocity and acceleration.
 
     Parameters
     ----------
     kernels : MachineKernels
         Of the machine.
-    pose, velocity, acceleration, wrench, on_invalid
-        As for `p3dof.paper.virtual_power.forces`; the wrench stays when the motion changes.
+    states : States
+        Poses, velocities, accelerations and wrench, which stays when the motion changes.
 
     Returns
     -------
     ForceDerivatives
     """
-    states, leading = _states(
-        ("pose", "velocity", "acceleration"), (pose, velocity, acceleration), on_invalid
-    )
-    loads = _loads(kernels, states, wrench, leading, on_invalid)
-    count = len(states[0])
-    found = np.empty((count, 24))
-
-    def check(rows: Sequence[FloatArray], policy: OnInvalid) -> Sequence[FloatArray]:
-        poses, speeds, rates = rows
-        return holdable_states(kernels.parameters, poses, speeds, rates, policy)
-
-    given = [*states, np.broadcast_to(np.zeros(3), (count, 3)) if loads is None else loads]
-    _solve(kernels, "inverse_dynamics_derivatives", given, found, check, on_invalid, leading)
+    name, rows, leading = "inverse_dynamics_derivatives", states.rows(), states.shape
+    count = len(rows.pose)
+    friction = bool(kernels.parameters.friction)
+    loads = _loads(kernels, states, friction) or 3 * [np.zeros(count)]
+    found = _run(kernels, name, states, _MOVING, loads, 24, holdable)
     by = np.zeros((count, 3, 9))  # z and ż change no force, but through friction
     by[:, :, _BY_STATE] = found[:, 3:].reshape(count, 3, 7)
     by[np.isnan(found[:, 0])] = np.nan
-    if kernels.parameters.friction:
-        by[:, :, :6] += loss_derivatives(kernels.parameters, *states[:2])
+    if friction:
+        by[:, :, :6] += loss_derivatives(kernels.parameters, rows.pose, rows.velocity)
     whole = by.reshape(*leading, 3, 9)
     return ForceDerivatives(
         found[:, :3].reshape(*leading, 3), whole[..., :3], whole[..., 3:6], whole[..., 6:]
     )
 
 
-def forward_dynamics(
-    kernels: MachineKernels,
-    pose: ArrayLike,
-    velocity: ArrayLike,
-    forces: ArrayLike,
-    wrench: ArrayLike | None = None,
-    on_invalid: OnInvalid = "raise",
-) -> FloatArray:
-    """Return the acceleration of the platform; arguments, result and errors are those of `minimal`.
+def sliders(kernels: MachineKernels, states: States) -> FloatArray:
+    """Return the slider positions at poses.
 
     Parameters
     ----------
     kernels : MachineKernels
         Of the machine.
-    pose, velocity, forces, wrench, on_invalid
-        As for `p3dof.methods.equations_of_motion.forward_dynamics`.
-
-    Returns
-    -------
-    ndarray, shape (..., 3)
-        ÿ, z̈ [m/s²], θ̈ [rad/s²].
-    """
-    states, leading = _states(("pose", "velocity", "forces"), (pose, velocity, forces), on_invalid)
-    loads = _loads(kernels, states, wrench, leading, on_invalid)
-    name = "forward_dynamics" if loads is None else "forward_dynamics_loaded"
-    found = np.empty((len(states[0]), 3))
-
-    def check(rows: Sequence[FloatArray], policy: OnInvalid) -> Sequence[FloatArray]:
-        poses, speeds, given = rows
-        return forced_states(kernels.parameters, poses, speeds, given, policy)
-
-    _solve(kernels, name, states if loads is None else [*states, loads], found, check, on_invalid, leading)
-    return found.reshape(*leading, 3)
-
-
-def mass_matrix(kernels: MachineKernels, pose: ArrayLike, on_invalid: OnInvalid = "raise") -> FloatArray:
-    """Return the mass matrix; arguments, result and errors are those of `minimal.mass_matrix`.
-
-    Parameters
-    ----------
-    kernels : MachineKernels
-        Of the machine.
-    pose, on_invalid
-        As for `p3dof.methods.equations_of_motion.mass_matrix`.
-
-    Returns
-    -------
-    ndarray, shape (..., 3, 3)
-    """
-    found, leading = _of_pose(kernels, "mass_matrix", pose, 6, on_invalid)
-    yy, yz, yt, zt, tt, zz = range(6)
-    return found[:, [yy, yz, yt, yz, zz, zt, yt, zt, tt]].reshape(*leading, 3, 3)
-
-
-def sliders(kernels: MachineKernels, pose: ArrayLike, on_invalid: OnInvalid = "raise") -> FloatArray:
-    """Return the slider positions; arguments and errors are those of `kinematics.inverse_kinematics`.
-
-    Parameters
-    ----------
-    kernels : MachineKernels
-        Of the machine.
-    pose, on_invalid
-        As for `p3dof.kinematics.inverse_kinematics`.
+    states : States
+        Poses.
 
     Returns
     -------
     ndarray, shape (..., 3)
         [m]
     """
-    found, leading = _of_pose(kernels, "kinematics", pose, 7, on_invalid)
-    return found[:, :3].reshape(*leading, 3)
+    return _run(kernels, "kinematics", states, _POSE, None, 7, reachable)[:, :3].reshape(states.pose.shape)
 
 
-def jacobian(kernels: MachineKernels, pose: ArrayLike, on_invalid: OnInvalid = "raise") -> FloatArray:
-    """Return ∂(λA, λB, λC)/∂(y, z, θ); arguments and errors are those of `kinematics.inverse_jacobian`.
-
-    Parameters
-    ----------
-    kernels : MachineKernels
-        Of the machine.
-    pose, on_invalid
-        As for `p3dof.kinematics.inverse_jacobian`.
-
-    Returns
-    -------
-    ndarray, shape (..., 3, 3)
-    """
-    found, leading = _of_pose(kernels, "kinematics", pose, 7, on_invalid)
-    J = np.zeros((len(found), 3, 3))
-    J[:, :, 0], J[:, :, 1], J[:, 2, 2] = found[:, 3:6], 1, found[:, 6]
-    J[np.isnan(found[:, 0])] = np.nan
-    return J.reshape(*leading, 3, 3)
-
-
-def _of_pose(
+def _run(
     kernels: MachineKernels,
     name: str,
-    pose: ArrayLike,
+    states: States,
+    inputs: Sequence[str],
+    loads: Sequence[FloatArray] | None,
     width: int,
-    on_invalid: OnInvalid,
-) -> tuple[FloatArray, tuple[int, ...]]:
-    """Return the outputs (N, width) of a kernel that takes the pose, and the shape of the batch."""
-    (poses,), leading = _states(("pose",), (pose,), on_invalid)
-    found = np.empty((len(poses), width))
+    gate: _Gate | None,
+) -> FloatArray:
+    """Return the outputs (N, width) of a kernel; refused samples raise, or their rows become NaN.
 
-    def check(rows: Sequence[FloatArray], policy: OnInvalid) -> Sequence[FloatArray]:
-        return (reachable_poses(kernels.parameters.geometry, rows[0], policy),)
+    Without a gate, the states were looked at already.
+    """
+    if states.pose.size == 3:  # one sample is quicker as plain numbers
+        numbers = [number for each in inputs for number in getattr(states, each).ravel().tolist()]
+        if loads is not None:
+            numbers += [load.item() for load in loads]
+        *row, margin = kernels.function(name)(*numbers)
+        if margin > 0:
+            return np.array([row])
+    rows = states.rows()
+    columns = [column for each in inputs for column in _aligned(getattr(rows, each)).T]
+    columns += loads or []
+    found = np.empty((len(rows.pose), width))
+    if kernels.run(name, columns, [*found.T, None]):
+        return found
+    if gate is not None and states.on_invalid == "raise":
+        gate(kernels.parameters.geometry, states)
+    _do_again(kernels, name, rows, inputs, columns, found, gate)
+    if states.on_invalid == "raise":
+        raise_not_finite(_RESULT[name], found[:, :3].reshape(states.pose.shape))
+    return found
 
-    _solve(kernels, name, [poses], found, check, on_invalid, leading)
-    return found, leading
 
-
-def _solve(
+def _do_again(
     kernels: MachineKernels,
     name: str,
-    given: Sequence[FloatArray],
+    rows: States,
+    inputs: Sequence[str],
+    columns: Sequence[FloatArray],
     found: FloatArray,
-    check: _Check,
-    on_invalid: OnInvalid,
-    leading: tuple[int, ...],
+    gate: _Gate | None,
 ) -> None:
-    """Run a kernel from rows (N, 3) into rows; refused samples raise, or their rows become NaN."""
-    if len(found) == 1:  # one sample is quicker as plain numbers
-        *row, margin = kernels.function(name)(*(number for rows in given for number in rows[0].tolist()))
-        found[0] = row
-        if margin > 0:
-            return
-    columns, outputs = [column for rows in given for column in rows.T], list(found.T)
-    if kernels.run(name, columns, [*outputs, None]):
-        return
-    states = given[: 1 if len(given) == 1 else 3]
-    if on_invalid == "raise":
-        check(_in_shape(states, leading), "raise")
+    """Enter the outputs of what is not clearly good, by NumPy; NaN for what is refused."""
     margins = np.empty(len(found))
-    kernels.run(name, columns, [*outputs, margins])
+    kernels.run(name, columns, [*found.T, margins])
     doubtful = np.flatnonzero(~(margins > 0))
     again = np.empty((found.shape[1], len(doubtful)))
     on_arrays(*kernels.prepared(name), [column[doubtful] for column in columns], [*again, None])
-    checked = check([rows[doubtful] for rows in states], "nan")
-    good = np.all([np.isfinite(rows).all(axis=-1) for rows in (*checked, again.T)], axis=0)
+    checked = rows.of_rows(doubtful, "nan")
+    if gate is not None:
+        checked = gate(kernels.parameters.geometry, checked).states
+    known = [getattr(checked, each) for each in inputs]
+    good = np.all([np.isfinite(each).all(axis=-1) for each in (*known, again.T)], axis=0)
     found[doubtful] = np.where(good[:, None], again.T, np.nan)
-    if on_invalid == "raise":
-        raise_not_finite(_RESULT[name], found[:, :3].reshape(*leading, 3))
 
 
-def _states(
-    names: Sequence[str], given: Sequence[ArrayLike], on_invalid: OnInvalid
-) -> tuple[list[FloatArray], tuple[int, ...]]:
-    """Return what the user gave as rows (N, 3) of one length, and the shape of the batch."""
-    check_policy(on_invalid)
-    arrays = [batch_of(name, value, 3) for name, value in zip(names, given, strict=True)]
-    leading = arrays[0].shape[:-1]
-    if any(array.shape[:-1] != leading for array in arrays):
-        try:
-            arrays = list(np.broadcast_arrays(*arrays))
-        except ValueError as error:
-            shapes = ", ".join(str(array.shape) for array in arrays)
-            raise InputError(
-                f"{', '.join(names)}: expected shapes that fit each other, got {shapes}"
-            ) from error
-        leading = arrays[0].shape[:-1]
-    rows = [array.reshape(-1, 3) for array in arrays]
-    return [array if array.flags.aligned else array.copy() for array in rows], leading
+def _aligned(array: FloatArray) -> FloatArray:
+    """Return an array that a kernel can read: fields of records need not be."""
+    return array if array.flags.aligned else array.copy()
 
 
-def _in_shape(states: Sequence[FloatArray], leading: tuple[int, ...]) -> list[FloatArray]:
-    return [rows.reshape(*leading, 3) for rows in states]
-
-
-def _loads(
-    kernels: MachineKernels,
-    states: Sequence[FloatArray],
-    wrench: ArrayLike | None,
-    leading: tuple[int, ...],
-    on_invalid: OnInvalid,
-) -> FloatArray | None:
-    """Return wrench less friction on y, z, θ, (N, 3), or None if there is neither."""
-    found: FloatArray | None = None
-    if wrench is not None:
-        found = wrench_like(wrench, leading, on_invalid).reshape(-1, 6)[:, WRENCH_ROWS]
-    if kernels.parameters.friction:
-        lost = losses(kernels.parameters, *states[:2])
-        found = -lost if found is None else found - lost
-    return found
+def _loads(kernels: MachineKernels, states: States, friction: bool) -> list[FloatArray] | None:
+    """Return wrench less friction on y, z and θ, each (N,), or None if there is neither."""
+    if states.wrench is None and not friction:
+        return None
+    rows = states.rows()
+    found = None if rows.wrench is None else [rows.wrench[:, row] for row in WRENCH_ROWS]
+    if not friction:
+        return found
+    lost = losses(kernels.parameters, _aligned(rows.pose), _aligned(rows.velocity)).T
+    return [-one for one in lost] if found is None else [w - one for w, one in zip(found, lost, strict=True)]

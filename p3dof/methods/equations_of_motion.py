@@ -19,19 +19,17 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from p3dof.algebra import Vector, components, vector_array
 from p3dof.checks import FloatArray
-from p3dof.kinematics import inverse_jacobian
-from p3dof.kinematics.states import forced_states, reachable_poses, reachable_states
+from p3dof.kinematics import jacobian_at, reachable
+from p3dof.motion.states import States
 from p3dof.motion.wrenches import WRENCH_ROWS
 from p3dof.paper.formulas import Lengths
 from p3dof.paper.friction import NO_LOSSES, Losses, losses_of
 from p3dof.paper.inertials import inertials, numbers
 from p3dof.paper.virtual_power import generalized_forces
 from p3dof.parameters import Parameters
-from p3dof.samples import OnInvalid, wrench_like
 
 _STEP = 1e-100
 """Complex step: nothing is subtracted, so it can be as small as one likes."""
@@ -40,135 +38,93 @@ _REST: Vector = (0, 0, 0)
 _AXES: tuple[Vector, Vector, Vector] = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
 
 
-def mass_matrix(parameters: Parameters, pose: ArrayLike, on_invalid: OnInvalid = "raise") -> FloatArray:
+def mass_matrix(parameters: Parameters, states: States) -> FloatArray:
     """Return the mass matrix M(x), symmetric and positive definite.
 
     Parameters
     ----------
     parameters : Parameters
         The machine.
-    pose : array-like, shape (..., 3)
-        y [m], z [m], θ [rad].
-    on_invalid : {"raise", "nan"}
-        Raise for samples out of reach, or leave NaN in their rows.
+    states : States
+        Poses; errors are those of `p3dof.kinematics.reachable`, here and below.
 
     Returns
     -------
     ndarray, shape (..., 3, 3)
         [kg, kg m, kg m²].
-
-    Raises
-    ------
-    ReachError, InputError
-        Naming leg, margin and sample.
     """
-    poses = reachable_poses(parameters.geometry, pose, on_invalid)
+    poses = reachable(parameters.geometry, states).states.pose
     return _mass_matrix(parameters, components(poses), poses.shape[:-1])
 
 
-def coriolis_matrix(
-    parameters: Parameters, pose: ArrayLike, velocity: ArrayLike, on_invalid: OnInvalid = "raise"
-) -> FloatArray:
+def coriolis_matrix(parameters: Parameters, states: States) -> FloatArray:
     """Return the matrix C(x, ẋ) of centrifugal and Coriolis forces, by Christoffel's symbols.
 
     Parameters
     ----------
     parameters : Parameters
         The machine.
-    pose, velocity : array-like, shape (..., 3)
-        Of (y, z, θ) [m, m, rad] and per second.
-    on_invalid : {"raise", "nan"}
-        Raise for samples out of reach or not finite, or leave NaN in their rows.
+    states : States
+        Poses and velocities.
 
     Returns
     -------
     ndarray, shape (..., 3, 3)
         C ẋ are forces [N, N, N m]; Ṁ - 2C is skew.
-
-    Raises
-    ------
-    ReachError, InputError
-        Naming leg, margin and sample.
     """
-    poses, speeds, _ = reachable_states(parameters.geometry, pose, velocity, np.zeros(3), on_invalid)
-    D = np.stack([_mass_derivative(parameters, poses, k) for k in range(3)], axis=-1)  # ∂M_ij/∂x_k
+    found = reachable(parameters.geometry, states).states
+    D = np.stack([_mass_derivative(parameters, found.pose, k) for k in range(3)], axis=-1)  # ∂M_ij/∂x_k
     gamma = 0.5 * (D + np.swapaxes(D, -1, -2) - np.moveaxis(D, -1, -3))  # Γ_ijk
-    return np.asarray(np.einsum("...ijk,...k->...ij", gamma, speeds))
+    return np.asarray(np.einsum("...ijk,...k->...ij", gamma, found.velocity))
 
 
-def gravity_forces(parameters: Parameters, pose: ArrayLike, on_invalid: OnInvalid = "raise") -> FloatArray:
+def gravity_forces(parameters: Parameters, states: States) -> FloatArray:
     """Return g(x), the gradient of the potential energy: what holds the machine against gravity.
 
     Parameters
     ----------
     parameters : Parameters
         The machine.
-    pose : array-like, shape (..., 3)
-        y [m], z [m], θ [rad].
-    on_invalid : {"raise", "nan"}
-        Raise for samples out of reach, or leave NaN in their rows.
+    states : States
+        Poses.
 
     Returns
     -------
     ndarray, shape (..., 3)
         [N, N, N m].
-
-    Raises
-    ------
-    ReachError, InputError
-        Naming leg, margin and sample.
     """
-    poses = reachable_poses(parameters.geometry, pose, on_invalid)
-    x = components(poses)
+    poses = reachable(parameters.geometry, states).states.pose
     gravity = numbers(parameters.gravity)
-    return vector_array(_generalized(parameters, gravity, x, _REST, _REST), poses.shape[:-1])
+    return vector_array(_generalized(parameters, gravity, components(poses), _REST, _REST), poses.shape[:-1])
 
 
-def forward_dynamics(
-    parameters: Parameters,
-    pose: ArrayLike,
-    velocity: ArrayLike,
-    forces: ArrayLike,
-    wrench: ArrayLike | None = None,
-    on_invalid: OnInvalid = "raise",
-) -> FloatArray:
+def forward_dynamics(parameters: Parameters, states: States) -> FloatArray:
     """Return the acceleration of the platform under actuator forces.
 
     Parameters
     ----------
     parameters : Parameters
         The machine.
-    pose, velocity : array-like, shape (..., 3)
-        Of (y, z, θ) [m, m, rad] and per second; leading shapes broadcast.
-    forces : array-like, shape (..., 3)
-        Of the actuators A, B, C on their sliders, positive along +z0 [N].
-    wrench : array-like, shape (..., 6), optional
-        External force and moment on the platform at P, in the fixed frame [N, N m].
-    on_invalid : {"raise", "nan"}
-        Raise for samples out of reach or not finite, or leave NaN in their rows.
+    states : States
+        Poses, velocities, forces and wrench.
 
     Returns
     -------
     ndarray, shape (..., 3)
         ÿ, z̈ [m/s²] and θ̈ [rad/s²].
-
-    Raises
-    ------
-    ReachError, InputError
-        Naming leg, margin and sample; also when shapes do not fit.
     """
-    poses, speeds, given = forced_states(parameters, pose, velocity, forces, on_invalid)
-    shape = poses.shape[:-1]
-    x, gravity = components(poses), numbers(parameters.gravity)
+    placed = reachable(parameters.geometry, states)
+    found, shape = placed.states, states.shape
+    x, gravity = components(found.pose), numbers(parameters.gravity)
     losses = losses_of(parameters.friction)
-    bias = vector_array(_generalized(parameters, gravity, x, components(speeds), _REST, losses), shape)
-    J = inverse_jacobian(parameters.geometry, poses, "nan")
-    acting = np.einsum("...ij,...i->...j", J, given) - bias
-    if wrench is not None:
-        acting = acting + wrench_like(wrench, shape, on_invalid)[..., WRENCH_ROWS]
+    v = components(found.velocity)
+    bias = vector_array(_generalized(parameters, gravity, x, v, _REST, losses), shape)
+    acting = np.einsum("...ij,...i->...j", jacobian_at(placed), found.forces) - bias
+    if found.wrench is not None:
+        acting = acting + found.wrench[..., WRENCH_ROWS]
     M = _mass_matrix(parameters, x, shape)
     valid = np.isfinite(acting).all(axis=-1) & np.isfinite(M).all(axis=(-2, -1))
-    acceleration = np.full(poses.shape, np.nan)
+    acceleration = np.full(found.pose.shape, np.nan)
     acceleration[valid] = np.linalg.solve(M[valid], acting[valid][..., None])[..., 0]
     return acceleration
 

@@ -14,86 +14,162 @@ import pinocchio as pin
 
 from p3dof.checks import FloatArray, Progress
 from p3dof.closed_loop import ClosedLoopModel, FrameTarget, State
-from p3dof.closed_loop.batch.linear import BLOCK, FEW, IndexArray
+from p3dof.closed_loop.batch.linear import BLOCK, FEW, BoolArray, IndexArray
 from p3dof.closed_loop.batch.states import complete_near
 from p3dof.closed_loop.batch.targets import FrameTargets
 from p3dof.errors import AssemblyError, DynamicsError, SingularityError
 from p3dof.methods.pinocchio_friction import FrictionForces
 from p3dof.methods.pinocchio_gate import Gate, Verdict
 from p3dof.methods.results import JointStates, Solution
-from p3dof.parameters import PLATFORM, Friction
+from p3dof.motion.states import States
+from p3dof.parameters import PLATFORM, Parameters
 
 MASK = (False, True, True, False, True, False)
 """What a pose prescribes of the platform's placement: y, z and the rotation about y0."""
 
 
-def solve(
-    loop: ClosedLoopModel,
-    depth: float,
-    pose: FloatArray,
-    velocity: FloatArray,
-    acceleration: FloatArray,
-    wrench: FloatArray | None = None,
-    friction: Friction | None = None,
-    on_invalid: str = "raise",
-    progress: Progress | None = None,
-    shape: tuple[int, ...] | None = None,
-) -> Solution:
-    """Return forces and joints at every sample.
+class PinocchioMethod:
+    """Forces and equations of motion by Pinocchio; doors as `DynamicsMethod` has them.
+
+    It works in buffers of its own and of the model: it is not for several threads at once.
 
     Parameters
     ----------
+    parameters : Parameters
+        The machine; only the depth of the platform at home and the friction are taken from them.
     loop : ClosedLoopModel
-        The mechanism.
-    depth : float
-        h, depth of the platform below the sliders at home [m].
-    pose, velocity, acceleration : ndarray, shape (N, 3)
-        Motion of the platform; rows of NaN are left out.
-    wrench : ndarray, shape (N, 6), optional
-        External force and moment on the platform at P [N, N m].
-    friction : Friction, optional
-        What the joints lose.
-    on_invalid : {"raise", "nan"}
-        What to do with a sample that does not assemble or that the actuators cannot hold.
-    progress : callable, optional
-        Called with (done, total) now and then.
-    shape : tuple of int, optional
-        The leading shape of what the user gave, for errors; (N,) by default.
-
-    Returns
-    -------
-    Solution
-
-    Raises
-    ------
-    ReachError, SingularityError, SampleError
-        If a sample does not assemble, or the actuators cannot hold it; the message names the sample.
+        Its model.
     """
-    count, nv = len(pose), loop.model.nv
-    states, (forces, evidence) = np.full((3, count, nv), np.nan), np.full((2, count, 3), np.nan)
-    given = pose if wrench is None else np.concatenate((pose, wrench), axis=1)
-    finite = np.asarray(np.isfinite(given).all(axis=1))
-    verdict = Verdict(Gate(loop), pose, targets_of(pose[finite], depth), finite)
-    solver = _Solver(loop, depth, FrictionForces(loop, friction), verdict)
-    few = count < FEW
-    size = 1 if few else BLOCK
-    for start in range(0, count, size):
+
+    def __init__(self, parameters: Parameters, loop: ClosedLoopModel) -> None:
+        self._loop, self._depth = loop, parameters.geometry.h
+        self._friction = FrictionForces(loop, parameters.friction)
+        self._gate = Gate(loop)
+        self._data = loop.model.createData()
+        self._frame = loop.model.getFrameId(PLATFORM)
+
+    def forces(self, states: States) -> FloatArray:
+        """Return the actuator forces (..., 3) [N]."""
+        return self.solve(states).forces.reshape(states.pose.shape)
+
+    def solve(self, states: States, progress: Progress | None = None) -> Solution:
+        """Return forces, joints and evidence at N samples; of a batch of another shape, row by row."""
+        shape, rows = states.shape, states.finite().rows()
+        pose, velocity, acceleration, wrench = rows.pose, rows.velocity, rows.acceleration, rows.wrench
+        count = len(pose)
+        joints, (forces, evidence) = (
+            np.full((3, count, self._loop.model.nv), np.nan),
+            np.full((2, count, 3), np.nan),
+        )
+        finite = np.asarray(np.isfinite(_acting_on(pose, wrench)).all(axis=1))
+        verdict = self._verdict(pose, finite)
+        solver = _Solver(self._loop, self._depth, self._friction, verdict)
+        few = count < FEW
+        size = 1 if few else BLOCK
+        for start in range(0, count, size):
+            if progress is not None:
+                progress(start, count)
+            i = verdict.try_rows(start + np.flatnonzero(finite[start : start + size]))
+            if len(i):
+                loads = None if wrench is None else wrench[i]
+                part = solver.alone if few else solver.together
+                i, *found = part(i, pose[i], velocity[i], acceleration[i], loads)
+                joints[:, i], forces[i], evidence[i] = found
+            if states.on_invalid == "raise" and (not few or start == count - 1):
+                verdict.tell(shape, start + size >= count)
         if progress is not None:
-            progress(start, count)
-        rows = verdict.try_rows(start + np.flatnonzero(finite[start : start + size]))
-        if len(rows):
-            loads = None if wrench is None else wrench[rows]
-            part = solver.alone if few else solver.together
-            rows, *found = part(rows, pose[rows], velocity[rows], acceleration[rows], loads)
-            states[:, rows], forces[rows], evidence[rows] = found
-        if on_invalid == "raise" and (not few or start == count - 1):
-            verdict.tell((count,) if shape is None else shape, start + size >= count)
-    if progress is not None:
-        progress(count, count)
-    names = tuple(loop.model.names[1:])
-    actuation = np.where(np.isfinite(forces).all(axis=1), verdict.actuation, np.nan)
-    gap, energy, lost = np.ascontiguousarray(evidence.T)
-    return Solution(forces, JointStates(names, *states), gap, energy, lost, actuation)
+            progress(count, count)
+        gap, energy, lost = np.ascontiguousarray(evidence.T)
+        return Solution(
+            forces=forces,
+            joints=JointStates(tuple(self._loop.model.names[1:]), *joints),
+            closure_error=gap,
+            energy_rate=energy,
+            dissipation=lost,
+            actuation=np.where(np.isfinite(forces).all(axis=1), verdict.actuation, np.nan),
+        )
+
+    def accelerate(self, states: States) -> FloatArray:
+        """Return the acceleration (..., 3) of the platform, by constrained dynamics of all joints."""
+        rows = states.finite().rows()
+        pose, velocity, forces, wrench = rows.pose, rows.velocity, rows.forces, rows.wrench
+        loop, result, guess = self._loop, np.full(pose.shape, np.nan), None
+        finite = np.asarray(np.isfinite(_acting_on(pose, wrench)).all(axis=1))
+        verdict = self._verdict(pose, finite)
+        for i in verdict.try_rows(np.flatnonzero(finite)).tolist():
+            try:
+                state = complete_near(loop, target_of(pose[i], self._depth), velocity[i], np.zeros(3), guess)
+            except AssemblyError as error:
+                verdict.not_assembled({i: error})
+                continue
+            if not state.same_assembly:
+                verdict.not_assembled({i: _left_assembly()})
+                continue
+            guess = state.q
+            lost = self._friction.at(state.q, state.v)
+            external = lost.external_with(None if wrench is None else wrench[i])
+            a = loop.forward_dynamics(state.q, state.v, forces[i], external, lost.joint_forces).a
+            result[i] = self._platform_acceleration(state.q, state.v, a)
+        if states.on_invalid == "raise":
+            verdict.tell(states.shape, True)
+        return result.reshape(states.pose.shape)
+
+    def jacobian(self, states: States) -> FloatArray:
+        """Return ∂(λA, λB, λC)/∂(y, z, θ), (..., 3, 3): rows of the influence matrix of the closed loops."""
+        _, influence = self._assembled(states)
+        return np.ascontiguousarray(influence[:, self._loop.actuated_v]).reshape(*states.shape, 3, 3)
+
+    def mass_matrix(self, states: States) -> FloatArray:
+        """Return the mass matrix in y, z, θ, (..., 3, 3).
+
+        It is Gᵀ M G: M of the tree, by CRBA, G the influence matrix of the closed loops.
+        """
+        q, G = self._assembled(states)
+        model, data, nv = self._loop.model, self._data, self._loop.model.nv
+        M = np.full((len(q), nv, nv), np.nan)
+        for i in np.flatnonzero(np.isfinite(q).all(axis=1)).tolist():
+            M[i] = np.triu(pin.crba(model, data, q[i]))
+        M += np.swapaxes(np.triu(M, 1), -1, -2)  # CRBA fills the upper half
+        found = np.swapaxes(G, -1, -2) @ M @ G
+        return ((found + np.swapaxes(found, -1, -2)) / 2).reshape(*states.shape, 3, 3)
+
+    def _assembled(self, states: States) -> tuple[FloatArray, FloatArray]:
+        """Return configurations (N, nq) at poses, and joint speeds per unit ẏ, ż, θ̇ (N, nv, 3)."""
+        loop, pose = self._loop, states.finite().rows().pose
+        q = np.full((len(pose), loop.model.nq), np.nan)
+        G = np.full((len(pose), loop.model.nv, 3), np.nan)
+        finite, near = np.asarray(np.isfinite(pose).all(axis=1)), None
+        verdict = self._verdict(pose, finite)
+        for start in range(0, len(pose), BLOCK):
+            i = verdict.try_rows(start + np.flatnonzero(finite[start : start + BLOCK]))
+            rest = np.zeros((len(i), 3))
+            found = loop.complete_batch(targets_of(pose[i], self._depth), rest, rest, near=near)
+            known = np.isfinite(found.q).all(axis=1)
+            errors = {int(i[k]): error for k, error in found.errors.items()}
+            errors.update((int(k), _left_assembly()) for k in i[known & ~found.same_assembly])
+            verdict.not_assembled(errors)
+            known &= found.same_assembly
+            q[i[known]], G[i[known]] = found.q[known], found.influence[known]
+            near = found.q[known][-1] if known.any() else near
+            if states.on_invalid == "raise":
+                verdict.tell(states.shape, start + BLOCK >= len(pose))
+        return q, G
+
+    def _verdict(self, pose: FloatArray, finite: BoolArray) -> Verdict:
+        return Verdict(self._gate, pose, targets_of(pose[finite], self._depth), finite)
+
+    def _platform_acceleration(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        """Return ÿ, z̈ and θ̈ of a motion of all joints."""
+        model, data = self._loop.model, self._data
+        pin.forwardKinematics(model, data, q, v, a)
+        pin.updateFramePlacement(model, data, self._frame)
+        moving = pin.getFrameClassicalAcceleration(model, data, self._frame, pin.LOCAL_WORLD_ALIGNED)
+        return np.array((moving.linear[1], moving.linear[2], moving.angular[1]))
+
+
+def _acting_on(pose: FloatArray, wrench: FloatArray | None) -> FloatArray:
+    """Return what must be finite for a sample to be tried; all other numbers are where the pose is."""
+    return pose if wrench is None else np.concatenate((pose, wrench), axis=1)
 
 
 _Part: TypeAlias = tuple[IndexArray, FloatArray, FloatArray, FloatArray]
@@ -180,74 +256,6 @@ def _left_assembly() -> AssemblyError:
 def _gaps(errors: FloatArray) -> FloatArray:
     """Return the largest gap from closure errors (..., 9)."""
     return np.asarray(np.linalg.norm(errors.reshape(*errors.shape[:-1], 3, 3), axis=-1).max(axis=-1))
-
-
-def accelerate(
-    loop: ClosedLoopModel,
-    depth: float,
-    pose: FloatArray,
-    velocity: FloatArray,
-    forces: FloatArray,
-    wrench: FloatArray | None = None,
-    friction: Friction | None = None,
-    on_invalid: str = "raise",
-    shape: tuple[int, ...] | None = None,
-) -> FloatArray:
-    """Return the platform's acceleration under actuator forces, by Pinocchio's constrained dynamics.
-
-    Parameters
-    ----------
-    loop : ClosedLoopModel
-        The mechanism.
-    depth : float
-        h, depth of the platform below the sliders at home [m].
-    pose, velocity, forces : ndarray, shape (N, 3)
-        State of the platform and actuator forces [N]; rows of NaN are left out.
-    wrench : ndarray, shape (N, 6), optional
-        External force and moment on the platform at P [N, N m].
-    friction : Friction, optional
-        What the joints lose.
-    on_invalid, shape
-        As for `solve`; a pose that the actuators cannot hold has an acceleration.
-
-    Returns
-    -------
-    ndarray, shape (N, 3)
-        ÿ, z̈ [m/s²], θ̈ [rad/s²].
-
-    Raises
-    ------
-    ReachError, SampleError
-        If a sample does not assemble; the message names it.
-    """
-    result = np.full(pose.shape, np.nan)
-    data = loop.model.createData()
-    frame = loop.model.getFrameId(PLATFORM)
-    guess: FloatArray | None = None
-    resisting = FrictionForces(loop, friction)
-    given = np.concatenate((pose, velocity, forces, *(() if wrench is None else (wrench,))), axis=1)
-    finite = np.asarray(np.isfinite(given).all(axis=1))
-    verdict = Verdict(Gate(loop), pose, targets_of(pose[finite], depth), finite)
-    for i in verdict.try_rows(np.flatnonzero(finite)).tolist():
-        try:
-            state = complete_near(loop, target_of(pose[i], depth), velocity[i], np.zeros(3), guess)
-        except AssemblyError as error:
-            verdict.not_assembled({i: error})
-            continue
-        if not state.same_assembly:
-            verdict.not_assembled({i: _left_assembly()})
-            continue
-        guess = state.q
-        lost = resisting.at(state.q, state.v)
-        external = lost.external_with(None if wrench is None else wrench[i])
-        a = loop.forward_dynamics(state.q, state.v, forces[i], external, lost.joint_forces).a
-        pin.forwardKinematics(loop.model, data, state.q, state.v, a)
-        pin.updateFramePlacement(loop.model, data, frame)
-        moving = pin.getFrameClassicalAcceleration(loop.model, data, frame, pin.LOCAL_WORLD_ALIGNED)
-        result[i] = moving.linear[1], moving.linear[2], moving.angular[1]
-    if on_invalid == "raise":
-        verdict.tell((len(pose),) if shape is None else shape, True)
-    return result
 
 
 def complete(

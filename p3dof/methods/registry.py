@@ -1,35 +1,59 @@
-"""The ways to the forces, by name."""
+"""The ways to the forces, by name. A new one: a file with the doors of `DynamicsMethod`, a line here."""
 
 from __future__ import annotations
 
-from typing import Literal, TypeAlias, get_args
+from collections.abc import Callable, Mapping
+from typing import Protocol, TypeAlias
 
 from p3dof.checks import shown
+from p3dof.closed_loop import ClosedLoopModel
+from p3dof.compiled import MachineKernels
 from p3dof.errors import InputError
+from p3dof.methods.compiled import CompiledMethod
+from p3dof.methods.pinocchio import PinocchioMethod
+from p3dof.methods.virtual_power import VirtualPowerMethod
+from p3dof.methods.way import DynamicsMethod
+from p3dof.parameters import Parameters
 
-Method: TypeAlias = Literal["pinocchio", "virtual-power", "compiled"]
+Method: TypeAlias = str
+"""The name of a way to the forces, one of `METHODS`."""
+
+
+class Sources(Protocol):
+    """What a way can be made from."""
+
+    @property
+    def parameters(self) -> Parameters:
+        """The machine."""
+
+    @property
+    def loop(self) -> ClosedLoopModel:
+        """Its closed-loop model on Pinocchio; made when it is first asked for."""
+
+    @property
+    def kernels(self) -> MachineKernels:
+        """Its compiled kernels; made when they are first asked for."""
+
+
+METHODS: Mapping[Method, Callable[[Sources], DynamicsMethod]] = {
+    "pinocchio": lambda machine: PinocchioMethod(machine.parameters, machine.loop),
+    "virtual-power": lambda machine: VirtualPowerMethod(machine.parameters),
+    "compiled": lambda machine: CompiledMethod(machine.kernels),
+}
 """The ways to the forces. The first two share only the parameters; the third is the second's result by the
 reduced formulas of `p3dof.compiled.reduced`, compiled."""
-
-ClosedForm: TypeAlias = Literal["virtual-power", "compiled"]
-"""The ways to what Pinocchio is not asked for."""
 
 DEFAULT_METHOD: Method = "pinocchio"
 """Wherever a method can be chosen."""
 
-METHODS: tuple[str, ...] = get_args(Method)
-CLOSED_FORMS: tuple[str, ...] = get_args(ClosedForm)
 
-
-def check_method(method: str, methods: tuple[str, ...] = METHODS) -> str:
-    """Return a method if it is known.
+def check_method(method: str) -> str:
+    """Return the name of a method if it is known.
 
     Parameters
     ----------
     method : str
         What the user gave.
-    methods : tuple of str
-        What there is.
 
     Returns
     -------
@@ -38,8 +62,30 @@ def check_method(method: str, methods: tuple[str, ...] = METHODS) -> str:
     Raises
     ------
     InputError
-        If it is not one of them.
+        If it is not one of `METHODS`.
     """
-    if not isinstance(method, str) or method not in methods:
-        raise InputError(f"method: expected one of {', '.join(map(repr, methods))}, got {shown(method)}")
+    if not isinstance(method, str) or method not in METHODS:
+        raise InputError(f"method: expected one of {', '.join(map(repr, METHODS))}, got {shown(method)}")
     return method
+
+
+class Methods:
+    """The ways to the forces of one machine, each made when it is first asked for.
+
+    Parameters
+    ----------
+    sources : Sources
+        What they are made from.
+    """
+
+    def __init__(self, sources: Sources) -> None:
+        self._sources = sources
+        self._made: dict[str, DynamicsMethod] = {}
+
+    def __getitem__(self, method: Method) -> DynamicsMethod:
+        try:
+            return self._made[method]
+        except (KeyError, TypeError):
+            found = METHODS[check_method(method)](self._sources)
+            self._made[method] = found
+            return found

@@ -12,7 +12,6 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from p3dof.algebra import BLOCK
 from p3dof.checks import FloatArray
@@ -30,10 +29,11 @@ from p3dof.compiled.reduced import (
 )
 from p3dof.compiled.tracing import Number, Symbol, Tape, derivatives, straight_line
 from p3dof.compiled.tracing.python import function_of
-from p3dof.kinematics.states import holdable_states
+from p3dof.kinematics import holdable
+from p3dof.motion.states import States
 from p3dof.paper.formulas import Lengths
 from p3dof.parameters import LINKS, Bodies, Parameters
-from p3dof.samples import OnInvalid, raise_not_finite
+from p3dof.samples import raise_not_finite
 
 MOMENTS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 """Inertial parameters of a body, about the origin of its axes, in the order of Pinocchio's."""
@@ -108,29 +108,22 @@ def inertial_parameters(bodies: Bodies) -> FloatArray:
     return np.array(rows, dtype=float).ravel()
 
 
-def force_regressor(
-    parameters: Parameters,
-    pose: ArrayLike,
-    velocity: ArrayLike,
-    acceleration: ArrayLike,
-    on_invalid: OnInvalid = "raise",
-) -> ForceRegressor:
-    """Return how the forces at states depend on the parameters; arguments as `virtual_power.forces`.
+def force_regressor(parameters: Parameters, states: States) -> ForceRegressor:
+    """Return how the forces at states depend on the parameters.
 
     Parameters
     ----------
     parameters : Parameters
         The machine.
-    pose, velocity, acceleration, on_invalid
-        As for `p3dof.paper.virtual_power.forces`.
+    states : States
+        Poses, velocities and accelerations.
 
     Returns
     -------
     ForceRegressor
     """
-    states = holdable_states(parameters, pose, velocity, acceleration, on_invalid)
-    leading = states[0].shape[:-1]
-    q, v, a = (rows.reshape(-1, 3) for rows in states)
+    rows, leading = holdable(parameters.geometry, states).states.rows(), states.shape
+    q, v, a = rows.pose, rows.velocity, rows.acceleration
     columns = (q[:, 0], q[:, 2], v[:, 0], v[:, 2], a[:, 0], a[:, 1], a[:, 2])
     model = model_of(parameters)
     found = np.empty((3 * len(MODEL), len(q)))
@@ -144,14 +137,17 @@ def force_regressor(
     by: FloatArray = found.reshape(3, len(MODEL), -1).transpose(2, 0, 1)  # (N, 3, 27)
     by[~np.isfinite(q).all(axis=1)] = np.nan
     by = by.reshape(*leading, 3, len(MODEL))
-    if on_invalid == "raise":
+    if states.on_invalid == "raise":
         raise_not_finite("regressor", by.reshape(*leading, -1))
     base = np.ascontiguousarray(by[..., 6:])
     lost, lost_by_lengths = np.zeros((*leading, 3)), np.zeros((*leading, 3, 3))
-    lost[np.isnan(states[0]).any(axis=-1)] = np.nan
+    lost[np.isnan(q).any(axis=-1).reshape(leading)] = np.nan
     if parameters.friction:
-        rows, rows_by_lengths = loss_by_lengths(parameters, q, v)
-        lost, lost_by_lengths = rows.reshape(lost.shape), rows_by_lengths.reshape(lost_by_lengths.shape)
+        found_lost, found_by_lengths = loss_by_lengths(parameters, q, v)
+        lost, lost_by_lengths = (
+            found_lost.reshape(lost.shape),
+            found_by_lengths.reshape(lost_by_lengths.shape),
+        )
     matrix, by_length = _fold_derivatives(parameters)
     return ForceRegressor(
         base=base,

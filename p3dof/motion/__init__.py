@@ -3,6 +3,7 @@
 from p3dof.motion.core import Motion
 from p3dof.motion.curve import Curve
 from p3dof.motion.paper import paper_motion
+from p3dof.motion.states import States, states_of, states_over
 from p3dof.motion.tables import motion_table
 from p3dof.motion.wrenches import Load, WrenchHistory, WrenchOverTime
 
@@ -10,8 +11,11 @@ __all__ = [
     "Curve",
     "Load",
     "Motion",
+    "States",
     "WrenchHistory",
     "WrenchOverTime",
     "motion_table",
     "paper_motion",
+    "states_of",
+    "states_over",
 ]

@@ -14,7 +14,7 @@ from p3dof.errors import InputError, MotionError
 from p3dof.files import Source, called, read_text
 from p3dof.motion import csv_files
 from p3dof.motion.times import require_rising
-from p3dof.samples import OnInvalid, wrench_like
+from p3dof.samples import rows_like
 
 WRENCH_ROWS = (1, 2, 4)
 """What of a wrench works on the platform, which moves in y, z and θ: F_y, F_z and M_y."""
@@ -51,19 +51,16 @@ class Load:
             return frozen_array("wrench", self._wrench, (6,))
         return frozen_array(f"wrench at t = {time:g} s", self._at(time), (6,))
 
-    def over(self, times: FloatArray, on_invalid: OnInvalid = "raise") -> FloatArray:
-        """Return the wrenches at times (N,) [s], shape (N, 6) [N, N m].
-
-        With ``on_invalid="nan"``, rows that are not finite are let through as NaN.
+    def over(self, times: FloatArray) -> FloatArray:
+        """Return the wrenches at times (N,) [s], shape (N, 6) [N, N m], finite or not: `States` tell.
 
         Raises
         ------
         InputError
-            If the shape does not fit, a number is not finite, or the function raises; the message has the
-            sample or the time.
+            If the shape does not fit, or the function raises; the message has the time.
         """
         found = self._over(times) if callable(self._wrench) else self._wrench
-        return wrench_like(found, times.shape, on_invalid)
+        return np.array(rows_like(found, times.shape))
 
     def _over(self, times: FloatArray) -> FloatArray:
         known = self._of_many(times)

@@ -41,20 +41,19 @@ def losses_of(friction: Friction) -> Losses:
     return Losses(joints, friction.smoothing)
 
 
-def lost_power(lengths: Lengths, pose: Vector, velocity: Vector, losses: Losses, xp: Namespace) -> Scalar:
-    """Return the power that friction takes at a velocity; arguments as `actuator_forces` [W].
+def lost_power(lengths: Lengths, x: Configuration, velocity: Vector, losses: Losses, xp: Namespace) -> Scalar:
+    """Return the power that friction takes at a velocity [W].
 
     Parameters
     ----------
-    lengths, pose, velocity, losses, xp
-        As for `actuator_forces`.
+    lengths, x, velocity, losses, xp
+        As for `resistance`.
 
     Returns
     -------
     number or array
         Zero or more.
     """
-    x = configuration(lengths, pose, xp)
     rates = joint_rates(velocities(lengths, x, velocity), velocity)
     return power_against(resistance(lengths, x, velocity, losses, xp), rates)
 

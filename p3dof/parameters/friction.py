@@ -21,6 +21,9 @@ class _Coefficients(Mapping[str, float]):
     def __getitem__(self, name: str) -> float:
         return self._by_joint[name]
 
+    def __contains__(self, name: object) -> bool:
+        return name in self._by_joint
+
     def __iter__(self) -> Iterator[str]:
         return iter(self._by_joint)
 

@@ -23,7 +23,7 @@ Friction of the joints is part of their reactions, and lies along their freedoms
 from p3dof.reactions.comparison import UNDECIDED, AnyReactions, ReactionsComparison, how_chosen
 from p3dof.reactions.evaluation import of_solution, over_motion
 from p3dof.reactions.joints import BOTH, IDEALISATIONS, JOINTS, Choice, Idealisation, Joint
-from p3dof.reactions.one_joint import JointReaction, OpenPeak, Peak
+from p3dof.reactions.one_joint import JointLoad, JointReaction, OpenPeak, Peak
 from p3dof.reactions.results import Reactions
 from p3dof.reactions.tables import names_table, open_tables, reactions_table
 
@@ -36,6 +36,7 @@ __all__ = [
     "Choice",
     "Idealisation",
     "Joint",
+    "JointLoad",
     "JointReaction",
     "OpenPeak",
     "Peak",

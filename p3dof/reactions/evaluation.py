@@ -7,16 +7,17 @@ from typing import Literal, overload
 from p3dof.checks import FloatArray, Progress
 from p3dof.closed_loop import ClosedLoopModel, ReactionSolver, reactions_batch
 from p3dof.closed_loop.reactions import LENGTH_SHARE
-from p3dof.errors import InputError, SampleError
-from p3dof.methods import Solution, pinocchio, without_crossings
+from p3dof.errors import SampleError
+from p3dof.methods import Solution, without_crossings
+from p3dof.methods.pinocchio import PinocchioMethod
 from p3dof.methods.pinocchio_friction import FrictionForces
-from p3dof.motion import Load, Motion, WrenchOverTime
+from p3dof.motion import Motion, WrenchOverTime, states_over
 from p3dof.parameters import Parameters
 from p3dof.reactions.comparison import AnyReactions, ReactionsComparison
 from p3dof.reactions.joints import BOTH, IDEALISATIONS, Choice, Idealisation, cuts
 from p3dof.reactions.newton_euler import in_fixed_axes, residual
 from p3dof.reactions.results import Reactions
-from p3dof.samples import OnInvalid, finite_states
+from p3dof.samples import OnInvalid
 
 
 @overload
@@ -92,15 +93,12 @@ def over_motion(
     kinds = IDEALISATIONS if joints == BOTH else (joints,)
     for kind in kinds:
         cuts(kind)  # before the long part
-    if not isinstance(motion, Motion):
-        raise InputError(f"motion: expected a Motion, got {type(motion).__name__}")
-    states = finite_states(motion.pose, motion.velocity, motion.acceleration, on_invalid)
-    loads = None if wrench is None else Load(wrench).over(motion.time, on_invalid)
-    solution = pinocchio.solve(
-        loop, parameters.geometry.h, *states, loads, parameters.friction, on_invalid, progress
-    )
+    states = states_over(motion, wrench, on_invalid)
+    solution = PinocchioMethod(parameters, loop).solve(states, progress)
     solution, _ = without_crossings(motion.time, solution, on_invalid)
-    found = [of_solution(loop, parameters, motion, solution, kind, loads, on_invalid) for kind in kinds]
+    found = [
+        of_solution(loop, parameters, motion, solution, kind, states.wrench, on_invalid) for kind in kinds
+    ]
     return ReactionsComparison(*found) if joints == BOTH else found[0]
 
 

@@ -91,7 +91,7 @@ class OpenPeak:
 
 
 @dataclass(frozen=True)
-class Load:
+class JointLoad:
     """The largest value of one load of a joint, and whether it contains an undetermined component.
 
     Parameters
@@ -106,7 +106,7 @@ class Load:
     undetermined: bool
 
 
-def loads_of(one: JointReaction, time: FloatArray, valid: BoolArray) -> dict[str, Load]:
+def loads_of(one: JointReaction, time: FloatArray, valid: BoolArray) -> dict[str, JointLoad]:
     """Return the largest loads of a joint, by the fields of a `Peak`.
 
     Parameters
@@ -120,7 +120,7 @@ def loads_of(one: JointReaction, time: FloatArray, valid: BoolArray) -> dict[str
 
     Returns
     -------
-    dict of str to Load
+    dict of str to JointLoad
         NaN if no sample is valid.
     """
     time, axis = time[valid], one.axis
@@ -137,10 +137,12 @@ def loads_of(one: JointReaction, time: FloatArray, valid: BoolArray) -> dict[str
         "rms_force": (_rms(time, _length(force)), open_force.any()),
         "rms_moment": (_rms(time, _length(moment)), open_moment.any()),
     }
-    return {name: Load(value, bool(mark and np.isfinite(value))) for name, (value, mark) in loads.items()}
+    return {
+        name: JointLoad(value, bool(mark and np.isfinite(value))) for name, (value, mark) in loads.items()
+    }
 
 
-def peaks_of(joint: str, loads: Mapping[str, dict[str, Load]]) -> tuple[Peak, tuple[OpenPeak, ...]]:
+def peaks_of(joint: str, loads: Mapping[str, dict[str, JointLoad]]) -> tuple[Peak, tuple[OpenPeak, ...]]:
     """Return what all idealisations determine of a joint's loads, and apart from it the rest.
 
     Parameters

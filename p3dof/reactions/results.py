@@ -16,7 +16,7 @@ from p3dof.methods import write_table
 from p3dof.motion import Motion
 from p3dof.reactions.joints import JOINTS, joint_axes
 from p3dof.reactions.newton_euler import in_fixed_axes
-from p3dof.reactions.one_joint import JointReaction, Load, OpenPeak, Peak, largest, loads_of, peaks_of
+from p3dof.reactions.one_joint import JointLoad, JointReaction, OpenPeak, Peak, largest, loads_of, peaks_of
 from p3dof.tables import ShownInNotebook
 
 
@@ -125,7 +125,7 @@ class Reactions(ShownInNotebook):
         """
         return in_fixed_axes(self.rotations, self.forces), in_fixed_axes(self.rotations, self.moments)
 
-    def loads(self, name: str) -> dict[str, Load]:
+    def loads(self, name: str) -> dict[str, JointLoad]:
         """Return the largest loads of a joint and which of them are open, by the fields of a `Peak`.
 
         Parameters
@@ -135,7 +135,7 @@ class Reactions(ShownInNotebook):
 
         Returns
         -------
-        dict of str to Load
+        dict of str to JointLoad
             NaN unless the motion is `possible`: what lies between the samples may be larger.
 
         Raises

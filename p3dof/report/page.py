@@ -130,10 +130,10 @@ def render(
     _check(robot, title=title, command=command, animation=animation, no_animation=no_animation)
     if date is not None and not isinstance(date, datetime):
         raise InputError(f"date: expected a datetime, got {shown(date)}")
-    comparison = robot.compare(motion, wrench, on_invalid, progress=progress)
+    comparison = robot.compare(motion, wrench=wrench, on_invalid=on_invalid, progress=progress)
     if not (comparison.first.valid.any() and comparison.second.valid.any()):
         raise InputError(f"no sample of the motion is within what the machine can do ({len(motion)} samples)")
-    reactions = robot.reactions(motion, joints, wrench, on_invalid, progress)
+    reactions = robot.reactions(motion, joints, wrench=wrench, on_invalid=on_invalid, progress=progress)
     findings = Findings(robot, motion, comparison, robot.energy(comparison.first), reactions)
     when = datetime.now().astimezone() if date is None else date
     words: dict[str, Any] = {

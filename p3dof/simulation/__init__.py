@@ -8,14 +8,13 @@ from p3dof.simulation.margins import Stop
 from p3dof.simulation.reference import Reference
 from p3dof.simulation.run import Simulation
 from p3dof.simulation.settings import ControlLoop, InitialState, Integration
-from p3dof.simulation.simulate import AT_HOME, CONTINUOUS, DEFAULT_METHOD, PRECISE, simulate
+from p3dof.simulation.simulate import AT_HOME, CONTINUOUS, PRECISE, simulate
 from p3dof.simulation.tables import errors_table
 from p3dof.simulation.work import TIME_LIMIT
 
 __all__ = [
     "AT_HOME",
     "CONTINUOUS",
-    "DEFAULT_METHOD",
     "KINDS",
     "PD",
     "PRECISE",

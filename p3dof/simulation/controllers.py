@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike
 from p3dof import kinematics
 from p3dof.checks import FloatArray, as_floats, batch_of, frozen_array, positive, shown
 from p3dof.errors import InputError
-from p3dof.methods import equations_of_motion, virtual_power
-from p3dof.motion import Motion
+from p3dof.methods.virtual_power import VirtualPowerMethod
+from p3dof.motion import Motion, states_of
 from p3dof.parameters import Parameters
 from p3dof.simulation.control import Measurement
 from p3dof.simulation.equations import Equations
@@ -119,9 +119,10 @@ class PD:
         endless = isinstance(integral_time, float) and integral_time == math.inf
         self.integral_time = math.inf if endless else positive("integral_time", integral_time, InputError)
         J = kinematics.inverse_jacobian(self.model.geometry, _HOME)
+        dynamics = VirtualPowerMethod(self.model)
         inverse = np.linalg.inv(J)
-        self.moved = np.diag(inverse.T @ equations_of_motion.mass_matrix(self.model, _HOME) @ inverse)
-        self.holding = virtual_power.forces(self.model, _HOME, _HOME, _HOME)
+        self.moved = np.diag(inverse.T @ dynamics.mass_matrix(states_of(_HOME)) @ inverse)
+        self.holding = dynamics.forces(states_of(_HOME))
         gravity = max(9.81, float(np.abs(self.model.gravity).max()))
         self._huge = _HUGE * self.model.bodies.mass * gravity
         self._integral = np.zeros(3)
@@ -171,7 +172,8 @@ class PD:
             found = np.full(3, np.nan)
         if np.all(np.abs(found) < self._huge):
             return found
-        return virtual_power.forces(self.model, pose, velocity, acceleration)  # says what is wrong, if it is
+        # It says what is wrong, if it is.
+        return VirtualPowerMethod(self.model).forces(states_of(pose, velocity, acceleration))
 
 
 class Feedforward(PD):

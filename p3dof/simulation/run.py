@@ -12,7 +12,7 @@ import numpy as np
 from p3dof.checks import FloatArray, shown
 from p3dof.errors import FileError, InputError, MotionError
 from p3dof.files import called, suffix_of, write_atomic
-from p3dof.methods import Exceedance, JointStates, exceedances_of, write_table
+from p3dof.methods import METHODS, Exceedance, JointStates, exceedances_of, write_table
 from p3dof.motion import Motion
 from p3dof.motion.times import require_rising
 from p3dof.parameters import LEGS, Limits
@@ -21,7 +21,6 @@ from p3dof.simulation.limits import KINDS
 from p3dof.simulation.margins import Stop
 from p3dof.tables import ShownInNotebook
 
-METHODS = ("virtual-power", "compiled", "pinocchio")
 STOPS = (*KINDS, "accuracy", "controller")
 """What may have ended a run."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, Final, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,7 +14,8 @@ from p3dof.checks import FloatArray, Progress, frozen_array, positive, shown
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.compiled import MachineKernels
 from p3dof.errors import ControllerError, DynamicsError, InputError
-from p3dof.kinematics.states import reachable_poses
+from p3dof.kinematics import reachable_poses
+from p3dof.methods import DEFAULT_METHOD, Method
 from p3dof.motion import Load, Motion, WrenchHistory, WrenchOverTime
 from p3dof.motion.times import evenly, sample_count
 from p3dof.parameters import Parameters
@@ -29,8 +30,6 @@ from p3dof.simulation.reference import Reference
 from p3dof.simulation.run import Simulation
 from p3dof.simulation.settings import ControlLoop, InitialState, Integration
 from p3dof.simulation.work import estimate, require_affordable
-
-DEFAULT_METHOD: Final = "pinocchio"
 
 AT_HOME, CONTINUOUS, PRECISE = InitialState(), ControlLoop(), Integration()
 
@@ -65,7 +64,7 @@ def simulate(
     control: ControlLoop = CONTINUOUS,
     reference: Motion | None = None,
     wrench: WrenchOverTime = None,
-    method: str = DEFAULT_METHOD,
+    method: Method = DEFAULT_METHOD,
     samples: int | ArrayLike = 1001,
     stop_at: Sequence[str] = KINDS,
     integration: Integration = PRECISE,
@@ -132,7 +131,7 @@ def simulate(
     if progress is not None and not callable(progress):
         raise InputError(f"progress: expected a function, got {shown(progress)}")
     acting = _wrench(wrench)
-    plant = _plant(machine, method, integration)
+    plant = _PLANTS[method](machine, integration)
     state = _state(plant, machine.parameters, begin)
     limiter = Limiter(machine.parameters, stop_at, plant.pose(state)[0], plant.drops(state))
     margins = MachineMargins(plant, limiter)
@@ -174,12 +173,20 @@ def _careful_step(control: ControlLoop, controller: ControllerLike, wrench: Wren
     return CHECKED if watched or acting else math.inf
 
 
-def _plant(machine: Machine, method: str, integration: Integration) -> MachinePlant:
-    if method == "pinocchio":
-        return MachineJoints(machine.parameters, machine.loop, integration.stabilisation)
-    compiled = method == "compiled"
-    equations = CompiledEquations(machine.kernels) if compiled else Equations(machine.parameters)
-    return MinimalPlant(machine.parameters, equations)
+def _joints(machine: Machine, integration: Integration) -> MachinePlant:
+    return MachineJoints(machine.parameters, machine.loop, integration.stabilisation)
+
+
+def _minimal(machine: Machine, _: Integration) -> MachinePlant:
+    return MinimalPlant(machine.parameters, Equations(machine.parameters))
+
+
+def _minimal_compiled(machine: Machine, _: Integration) -> MachinePlant:
+    return MinimalPlant(machine.parameters, CompiledEquations(machine.kernels))
+
+
+_PLANTS = {"pinocchio": _joints, "virtual-power": _minimal, "compiled": _minimal_compiled}
+"""What is integrated, by method."""
 
 
 def _state(plant: MachinePlant, parameters: Parameters, start: InitialState) -> FloatArray:

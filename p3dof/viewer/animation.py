@@ -12,7 +12,7 @@ from p3dof import kinematics
 from p3dof.checks import FloatArray, positive, shown
 from p3dof.errors import InputError
 from p3dof.files import suffix_of, write_atomic
-from p3dof.kinematics.states import reachable_poses
+from p3dof.kinematics import reachable_poses
 from p3dof.methods import InverseDynamics
 from p3dof.viewer.frames import MAX_FRAMES, Frames, Labels, page_of
 from p3dof.viewer.machine import Machine, require_machine

@@ -8,7 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from p3dof.checks import FloatArray
-from p3dof.methods import InverseDynamics, virtual_power
+from p3dof.methods import InverseDynamics
+from p3dof.methods.virtual_power import VirtualPowerMethod
+from p3dof.motion import states_of
 from p3dof.viewer.machine import Machine
 
 _POSES = 41
@@ -101,8 +103,8 @@ class ArrowScale:
         reach = geometry.L - (geometry.R - geometry.r)
         y, theta = np.meshgrid(np.linspace(-reach, reach, _POSES), np.linspace(*tilt, _POSES))
         poses = np.stack((y, np.zeros_like(y), theta), axis=-1).reshape(-1, 3)
-        rest = np.zeros(3)
-        forces = np.abs(virtual_power.forces(robot.parameters, poses, rest, rest, on_invalid="nan"))
+        states = states_of(poses, on_invalid="nan")
+        forces = np.abs(VirtualPowerMethod(robot.parameters).forces(states))
         found = forces[np.isfinite(forces)]
         found = found[found <= _FAR * np.median(found)] if len(found) else found
         words = "about the largest force that holds the platform at rest"

@@ -10,8 +10,9 @@ import numpy as np
 from p3dof import kinematics
 from p3dof.checks import FloatArray
 from p3dof.errors import SingularityError
-from p3dof.methods import InverseDynamics, virtual_power
-from p3dof.motion import Motion
+from p3dof.methods import InverseDynamics
+from p3dof.methods.virtual_power import VirtualPowerMethod
+from p3dof.motion import Motion, states_of
 from p3dof.parameters import LEGS, SLIDES
 from p3dof.samples import OnInvalid
 from p3dof.viewer.machine import Machine
@@ -144,15 +145,21 @@ class States:
         count = len(self._result.time)
         some = np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(int))
         poses, wrench = self._result.motion.pose[some], self._result.wrench[some]
-        total, rest = self._result.forces[some], np.zeros(3)
-        static = virtual_power.forces(self._robot.parameters, poses, rest, rest, wrench, "nan")
+        total = self._result.forces[some]
+        static = self._static_forces(poses, wrench, "nan")
         static[~np.isfinite(total)] = np.nan  # near a singularity that is crossed these are of no use either
         return self._result.time[some], {"total": total, "static": static, "dynamic": total - static}
 
     def _static(self, pose: FloatArray, time: float, on_invalid: OnInvalid = "nan") -> FloatArray:
         wrench = None if self._result is None else self._at(time, self._result.wrench)
-        rest = np.zeros(3)
-        return virtual_power.forces(self._robot.parameters, pose, rest, rest, wrench, on_invalid)
+        return self._static_forces(pose, wrench, on_invalid)
+
+    def _static_forces(
+        self, pose: FloatArray, wrench: FloatArray | None, on_invalid: OnInvalid
+    ) -> FloatArray:
+        """Return the forces (..., 3) that hold the machine at rest [N]."""
+        states = states_of(pose, wrench=wrench, on_invalid=on_invalid)
+        return VirtualPowerMethod(self._robot.parameters).forces(states)
 
     def _require_same_side(self, pose: FloatArray, before: FloatArray) -> None:
         """Refuse to drag the platform through the singularity, where the sliders lose hold of it."""

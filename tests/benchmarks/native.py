@@ -24,7 +24,7 @@ from p3dof.codegen.controller import controller_files
 from p3dof.compiled import MachineKernels, reduced
 from p3dof.compiled import __file__ as kernels_file
 from p3dof.compiled.reduced import State
-from p3dof.methods import virtual_power
+from p3dof.paper import virtual_power
 from p3dof.paper.formulas import Lengths
 from p3dof.paper.inertials import inertials, numbers
 from p3dof.parameters import Parameters

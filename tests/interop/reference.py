@@ -49,7 +49,7 @@ def placements(q: dict[str, float], urdf: Path = URDF) -> dict[str, np.ndarray]:
 
 def closed_states(samples: int = 11) -> p3dof.InverseDynamics:
     """The paper's motion with joints (names, q, v, a) and forces, by the paper's method."""
-    return p3dof.load().inverse_dynamics(p3dof.paper_motion(samples), "virtual-power")
+    return p3dof.load().inverse_dynamics(p3dof.paper_motion(samples), method="virtual-power")
 
 
 def closed_joints(count: int, seed: int = 0) -> list[dict[str, float]]:

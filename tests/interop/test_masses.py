@@ -4,14 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from machines import random_machine, random_states
+from machines import random_machine, random_states, virtual_power_forces
 from reference import FILES, LINKS, URDF
 
 import p3dof
 from p3dof import description
 from p3dof.closed_loop import ClosedLoopModel, Sidecar
 from p3dof.errors import ModelError
-from p3dof.methods import pinocchio, virtual_power
+from p3dof.methods.pinocchio import PinocchioMethod
+from p3dof.motion import states_of
 from p3dof.parameters import PAPER, SOLIDS, Bodies, Body, Geometry
 
 
@@ -26,8 +27,8 @@ def difference(parameters, states, loop=None):
     """Largest difference from the virtual-power forces, as a share of the largest force."""
     loop = loop_of(parameters) if loop is None else loop
     rows = states.pose, states.velocity, states.acceleration
-    found = pinocchio.solve(loop, parameters.geometry.h, *rows).forces
-    expected = virtual_power.forces(parameters, *rows)
+    found = PinocchioMethod(parameters, loop).forces(states_of(*rows))
+    expected = virtual_power_forces(parameters, *rows)
     return np.abs(found - expected).max() / np.abs(expected).max()
 
 

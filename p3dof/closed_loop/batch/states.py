@@ -35,8 +35,11 @@ class BatchStates:
         Configurations; NaN in the rows of samples that failed.
     v, a : (N, nv) array
         Velocities and accelerations.
-    inverse_jacobian : (N, n_actuated, size) array
-        How fast the actuated joints move per unit speed of the target; NaN where a sample failed.
+    influence : (N, nv, size) array
+        How fast every joint moves per unit speed of the target: v = influence @ velocity; NaN where a sample
+        failed.
+    actuated_v : list of int
+        Rows of `influence` of the actuated joints.
     same_assembly : (N,) array of bool
         As in `Assembly`.
     errors : dict of int to P3dofError
@@ -46,16 +49,22 @@ class BatchStates:
     q: FloatArray
     v: FloatArray
     a: FloatArray
-    inverse_jacobian: FloatArray
+    influence: FloatArray
+    actuated_v: list[int]
     same_assembly: BoolArray
     errors: dict[int, P3dofError]
 
+    @property
+    def inverse_jacobian(self) -> FloatArray:
+        """How fast the actuated joints move per unit speed of the target, (N, n_actuated, size)."""
+        return self.influence[:, self.actuated_v]
+
     def put(
-        self, i: IndexArray | int, q: FloatArray, v: FloatArray, a: FloatArray, J: FloatArray, same: bool
+        self, i: IndexArray | int, q: FloatArray, v: FloatArray, a: FloatArray, G: FloatArray, same: bool
     ) -> None:
-        """Enter what was found of some samples, J being the inverse Jacobian."""
+        """Enter what was found of some samples, G being the influence."""
         self.q[i], self.v[i], self.a[i] = q, v, a
-        self.inverse_jacobian[i], self.same_assembly[i] = J, same
+        self.influence[i], self.same_assembly[i] = G, same
 
 
 class BatchAssembler:
@@ -103,8 +112,9 @@ class BatchAssembler:
         """
         model, count = self._loop.model, len(motion[0])
         q, v, a = (np.full((count, size), np.nan) for size in (model.nq, model.nv, model.nv))
-        J = np.full((count, len(self._loop.actuated), goals.size), np.nan)
-        result = BatchStates(q, v, a, J, np.zeros(count, dtype=bool), {})
+        G = np.full((count, model.nv, goals.size), np.nan)
+        columns = list(self._loop.actuated_v)
+        result = BatchStates(q, v, a, G, columns, np.zeros(count, dtype=bool), {})
         begin = self._start(goals, guess) if count >= FEW else None
         for block in blocks(count):
             if begin is not None:
@@ -119,8 +129,7 @@ class BatchAssembler:
                     if stop:
                         return result
                 else:
-                    J = state.influence[self._loop.actuated_v]
-                    result.put(i, state.q, state.v, state.a, J, state.same_assembly)
+                    result.put(i, state.q, state.v, state.a, state.influence, state.same_assembly)
         return result
 
     def _start(self, goals: Goals, guess: FloatArray | None) -> tuple[BatchSystem, Assembly] | None:
@@ -140,7 +149,7 @@ class BatchAssembler:
         block: IndexArray,
         motion: tuple[FloatArray, FloatArray],
     ) -> tuple[IndexArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return the samples of a block that pass every test, their motions and inverse Jacobians."""
+        """Return the samples of a block that pass every test, their motions and influences."""
         velocity, acceleration = (values[block] for values in motion)
         with np.errstate(all="ignore"):  # what is not a number passes no test
             q, good = settle(system, start.q, block)
@@ -156,7 +165,7 @@ class BatchAssembler:
             closures, target = np.split(-drift, [self._kinematics.size], axis=1)
             a, fits = _solution(system, J, K, closures, acceleration + target)
             good &= fits
-        return block[good], q[good], v[good], a[good], system.influence(K)[good][:, self._loop.actuated_v]
+        return block[good], q[good], v[good], a[good], system.influence(K)[good]
 
 
 def complete_near(
