@@ -24,6 +24,10 @@ BREAKS = {
         "methods/pinocchio_gate.py",
         "from p3dof.kinematics import singularity",
     ),
+    "The ways to the forces do not know each other": (
+        "methods/closed_form.py",
+        "from p3dof.methods.compiled import sliders",
+    ),
     "The closed-loop layer knows nothing of this mechanism": (
         "closed_loop/dynamics.py",
         "from p3dof.parameters import PAPER",

@@ -8,22 +8,20 @@ from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import Protocol, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from p3dof import engines
 from p3dof.checks import FloatArray, Progress, frozen_array
+from p3dof.compiled import MachineKernels
 from p3dof.errors import InputError, SampleError
 from p3dof.methods import InverseDynamics, Method, write_table
 from p3dof.motion import Motion, WrenchOverTime
-from p3dof.parameters import LEGS
+from p3dof.parameters import LEGS, Parameters
 from p3dof.samples import OnInvalid
 from p3dof.tables import ShownInNotebook
-
-if TYPE_CHECKING:
-    from p3dof.manipulator.facade import Manipulator
 
 TOLERANCE = 1e-10
 """Largest difference of the two methods that passes, as a share of the largest force."""
@@ -35,6 +33,40 @@ _PAIR: tuple[Method, Method] = ("pinocchio", "virtual-power")
 
 Watch: TypeAlias = Callable[[str, int], AbstractContextManager[Progress | None]]
 """Called with the name of what begins and its number of samples; gives what its progress is told to."""
+
+
+class Machine(Protocol):
+    """What the methods are compared on: `p3dof.Manipulator`."""
+
+    @property
+    def parameters(self) -> Parameters:
+        """The machine."""
+
+    @property
+    def kernels(self) -> MachineKernels:
+        """Its compiled kernels."""
+
+    def forces(
+        self,
+        pose: ArrayLike,
+        velocity: ArrayLike,
+        acceleration: ArrayLike,
+        *,
+        wrench: ArrayLike | None = ...,
+        method: Method = ...,
+    ) -> FloatArray:
+        """Return the actuator forces (..., 3) [N]."""
+
+    def inverse_dynamics(
+        self,
+        motion: Motion,
+        *,
+        wrench: WrenchOverTime = ...,
+        on_invalid: OnInvalid = ...,
+        method: Method = ...,
+        progress: Progress | None = ...,
+    ) -> InverseDynamics:
+        """Return the actuator forces over a motion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,7 +253,7 @@ class Comparison(ShownInNotebook):
 
 
 def compare(
-    robot: Manipulator,
+    robot: Machine,
     motion: Motion,
     wrench: WrenchOverTime = None,
     on_invalid: OnInvalid = "raise",
@@ -233,7 +265,7 @@ def compare(
 
     Parameters
     ----------
-    robot : Manipulator
+    robot : Machine
         The machine.
     motion, wrench, on_invalid, others, tolerance, watch
         As for `p3dof.Manipulator.compare`.
@@ -258,7 +290,7 @@ def compare(
 
 
 def _by_both(
-    robot: Manipulator, motion: Motion, wrench: WrenchOverTime, on_invalid: OnInvalid, watch: Watch
+    robot: Machine, motion: Motion, wrench: WrenchOverTime, on_invalid: OnInvalid, watch: Watch
 ) -> list[tuple[InverseDynamics, float]]:
     """Solve by both methods; an invalid sample raises as asked only if both refuse the same ones."""
 
@@ -293,7 +325,7 @@ def _valid_motion(known: InverseDynamics) -> Motion:
     return Motion(motion.time[valid], *columns, check=False)
 
 
-def _ask(name: str, robot: Manipulator, known: InverseDynamics, watch: Watch) -> Opinion:
+def _ask(name: str, robot: Machine, known: InverseDynamics, watch: Watch) -> Opinion:
     """Let an engine compute the forces of the valid samples."""
     engine = engines.load(name, robot.parameters)
     asked, forces = _valid_motion(known), np.full_like(known.forces, np.nan)
@@ -303,7 +335,7 @@ def _ask(name: str, robot: Manipulator, known: InverseDynamics, watch: Watch) ->
     return Opinion(f"{name} {engine.version}", forces, time.perf_counter() - start)
 
 
-def _compiled(robot: Manipulator, known: InverseDynamics) -> Opinion:
+def _compiled(robot: Machine, known: InverseDynamics) -> Opinion:
     """Compute the forces of the valid samples by the kernels, without what else a result carries."""
     asked, forces = _valid_motion(known), np.full_like(known.forces, np.nan)
     states = asked.pose, asked.velocity, asked.acceleration
