@@ -23,7 +23,6 @@ from p3dof.methods import (
     DEFAULT_METHOD,
     InverseDynamics,
     Method,
-    check_method,
     compiled,
     equations_of_motion,
     regressor,
@@ -479,7 +478,6 @@ class Manipulator:
         ReachError, ControllerError, InputError
             If it starts out of reach, its controller fails (with the run so far), or an argument is wrong.
         """
-        check_method(method)
         return simulation.simulate(
             self,
             duration,

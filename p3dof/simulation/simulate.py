@@ -15,7 +15,7 @@ from p3dof.closed_loop import ClosedLoopModel
 from p3dof.compiled import MachineKernels
 from p3dof.errors import ControllerError, DynamicsError, InputError
 from p3dof.kinematics import reachable_poses
-from p3dof.methods import DEFAULT_METHOD, Method
+from p3dof.methods import DEFAULT_METHOD, Method, check_method
 from p3dof.motion import Load, Motion, WrenchHistory, WrenchOverTime
 from p3dof.motion.times import evenly, sample_count
 from p3dof.parameters import Parameters
@@ -120,6 +120,7 @@ def simulate(
         If an argument does not fit, the run would take too long, or it starts beyond a limit or with open
         loops.
     """
+    check_method(method)
     begin = start if isinstance(start, InitialState) else InitialState(start)
     control = _group("control", control, ControlLoop)
     integration = _group("integration", integration, Integration)
