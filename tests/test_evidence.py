@@ -304,6 +304,17 @@ def test_a_plant_has_no_rate_where_no_dynamics_is():
         assert np.isnan(rate).all()
 
 
+def test_the_rms_force_is_a_mean_over_the_time_of_the_motion(robot):
+    slow = p3dof.Motion(
+        2.5 * MOTION.time, MOTION.pose, MOTION.velocity / 2.5, MOTION.acceleration / 2.5**2, check=False
+    )
+    result = robot.inverse_dynamics(slow)
+    middle = (result.forces[1:] ** 2 + result.forces[:-1] ** 2) / 2
+    mean = np.average(middle, axis=0, weights=np.diff(slow.time))
+    np.testing.assert_allclose(result.rms_forces, np.sqrt(mean), rtol=1e-14)
+    assert (result.rms_forces < np.abs(result.forces).max(axis=0)).all()
+
+
 def test_what_errors_are_small_to_is_the_largest_force(robot):
     result = robot.inverse_dynamics(MOTION)
     np.testing.assert_array_equal(result.force_scale, np.abs(result.forces).max(axis=0))
