@@ -36,6 +36,10 @@ BREAKS = {
         "simulation/integration.py",
         "from p3dof.parameters import PAPER",
     ),
+    "What draws any robot knows no particular mechanism": (
+        "viewer/drawing.py",
+        "from p3dof.parameters import PAPER",
+    ),
     "The engines share no dynamics with the methods": (
         "engines/driven.py",
         "from p3dof.paper.virtual_power import actuator_forces",

@@ -468,10 +468,11 @@ class Manipulator:
         """Move the machine for a `duration` [s] under a controller, constant forces, or none.
 
         `start` is a pose (y, z, θ), or an `InitialState` with velocity or joints. `controller` takes a
-        `Measurement` and returns the forces of A, B, C [N], or is forces that stay; `control` says how often
-        and how strongly it acts, with which noise. `reference` is what to follow, for `Simulation.error`.
-        `wrench` acts on the platform at P [N, N m], constant or a function of the time. `samples` is how
-        many to keep, or when [s]; `stop_at`, which limits end the run; `integration`, how exact it is.
+        `Measurement` and returns the forces of A, B, C [N], or is forces that stay; `control` (`ControlLoop`)
+        says how often and how strongly it acts, with which noise. `reference` is what to follow, for
+        `Simulation.error`. `wrench` acts on the platform at P [N, N m], constant or a function of the time.
+        `samples` is how many to keep, or when [s]; `stop_at`, which limits end the run; `integration`
+        (`Integration`), how exact it is and how long it may take.
 
         Raises
         ------

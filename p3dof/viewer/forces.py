@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from p3dof.checks import FloatArray
 from p3dof.viewer.arrows import draw_arrow, set_length
-from p3dof.viewer.scale import ArrowScale, number
-from p3dof.viewer.scenery import COLOURS, LEGS, Room, above, sideways, write_text
+from p3dof.viewer.scale import ArrowScale
+from p3dof.viewer.scenery import COLOURS, LEGS, Room
+from p3dof.viewer.stage import above, colour_number, number, sideways, write_text
 
 LEGEND = 0x4A545E
 """Colour of the arrow that tells the scale of the others."""
@@ -109,12 +109,6 @@ class ForceArrows:
         set_length(self._viewer["legend/arrow"], length, self.radius)
         text = above(np.zeros(3), length + 0.5 * letter)
         write_text(self._viewer["legend/text"], f"{number(self.scale.reference)} N", text, 1.4 * letter)
-
-
-def colour_number(rgba: Sequence[float]) -> int:
-    """Return a colour as MeshCat's materials take it."""
-    red, green, blue = (round(255 * part) for part in rgba[:3])
-    return 65536 * red + 256 * green + blue
 
 
 def _at(place: FloatArray) -> FloatArray:

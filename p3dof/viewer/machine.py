@@ -3,24 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Protocol
 
 from p3dof.checks import shown
 from p3dof.errors import InputError
 from p3dof.methods import InverseDynamics
 from p3dof.parameters import Parameters
-
-
-class Drawable(Protocol):
-    """A robot that can be drawn: a tree, and solids on its bodies."""
-
-    @property
-    def model(self) -> Any:
-        """The tree, a `pinocchio.Model`."""
-
-    @property
-    def visual_model(self) -> Any:
-        """Its visible solids, a `pinocchio.GeometryModel`."""
+from p3dof.viewer.drawing import Drawable
 
 
 class Machine(Drawable, Protocol):

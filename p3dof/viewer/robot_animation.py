@@ -9,11 +9,11 @@ import pinocchio as pin
 
 from p3dof.checks import FloatArray, positive, shown
 from p3dof.errors import InputError
+from p3dof.viewer.drawing import Drawable
 from p3dof.viewer.frames import MAX_FRAMES, Frames, Labels, page_of
-from p3dof.viewer.machine import Drawable
 from p3dof.viewer.recorder import Recorder
 from p3dof.viewer.robot_scene import JointMotion, RobotScene
-from p3dof.viewer.scale import number
+from p3dof.viewer.stage import number
 
 
 def robot_animation_html(

@@ -13,14 +13,14 @@ from numpy.typing import ArrayLike
 from p3dof.checks import FloatArray, FrozenArrays, as_floats, frozen_array, shown
 from p3dof.errors import InputError
 from p3dof.viewer.arrows import draw_arrow, set_length
-from p3dof.viewer.drawing import Drawing
-from p3dof.viewer.forces import colour_number
-from p3dof.viewer.machine import Drawable
-from p3dof.viewer.scenery import COLOURS, draw_floor, enlargement, mesh_of, set_stage
+from p3dof.viewer.drawing import Drawable, Drawing
+from p3dof.viewer.stage import colour_number, draw_floor, enlargement, mesh_of, set_stage
 from p3dof.viewer.window import SceneWindow
 
 _LOOKED_AT = 200
 """At so many configurations at most it is looked how much room a robot takes."""
+_COLOURS = ((0.0, 0.45, 0.70), (0.84, 0.37, 0.0), (0.0, 0.62, 0.45), (0.80, 0.47, 0.65))
+"""Of the actuators' arrows; told apart by colour-blind readers."""
 _LONGEST = 0.6
 """Length of the longest arrow, as a share of half the robot's size."""
 
@@ -213,5 +213,4 @@ def _largest(units: tuple[str, ...], forces: FloatArray) -> dict[str, float]:
 
 
 def _colours(count: int) -> tuple[Sequence[float], ...]:
-    colours = tuple(COLOURS.values())
-    return tuple(colours[i % len(colours)] for i in range(count))
+    return tuple(_COLOURS[i % len(_COLOURS)] for i in range(count))

@@ -12,6 +12,7 @@ from p3dof.methods import InverseDynamics
 from p3dof.methods.virtual_power import VirtualPowerMethod
 from p3dof.motion import states_of
 from p3dof.viewer.machine import Machine
+from p3dof.viewer.stage import number
 
 _POSES = 41
 """Along each axis of the poses that are looked at for forces at rest."""
@@ -158,8 +159,3 @@ class ArrowScale:
     def beyond(self, force: float) -> bool:
         """Return whether a force is larger than the scale's largest, so that its arrow is cut off."""
         return bool(abs(force) > _CUT * self.newtons)
-
-
-def number(newtons: float) -> str:
-    """Return a force in four digits or a few more, with a power of ten where it is very large or small."""
-    return f"{newtons:.0f}" if 1e3 <= newtons < 1e6 else f"{newtons:.4g}"

@@ -12,10 +12,11 @@ from p3dof.description.shapes import PLATFORM
 from p3dof.errors import InputError
 from p3dof.parameters import Dimensions
 from p3dof.viewer.drawing import TRACE, Drawing
-from p3dof.viewer.forces import ForceArrows, colour_number
+from p3dof.viewer.forces import ForceArrows
 from p3dof.viewer.machine import Machine, require_machine
 from p3dof.viewer.scale import ArrowScale
-from p3dof.viewer.scenery import LEGS, Room, draw_scenery, set_stage
+from p3dof.viewer.scenery import LEGS, Room, draw_scenery
+from p3dof.viewer.stage import colour_number, set_stage
 from p3dof.viewer.window import SceneWindow
 
 LINKS_OF_LEGS = {

@@ -1,0 +1,173 @@
+"""What any scene stands on and is seen by: background, camera, floor, texts, and how numbers are written."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from p3dof.checks import FloatArray
+
+TOP, BOTTOM = (1.0, 1.0, 1.0), (0.86, 0.89, 0.92)
+"""Colours of the background."""
+ASPECT = 4 / 3
+"""Width of what the camera surely sees, in heights; a page draws it smaller where the window is narrower."""
+ZOOM = 2.4
+"""Of MeshCat's camera, which sees 75° without: a longer lens distorts less."""
+VIEW = (0.85, -0.45, 0.36)
+"""Direction from the machine to the eye in the fixed frame: from the front, the right and above."""
+_FILLED = 0.94
+"""How much of the picture is filled."""
+_USUAL = (0.25, 1.5)
+"""Sizes of machines that are drawn as they are [m]: MeshCat's lights and near plane are made for metres."""
+
+
+def enlargement(half: float) -> float:
+    """Return by how much something is drawn larger than it is: 1 unless its half size is far from a metre."""
+    return 1.0 if _USUAL[0] < half < _USUAL[1] else 0.6 / half
+
+
+def mesh_of(half: float) -> float:
+    """Return the distance between the lines of a floor: 1, 2 or 5 times a power of ten."""
+    power = 10.0 ** math.floor(math.log10(half / 4))
+    return power * max(step for step in (1, 2, 5) if step * power <= half / 4)
+
+
+def set_stage(
+    viewer: Any, points: FloatArray, scale: float, middle: tuple[float, float] = (0.0, 0.0)
+) -> None:
+    """Set background and camera, and move the scene so that the camera looks at what is drawn.
+
+    Parameters
+    ----------
+    viewer : meshcat.Visualizer
+        The root of what is drawn.
+    points : ndarray, shape (N, 3)
+        What must be in the picture [m].
+    scale : float
+        By how much it is drawn larger than it is.
+    middle : tuple of float
+        x and y of what the camera looks at [m].
+    """
+    viewer["/Background"].set_property("top_color", list(TOP))
+    viewer["/Background"].set_property("bottom_color", list(BOTTOM))
+    viewer["/Grid"].set_property("visible", False)
+    viewer["/Axes"].set_property("visible", False)
+    height, distance = _view(points - np.array([*middle, 0.0]))
+    shift = np.diag((scale, scale, scale, 1.0))
+    shift[:3, 3] = -scale * np.array([*middle, height])
+    viewer.set_transform(shift)
+    x, y, z = _towards_eye() * distance * scale
+    camera = viewer["/Cameras/default/rotated/<object>"]
+    camera.set_property("zoom", ZOOM)
+    camera.set_property("near", 0.1)  # precise depths: solids that touch do not flicker
+    camera.set_property("far", 20.0)
+    camera.set_property("position", [float(x), float(z), float(-y)])  # the page's second axis points up
+
+
+def sideways() -> FloatArray:
+    """Return the direction that is to the right in the picture, shape (3,)."""
+    x, y, _ = VIEW
+    return np.array([-y, x, 0.0]) / math.hypot(x, y)
+
+
+def _towards_eye() -> FloatArray:
+    return np.asarray(np.array(VIEW) / np.linalg.norm(VIEW))
+
+
+def _view(points: FloatArray) -> tuple[float, float]:
+    """Return how high over O the camera looks, and from how far, so that it just sees all points (N, 3)."""
+    eye, right = _towards_eye(), sideways()
+    up = np.cross(eye, right)
+    sight = _FILLED * math.tan(math.radians(75 / 2)) / ZOOM  # half the height that is seen at a distance of 1
+    heights = np.linspace(points[:, 2].min(), points[:, 2].max(), 201)
+    seen = points - heights[:, None, None] * [0.0, 0.0, 1.0]  # (201, N, 3)
+    spread = np.maximum(np.abs(seen @ up), np.abs(seen @ right) / ASPECT) / sight
+    distances = (seen @ eye + spread).max(axis=1)
+    best = int(distances.argmin())
+    return float(heights[best]), float(distances[best])
+
+
+def above(points: FloatArray, height: float) -> FloatArray:
+    """Return points, shape (..., 3), so much higher [m]."""
+    return np.asarray(points + np.array([0.0, 0.0, height]))
+
+
+def draw_floor(node: Any, half: float, bottom: float) -> None:
+    """Draw a square grid, its middle lines darker.
+
+    Parameters
+    ----------
+    node : meshcat.Visualizer
+        The node to draw into.
+    half : float
+        Half the size of what stands on it [m].
+    bottom : float
+        Its height [m].
+    """
+    mesh = mesh_of(half)
+    count = math.ceil(2.2 * half / mesh)
+    edge = count * mesh
+    lines = np.arange(-count, count + 1) * mesh
+    ends = np.array([-edge, edge])
+    along_y = np.stack(np.broadcast_arrays(lines[:, None], ends, bottom), axis=-1)
+    along_x = along_y[..., [1, 0, 2]]
+    fine = np.concatenate((along_x, along_y)).reshape(-1, 3)
+    node["grid"].set_object(_lines(fine, 0xC3CBD3))
+    cross = np.array([[-edge, 0.0, 0.0], [edge, 0.0, 0.0], [0.0, -edge, 0.0], [0.0, edge, 0.0]])
+    node["middle"].set_object(_lines(above(cross, bottom + 1e-3 * mesh), 0x8D99A6))
+
+
+def _lines(points: FloatArray, colour: int) -> Any:
+    import meshcat.geometry as mg
+
+    return mg.LineSegments(mg.PointsGeometry(points.T.astype(np.float32)), mg.LineBasicMaterial(color=colour))
+
+
+def write_text(node: Any, text: str, place: FloatArray, height: float) -> None:
+    """Write a text that always faces the eye."""
+    import meshcat.geometry as mg
+
+    class Letter(mg.Object):  # type: ignore[misc]
+        _type = "Sprite"
+
+        def lower(self) -> dict[str, Any]:
+            texture = {
+                "uuid": f"{self.uuid}-text",
+                "type": "_text",
+                "text": text,
+                "font_size": 150,
+                "font_face": "sans-serif",
+            }
+            material = {
+                "uuid": f"{self.uuid}-ink",
+                "type": "SpriteMaterial",
+                "map": texture["uuid"],
+                "transparent": True,
+            }
+            sprite = {"uuid": self.uuid, "type": "Sprite", "material": material["uuid"]}
+            return {
+                "metadata": {"version": 4.5, "type": "Object"},
+                "geometries": [],
+                "textures": [texture],
+                "materials": [material],
+                "object": sprite,
+            }
+
+    node.set_object(Letter(None, None))
+    matrix = np.diag((height * 256 / 150,) * 3 + (1.0,))
+    matrix[:3, 3] = place
+    node.set_transform(matrix)
+
+
+def colour_number(rgba: Sequence[float]) -> int:
+    """Return a colour as MeshCat's materials take it."""
+    red, green, blue = (round(255 * part) for part in rgba[:3])
+    return 65536 * red + 256 * green + blue
+
+
+def number(newtons: float) -> str:
+    """Return a force in four digits or a few more, with a power of ten where it is very large or small."""
+    return f"{newtons:.0f}" if 1e3 <= newtons < 1e6 else f"{newtons:.4g}"
