@@ -121,3 +121,11 @@ def test_a_wrench_that_is_none_at_one_time():
         Load(np.zeros((4, 6))).at(0.0)
     with pytest.raises(p3dof.InputError, match=r"wrench at t = 2 s: expected finite numbers"):
         Load(lambda _: [np.inf] * 6).at(2.0)
+
+
+def test_engines_take_either():
+    pytest.importorskip("mujoco", reason="mujoco not installed: pip install 'p3dof[engines]'")
+    engine, motion = p3dof.engines.load("mujoco"), MOTION
+    known = engine.forces(motion, expected(motion.time))
+    for name in ("a question about one time", "many times", "numbers or components by rows"):
+        np.testing.assert_array_equal(engine.forces(motion, FUNCTIONS[name]), known)

@@ -15,9 +15,8 @@ from p3dof.description import Mechanism
 from p3dof.engines.inputs import check_machine, check_motion, library, step_count
 from p3dof.engines.samples import FinalState, Sample, platform_motion
 from p3dof.errors import DynamicsError
-from p3dof.motion import Motion, states_of
+from p3dof.motion import Motion, WrenchOverTime, states_over
 from p3dof.parameters import PAPER, Parameters
-from p3dof.samples import wrench_like
 
 CLOSED = 1e-9
 """Share of the machine's size, speed and acceleration by which an engine may find its loops open."""
@@ -77,7 +76,7 @@ class Engine(ABC):
         return tuple(joint.name for joint in self._mechanism.moving)
 
     def forces(
-        self, motion: Motion, wrench: ArrayLike | None = None, progress: Progress | None = None
+        self, motion: Motion, wrench: WrenchOverTime = None, progress: Progress | None = None
     ) -> FloatArray:
         """Return the actuator forces over a motion, each sample on its own.
 
@@ -90,8 +89,9 @@ class Engine(ABC):
         ----------
         motion : Motion
             The motion of the platform.
-        wrench : array-like, shape (6,) or (N, 6), optional
-            External force and moment on the platform at P, in the fixed frame [N, N m].
+        wrench : array-like, shape (6,) or (N, 6), or callable, optional
+            External force and moment on the platform at P, in the fixed frame [N, N m]; or a function of one
+            time or of many.
         progress : callable, optional
             Called with (done, total) after every sample.
 
@@ -110,9 +110,8 @@ class Engine(ABC):
             If the engine finds a loop open or the platform elsewhere.
         """
         check_motion(motion)
-        loads = wrench_like(wrench, motion.time.shape, "raise")
-        geometry = self.parameters.geometry
-        states = states_of(motion.pose, motion.velocity, motion.acceleration)
+        geometry, states = self.parameters.geometry, states_over(motion, wrench)
+        loads = np.zeros((len(motion), 6)) if states.wrench is None else states.wrench
         found = kinematics.motion_at(geometry, kinematics.holdable(geometry, states))
         q, v, a = (
             np.stack([values[name] for name in self.joints], axis=-1)

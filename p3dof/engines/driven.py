@@ -22,9 +22,8 @@ from p3dof.engines.exudyn_model import Drive, ExudynModel
 from p3dof.engines.inputs import check_machine, check_motion, step_count
 from p3dof.errors import DynamicsError, InputError
 from p3dof.kinematics import MechanismMotion
-from p3dof.motion import Motion, states_of
+from p3dof.motion import Motion, WrenchOverTime, states_over
 from p3dof.parameters import Parameters
-from p3dof.samples import wrench_like
 
 Integrator: TypeAlias = Literal["trapezoidal", "generalized-alpha"]
 """The trapezoidal rule with constraints of index 2, or the generalised-α method with those of index 3."""
@@ -117,7 +116,7 @@ def driven_forces(
     motion: Motion,
     step: float,
     integrator: Integrator = "trapezoidal",
-    wrench: ArrayLike | None = None,
+    wrench: WrenchOverTime = None,
     tolerance: float = TOLERANCE,
 ) -> DrivenForces:
     """Lead the sliders along a motion in Exudyn, and return the forces that this takes.
@@ -163,11 +162,11 @@ def driven_forces(
     check_machine(parameters)
     check_motion(motion)
     _check_integrator(integrator, motion)
-    loads = None if wrench is None else wrench_like(wrench, motion.time.shape, "raise")
+    loads = states_over(motion, wrench).wrench
     time = _steps(motion, step)
     fine = motion.resampled(time)
-    states = states_of(fine.pose, fine.velocity, fine.acceleration)
-    moving = kinematics.motion_at(parameters.geometry, kinematics.holdable(parameters.geometry, states))
+    geometry = parameters.geometry
+    moving = kinematics.motion_at(geometry, kinematics.holdable(geometry, states_over(fine)))
     step = motion.duration / (len(time) - 1)
     model = _led_model(parameters, moving, step)
     if loads is not None:
@@ -188,7 +187,7 @@ def convergence(
     step: float = 1e-3,
     halvings: int = 2,
     integrator: Integrator = "trapezoidal",
-    wrench: ArrayLike | None = None,
+    wrench: WrenchOverTime = None,
 ) -> Convergence:
     """Compare the forces of `driven_forces` with others, with ever smaller steps.
 
