@@ -129,3 +129,11 @@ def test_engines_take_either():
     known = engine.forces(motion, expected(motion.time))
     for name in ("a question about one time", "many times", "numbers or components by rows"):
         np.testing.assert_array_equal(engine.forces(motion, FUNCTIONS[name]), known)
+
+
+@pytest.mark.parametrize("name", ["a question about one time", "many times", "numbers or components by rows"])
+def test_runs_in_time_take_either(name):
+    robot = p3dof.load()
+    hold = robot.forces(np.zeros(3), np.zeros(3), np.zeros(3))
+    run = robot.simulate(0.05, controller=hold, wrench=FUNCTIONS[name], samples=6, method="compiled")
+    np.testing.assert_allclose(run.wrench, expected(run.time), rtol=0, atol=1e-13)

@@ -2,7 +2,7 @@
 
 from p3dof.methods.crossings import without_crossings
 from p3dof.methods.evidence import with_evidence
-from p3dof.methods.registry import DEFAULT_METHOD, METHODS, Method, Methods, check_method
+from p3dof.methods.registry import DEFAULT_METHOD, METHODS, Machine, Method, Methods, check_method
 from p3dof.methods.results import (
     Exceedance,
     InverseDynamics,
@@ -22,6 +22,7 @@ __all__ = [
     "Exceedance",
     "InverseDynamics",
     "JointStates",
+    "Machine",
     "Method",
     "Methods",
     "Solution",

@@ -19,8 +19,8 @@ Method: TypeAlias = str
 """The name of a way to the forces, one of `METHODS`."""
 
 
-class Sources(Protocol):
-    """What a way can be made from."""
+class Machine(Protocol):
+    """What a way can be made from: `p3dof.Manipulator`."""
 
     @property
     def parameters(self) -> Parameters:
@@ -35,7 +35,7 @@ class Sources(Protocol):
         """Its compiled kernels; made when they are first asked for."""
 
 
-METHODS: Mapping[Method, Callable[[Sources], DynamicsMethod]] = {
+METHODS: Mapping[Method, Callable[[Machine], DynamicsMethod]] = {
     "pinocchio": lambda machine: PinocchioMethod(machine.parameters, machine.loop),
     "virtual-power": lambda machine: VirtualPowerMethod(machine.parameters),
     "compiled": lambda machine: CompiledMethod(machine.kernels),
@@ -74,18 +74,18 @@ class Methods:
 
     Parameters
     ----------
-    sources : Sources
+    machine : Machine
         What they are made from.
     """
 
-    def __init__(self, sources: Sources) -> None:
-        self._sources = sources
+    def __init__(self, machine: Machine) -> None:
+        self._machine = machine
         self._made: dict[str, DynamicsMethod] = {}
 
     def __getitem__(self, method: Method) -> DynamicsMethod:
         try:
             return self._made[method]
         except (KeyError, TypeError):
-            found = METHODS[check_method(method)](self._sources)
+            found = METHODS[check_method(method)](self._machine)
             self._made[method] = found
             return found

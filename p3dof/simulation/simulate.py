@@ -5,17 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, Progress, frozen_array, positive, shown
-from p3dof.closed_loop import ClosedLoopModel
-from p3dof.compiled import MachineKernels
 from p3dof.errors import ControllerError, DynamicsError, InputError
 from p3dof.kinematics import reachable_poses
-from p3dof.methods import DEFAULT_METHOD, Method, check_method
+from p3dof.methods import DEFAULT_METHOD, Machine, Method, check_method
 from p3dof.motion import Load, Motion, WrenchHistory, WrenchOverTime
 from p3dof.motion.times import evenly, sample_count
 from p3dof.parameters import Parameters
@@ -37,22 +35,6 @@ _Group = TypeVar("_Group")
 
 CLOSED = 1e-9
 """Largest gap of the loops that a run may start with [m]."""
-
-
-class Machine(Protocol):
-    """What is moved: `p3dof.Manipulator`."""
-
-    @property
-    def parameters(self) -> Parameters:
-        """The machine."""
-
-    @property
-    def loop(self) -> ClosedLoopModel:
-        """Its closed-loop model; asked for with ``method="pinocchio"`` only."""
-
-    @property
-    def kernels(self) -> MachineKernels:
-        """Its kernels; asked for with ``method="compiled"`` only."""
 
 
 def simulate(
@@ -78,7 +60,7 @@ def simulate(
     Parameters
     ----------
     machine : Machine
-        What is moved.
+        What is moved: `p3dof.Manipulator`.
     duration : float
         How long [s].
     start : array-like, shape (3,), or InitialState
