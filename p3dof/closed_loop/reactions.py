@@ -26,7 +26,7 @@ M. Wojtyra, Joint reactions in rigid body mechanisms with dependent constraints,
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -35,11 +35,12 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from p3dof.checks import FloatArray, frozen_array, positive, shown
+from p3dof.closed_loop.batch.kinematics import placed, shared_placements
 from p3dof.closed_loop.closure_joints import ClosureJoint, joints_of
 from p3dof.closed_loop.closures import ClosurePoint, LoopKinematics, max_abs
-from p3dof.closed_loop.linear import Decomposition
 from p3dof.closed_loop.loop_model import CLOSED, CONSISTENT, External
 from p3dof.closed_loop.model import ClosedLoopModel
+from p3dof.closed_loop.reaction_algebra import Loads, Solved, Structure, solve
 from p3dof.errors import DynamicsError, InputError, ModelError
 
 __all__ = ["BoolArray", "ClosureJoint", "JointReactions", "ReactionSolver", "loop_reactions"]
@@ -128,6 +129,22 @@ def loop_reactions(
     return ReactionSolver(loop, joints, length).solve(q, v, a, tau, external, joint_forces)
 
 
+@dataclass(frozen=True, eq=False)
+class State:
+    """What the algebra needs of one state of motion; see `p3dof.closed_loop.reaction_algebra.Loads`."""
+
+    missing: FloatArray
+    tree: FloatArray
+    J: FloatArray
+    placements: FloatArray
+    rank: int
+    tolerance: float
+    scale: float
+
+    def __iter__(self) -> Iterator[FloatArray | float]:
+        return (getattr(self, name) for name in self.__dataclass_fields__)
+
+
 class ReactionSolver:
     """Reactions of one robot; it owns workspaces and is not thread-safe.
 
@@ -166,9 +183,11 @@ class ReactionSolver:
         ends = [(c.frame1, c.frame2) for c in loop.sidecar.closures]
         frame = self._kinematics.frame
         self._ends = [tuple(frame(name, "closure", ModelError) for name in pair) for pair in ends]
-        self._signs = np.array([self._passes(*pair) for pair in self._ends]).reshape(-1, loop.model.njoints)
         self._size = self._longest_link()
         self.length = LENGTH_SHARE * self._size if length is None else positive("length", length, InputError)
+        self._structure = self._structured()
+        self._placements = shared_placements(self._kinematics.data)
+        self._no_loads = pin.StdVec_Force([pin.Force.Zero() for _ in range(loop.model.njoints)])
 
     def solve(
         self,
@@ -210,6 +229,34 @@ class ReactionSolver:
             If an argument has the wrong shape or is not finite, the loops are open by more than 1e-5, or the
             velocity would open them.
         """
+        found = self.solve_all([self.state(q, v, a, tau, external, joint_forces)])
+        error = self.error_of(found, 0)
+        if error is not None:
+            raise error
+        wrenches = found.wrenches[0].reshape(-1, 2, 3)
+        determined = self.determined(found)[0]
+        return JointReactions(
+            self.names,
+            forces=wrenches[:, 0],
+            moments=wrenches[:, 1],
+            determined_forces=determined[:, 0],
+            determined_moments=determined[:, 1],
+            rotations=found.rotations[0],
+            positions=found.positions[0],
+            undetermined=int(found.undetermined[0]),
+            residual=float(found.residual[0]),
+        )
+
+    def state(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        a: ArrayLike,
+        tau: ArrayLike,
+        external: External | None = None,
+        joint_forces: ArrayLike | None = None,
+    ) -> State:
+        """Return what the algebra needs of one state of motion; arguments and errors are those of `solve`."""
         model = self.loop.model
         v, a = frozen_array("v", v, (model.nv,)), frozen_array("a", a, (model.nv,))
         given = np.zeros(model.nv)
@@ -217,19 +264,49 @@ class ReactionSolver:
             given += frozen_array("joint_forces", joint_forces, (model.nv,))
         given[self.loop.actuated_v] += frozen_array("tau", tau, (len(self.loop.actuated),))
         point = self._closed(q, v)
-        missing = np.array(pin.rnea(model, self._data, point.q, v, a, self._loads(external))) - given
+        loads = self._loads(external) if external else self._no_loads
+        missing = np.array(pin.rnea(model, self._data, point.q, v, a, loads)) - given
         tree = np.array([f.vector for f in self._data.f[1:]]).reshape(-1, 6)
-        A, T = self._jacobian_transposed(), self._to_joints()
-        some, null = self._solutions(point, A, missing)
-        wrenches = self._smallest(tree, T, some, null)
-        residual = max_abs(missing - A @ wrenches)
-        scale = max(max_abs(tree), max_abs(given), max_abs(wrenches))
-        if not residual <= _ACCURACY * scale:  # also when something is not a number
-            raise DynamicsError(
-                f"tau: the forces do not produce the motion, {residual:.3g} N or N m is missing; "
-                "inverse_dynamics() returns those that do"
-            )
-        return self._result(_all_of(tree, T, wrenches), _all_of(np.zeros_like(tree), T, null), residual)
+        return State(
+            missing,
+            tree,
+            np.array(self._kinematics.data.J).reshape(6, model.nv),  # Pinocchio flattens one column
+            self._placements.copy(),
+            point.svd.rank,
+            point.rank_tolerance,
+            max_abs(given),
+        )
+
+    def solve_all(self, states: Sequence[State]) -> Solved:
+        """Return the reactions of many states; `error_of` tells which of them are none.
+
+        Raises
+        ------
+        ModelError
+            If the closures' joints block a free motion of the loops, or leave one that the loops block.
+        """
+        stacks = [np.array(column) for column in zip(*states, strict=True)]
+        missing, tree, J, placements, rank, tolerance, scale = stacks
+        R, p = placed(placements)
+        found = solve(self._structure, Loads(missing, tree, J, R, p, rank, tolerance, scale))
+        for wrong in np.flatnonzero(found.rank != rank).tolist():
+            free = missing.shape[1] - np.array([found.rank[wrong], rank[wrong]])
+            raise ModelError(f"joints: they leave {free[0]} free motions, the loops have {free[1]}")
+        return found
+
+    def error_of(self, found: Solved, i: int) -> DynamicsError | None:
+        """Return why a state has no reactions, if it has none."""
+        residual = found.residual[i]
+        if residual <= _ACCURACY * found.scale[i]:  # not when something is not a number
+            return None
+        return DynamicsError(
+            f"tau: the forces do not produce the motion, {residual:.3g} N or N m is missing; "
+            "inverse_dynamics() returns those that do"
+        )
+
+    def determined(self, found: Solved) -> BoolArray:
+        """Return which components every solution has in common, (N, n, 2, 3): of forces, of moments."""
+        return np.asarray(found.moves <= _UNIQUE * np.array([[1.0], [self._size]]))
 
     def _closed(self, q: ArrayLike, v: FloatArray) -> ClosurePoint:
         """Return the closures at `q` after checking that they are closed and stay so."""
@@ -267,22 +344,13 @@ class ReactionSolver:
         signs[list(self.loop.model.supports[frame2.parentJoint])] -= 1
         return signs
 
-    def _places(self) -> list[pin.SE3]:
-        """Return where each closure's reaction acts: the placement of `frame1`."""
-        return [self._kinematics.data.oMi[frame1.parentJoint] * frame1.placement for frame1, _ in self._ends]
-
-    def _motions(self) -> FloatArray:
-        """Return the unit motion of each freedom as twists (6, nv) in the world; Pinocchio flattens one."""
-        return np.asarray(self._kinematics.data.J).reshape(6, self.loop.model.nv)
-
-    def _jacobian_transposed(self) -> FloatArray:
-        """Return Jᵀ (nv, 6 closures) of whole wrenches."""
-        model, J = self.loop.model, self._motions()
-        signs = self._signs[:, np.repeat(np.arange(model.njoints), model.nvs)]
-        result = np.zeros((model.nv, 6 * len(self._ends)))
-        for c, M in enumerate(self._places()):
-            result[:, 6 * c : 6 * c + 6] = -(signs[c] * J).T @ M.toDualActionMatrix()
-        return result
+    def _structured(self) -> Structure:
+        """Return what is the same in all samples."""
+        model = self.loop.model
+        ends = [(f.parentJoint, f.placement, g.parentJoint, g.placement) for f, g in self._ends]
+        signs = np.array([self._passes(*pair) for pair in self._ends]).reshape(-1, model.njoints)
+        freedoms = np.repeat(np.arange(model.njoints), model.nvs)
+        return Structure(self.joints, ends, signs, freedoms, self._size, self.length)
 
     def _longest_link(self) -> float:
         """Return the length that compares moments with forces in (1): the longest arm within a body [m]."""
@@ -290,71 +358,3 @@ class ReactionSolver:
         arms = [model.jointPlacements[j].translation for j in range(1, model.njoints) if model.parents[j]]
         arms += [frame.placement.translation for frame in frames if frame.parentJoint]
         return max((float(np.linalg.norm(arm)) for arm in arms), default=0.0) or 1.0
-
-    def _transmitted(self) -> tuple[FloatArray, BoolArray]:
-        """Return a basis (6 closures, k) of what the closures transmit, and which columns are forces."""
-        blocks, is_force = [np.zeros((6 * len(self._ends), 0))], []
-        ends = zip(self.joints, self._places(), self._ends, strict=True)
-        for c, (joint, M1, (_, frame2)) in enumerate(ends):
-            R2 = self._kinematics.data.oMi[frame2.parentJoint].rotation @ frame2.placement.rotation
-            moments = joint.moments(M1.rotation.T @ R2)
-            block = np.zeros((6 * len(self._ends), 3 + moments.shape[1]))
-            block[6 * c : 6 * c + 3, :3], block[6 * c + 3 : 6 * c + 6, 3:] = np.eye(3), moments
-            blocks.append(block)
-            is_force += [True] * 3 + [False] * moments.shape[1]
-        return np.hstack(blocks), np.array(is_force, dtype=bool)
-
-    def _solutions(self, point: ClosurePoint, A: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return wrenches w with A w = b, and a basis of the changes that A does not see.
-
-        The basis is orthonormal if moments are measured in newtons at the longest arm.
-        """
-        E, is_force = self._transmitted()
-        E = E * np.where(is_force, 1.0, self._size)
-        turns = np.linalg.norm(self._motions()[3:], axis=0) > 0
-        row = np.where(turns, 1.0 / self._size, 1.0)
-        svd = Decomposition.of(row[:, None] * (A @ E), point.rank_tolerance)
-        if svd.rank != point.svd.rank:
-            raise ModelError(
-                f"joints: they leave {len(A) - svd.rank} free motions, the loops have "
-                f"{len(A) - point.svd.rank}"
-            )
-        return E @ svd.solve(row * b), E @ svd.null_space
-
-    def _smallest(self, tree: FloatArray, T: FloatArray, some: FloatArray, null: FloatArray) -> FloatArray:
-        """Return the wrenches that make (2) smallest, from some that solve (1) and the open changes."""
-        weight = np.tile([1.0] * 3 + [1.0 / self.length] * 3, len(self.names))
-        change = weight[:, None] * _all_of(np.zeros_like(tree), T, null)
-        steps = np.linalg.lstsq(change, weight * _all_of(tree, T, some), rcond=None)[0]
-        return np.asarray(some - null @ steps)
-
-    def _to_joints(self) -> FloatArray:
-        """Return what the closures' wrenches, unit by unit, add to each joint of the tree."""
-        joints, ends = list(self._kinematics.data.oMi)[1:], self._places()
-        T = np.zeros((6 * len(joints), 6 * len(ends)))
-        for c, i in np.argwhere(self._signs[:, 1:]):
-            block = joints[i].actInv(ends[c]).toDualActionMatrix()
-            T[6 * i : 6 * i + 6, 6 * c : 6 * c + 6] = self._signs[c, i + 1] * block
-        return T
-
-    def _result(self, total: FloatArray, change: FloatArray, residual: float) -> JointReactions:
-        """Return named reactions from all of them, and from their open changes as columns."""
-        places = (*list(self._kinematics.data.oMi)[1:], *self._places())
-        wrenches, moves = total.reshape(-1, 2, 3), np.linalg.norm(change, axis=1).reshape(-1, 2, 3)
-        return JointReactions(
-            self.names,
-            forces=wrenches[:, 0],
-            moments=wrenches[:, 1],
-            determined_forces=moves[:, 0] <= _UNIQUE,
-            determined_moments=moves[:, 1] <= _UNIQUE * self._size,
-            rotations=np.array([M.rotation for M in places]).reshape(-1, 3, 3),
-            positions=np.array([M.translation for M in places]).reshape(-1, 3),
-            undetermined=change.shape[1],
-            residual=residual,
-        )
-
-
-def _all_of(tree: FloatArray, T: FloatArray, wrenches: FloatArray) -> FloatArray:
-    """Return the components of all joints, then of all closures, for wrenches of the closures."""
-    alone = tree.reshape(-1, *[1] * (wrenches.ndim - 1))
-    return np.concatenate([alone + T @ wrenches, wrenches])

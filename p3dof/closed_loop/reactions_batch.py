@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from p3dof.checks import FloatArray, as_floats
-from p3dof.closed_loop.reactions import BoolArray, JointReactions, ReactionSolver
+from p3dof.closed_loop.batch.linear import apply, blocks
+from p3dof.closed_loop.reaction_algebra import IndexArray, Solved
+from p3dof.closed_loop.reactions import BoolArray, ReactionSolver
 from p3dof.errors import DynamicsError, InputError
 
 
@@ -52,10 +54,16 @@ class BatchReactions:
         """Return the arrays by name."""
         return {name: getattr(self, name) for name in _ARRAYS}
 
-    def put(self, i: int, one: JointReactions) -> None:
-        """Enter the reactions of one sample."""
-        for name in _ARRAYS:
-            getattr(self, name)[i] = getattr(one, name)
+    def put(self, solver: ReactionSolver, rows: IndexArray, found: Solved) -> None:
+        """Enter the reactions of some samples, or why they have none."""
+        wrong = {i: solver.error_of(found, i) for i in range(len(rows))}
+        self.errors.update({int(rows[i]): error for i, error in wrong.items() if error is not None})
+        good = np.array([i for i, error in wrong.items() if error is None], dtype=int)
+        at, wrenches, determined = rows[good], found.wrenches[good], solver.determined(found)[good]
+        self.forces[at], self.moments[at] = wrenches[..., :3], wrenches[..., 3:]
+        self.determined_forces[at], self.determined_moments[at] = determined[:, :, 0], determined[:, :, 1]
+        self.rotations[at], self.positions[at] = found.rotations[good], found.positions[good]
+        self.undetermined[at] = found.undetermined[good]
 
 
 _ARRAYS = (
@@ -120,26 +128,33 @@ def reactions_batch(
     acting = _each("joint_forces", nothing if joint_forces is None else joint_forces, count, model.nv)
     result = _nothing(solver.names, count)
     known = np.isfinite(forces).all(axis=1) & np.isfinite(rows).all(axis=1)
-    for i in np.flatnonzero(known).tolist():
-        here = {name: load[i] for name, load in loads.items()}
-        try:
-            one = solver.solve(rows[i], motion[0][i], motion[1][i], forces[i], here, acting[i])
-        except DynamicsError as error:
-            result.errors[i] = error
-            continue
-        result.put(i, one)
-        _add_own(solver, result, i, {name: load[i] for name, load in own.items()})
+    rows_known = np.flatnonzero(known)
+    for block in (rows_known[some] for some in blocks(len(rows_known))):
+        states = [
+            solver.state(
+                rows[i],
+                motion[0][i],
+                motion[1][i],
+                forces[i],
+                {name: load[i] for name, load in loads.items()},
+                acting[i],
+            )
+            for i in block.tolist()
+        ]
+        result.put(solver, block, solver.solve_all(states))
+    for name, load in own.items():
+        _add_own(solver, result, name, load)
     return result
 
 
-def _add_own(solver: ReactionSolver, result: BatchReactions, i: int, own: Mapping[str, FloatArray]) -> None:
-    """Count in the reactions of closures what their joints exert themselves."""
+def _add_own(solver: ReactionSolver, result: BatchReactions, frame: str, load: FloatArray) -> None:
+    """Count in the reactions of closures what their joints exert themselves on a frame."""
     closures = solver.loop.sidecar.closures
     for c, closure in enumerate(closures, len(solver.names) - len(closures)):
-        if closure.frame2 in own:
-            axes, wrench = result.rotations[i, c].T, own[closure.frame2]
-            result.forces[i, c] += axes @ wrench[:3]
-            result.moments[i, c] += axes @ wrench[3:]
+        if closure.frame2 == frame:
+            axes = np.swapaxes(result.rotations[:, c], -1, -2)
+            result.forces[:, c] += apply(axes, load[:, :3])
+            result.moments[:, c] += apply(axes, load[:, 3:])
 
 
 def _nothing(names: tuple[str, ...], count: int) -> BatchReactions:

@@ -6,13 +6,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from matplotlib import rcParams
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
+from matplotlib.axis import Axis, YAxis
 from matplotlib.backends.backend_agg import RendererAgg
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
 from matplotlib.layout_engine import LayoutEngine
 from matplotlib.text import Text
-from matplotlib.transforms import BboxBase
 
 from p3dof.checks import FloatArray
 
@@ -57,11 +58,8 @@ class Panels(LayoutEngine):
         head = _head(fig, renderer)
         _place(fig, panels, [Room() for _ in panels], head)  # near enough to know the ticks
         rooms = [_room_of(axis, renderer) for axis in panels]
-        ticks = [_ticks_at(axis) for axis in panels]
         _place(fig, panels, rooms, head)
-        for i, axis in enumerate(panels):
-            if _ticks_at(axis) != ticks[i]:  # in its new size the panel has others
-                rooms[i] = _room_of(axis, renderer)
+        rooms = [_room_of(axis, renderer) for axis in panels]  # in its new size a panel may have other ticks
         _place(fig, panels, rooms, head)
         _name_axes(fig, panels, rooms)
 
@@ -89,35 +87,68 @@ def _room_of(axis: Axes, renderer: Any) -> Room:
         room.left = max(room.left, (box.x0 - extent.x0) / dpi)
         room.right = max(room.right, (extent.x1 - box.x1) / dpi)
         room.top = max(room.top, (extent.y1 - box.y1) / dpi)
-    if not axis.axison:
-        return room
-    ticks = _ticks_of(axis.yaxis, renderer)
-    if ticks is not None:
-        room.ticks["left"] = max(0.0, (box.x0 - ticks.x0) / dpi)
-        room.left = max(room.left, room.ticks["left"] + _thickness(axis.yaxis.label, renderer))
-        room.right = max(room.right, (ticks.x1 - box.x1) / dpi)
-        room.top = max(room.top, (ticks.y1 - box.y1) / dpi)
-    ticks = _ticks_of(axis.xaxis, renderer)
-    if ticks is not None:
-        room.ticks["bottom"] = max(0.0, (box.y0 - ticks.y0) / dpi)
-        room.bottom = room.ticks["bottom"] + _thickness(axis.xaxis.label, renderer)
-        room.right = max(room.right, (ticks.x1 - box.x1) / dpi)
+    if axis.axison:
+        _add_ticks(room, axis, renderer)
     return room
 
 
-def _ticks_of(axis: Axis, renderer: Any) -> BboxBase | None:
-    """Return where an axis has the labels of its ticks; None without any."""
-    if not axis.get_visible():
-        return None
-    shown = axis.label.get_visible()
-    axis.label.set_visible(False)
-    extent: BboxBase | None = axis.get_tightbbox(renderer)
-    axis.label.set_visible(shown)
-    return extent
+def _add_ticks(room: Room, axis: Axes, renderer: Any) -> None:
+    """Add the ticks of a panel and the names of its axes."""
+    sizes = np.array([axis.get_window_extent(renderer).width, axis.get_window_extent(renderer).height])
+    wide = float(sizes[0]) / renderer.dpi
+    labels = _Labels(axis.yaxis, renderer)
+    side = "right" if labels.shown("right", False) else "left"
+    if labels.widths:
+        room.ticks[side] = labels.away + max(labels.widths)
+        room.top = max(room.top, labels.height / 2, 1.5 * labels.height if labels.offset else 0.0)
+        room.bottom = max(room.bottom, labels.height / 2)
+    named = _thickness(axis.yaxis.label, renderer)
+    room.left = max(room.left, room.ticks.get("left", 0.0) + named)
+    room.right = max(room.right, room.ticks.get("right", 0.0))
+    labels = _Labels(axis.xaxis, renderer)
+    if labels.widths and labels.shown("bottom", True):
+        room.ticks["bottom"] = labels.away + labels.height
+        room.right = max(room.right, labels.widths[-1] / 2 - (1 - labels.places[-1]) * wide)
+    below = room.ticks.get("bottom", 0.0) + _thickness(axis.xaxis.label, renderer)
+    room.bottom = max(room.bottom, below)
 
 
-def _ticks_at(axis: Axes) -> list[list[float]]:
-    return [np.asarray(one.get_majorticklocs()).tolist() for one in (axis.xaxis, axis.yaxis)]
+class _Labels:
+    """The labels of an axis' ticks, without drawing any.
+
+    Parameters
+    ----------
+    axis : matplotlib.axis.Axis
+        The axis.
+    renderer : matplotlib.backends.backend_agg.RendererAgg
+        What measures texts.
+    """
+
+    def __init__(self, axis: Axis, renderer: Any) -> None:
+        self._settings = axis.get_tick_params()
+        direction = "ytick" if isinstance(axis, YAxis) else "xtick"
+        size = self._settings.get("labelsize", rcParams[f"{direction}.labelsize"])
+        font = FontProperties(size=size)
+        self.height = font.get_size_in_points() / 72
+        self.away = (rcParams[f"{direction}.major.size"] + rcParams[f"{direction}.major.pad"]) / 72
+        low, high = sorted(axis.get_view_interval())
+        places = (
+            [place for place in axis.get_majorticklocs() if low <= place <= high]
+            if axis.get_visible()
+            else []
+        )
+        self.places = [(place - low) / (high - low) for place in places]
+        formatter = axis.get_major_formatter()
+        texts = formatter.format_ticks(places)
+        self.widths = [
+            renderer.get_text_width_height_descent(text, font, "$" in text)[0] / renderer.dpi
+            for text in texts
+        ]
+        self.offset: str = formatter.get_offset()
+
+    def shown(self, side: str, default: bool) -> bool:
+        """Whether the labels stand on a side."""
+        return bool(self._settings.get(f"label{side}", default))
 
 
 def _is_title(text: Text) -> bool:

@@ -27,6 +27,11 @@ _PANEL = 3.2
 
 _FONT = 10.5
 
+_ANGLES = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+_WAYS = np.tile(np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES)]), (3, 1))
+_AWAY = np.repeat([0.0, 5.0, 11.0], len(_ANGLES))[:, None]
+"""Where a label may stand: directions from its point, and how much farther than it must [points]."""
+
 _SHORTEST = 8.0
 """Shortest length that gets a dimension line [points]."""
 
@@ -185,18 +190,14 @@ class Sheet:
         boxes = self._written[axis]
         for text, mark in zip(texts.values(), marks, strict=True):
             half = np.array([3.3 * len(text.replace("$", "").replace("_", "")) + 1, 6.5])
-            best, costs = mark, np.inf
-            for distance in (0.0, 5.0, 11.0):
-                for angle in np.linspace(0, 2 * np.pi, 24, endpoint=False):
-                    way = np.array([np.cos(angle), np.sin(angle)])
-                    middle = mark + way * (7 + distance) + np.sign(np.round(way, 6)) * half * np.abs(way)
-                    cost = 0.6 * distance + self._covered(middle, half, lines, 1.0)
-                    cost += self._covered(middle, half + 4, marks, 8.0)
-                    others = np.linalg.norm(marks - middle, axis=-1) < np.linalg.norm(mark - middle)
-                    cost += 20.0 * float(others.any())  # the label would seem to belong to another point
-                    cost += sum(60.0 for one, size in boxes if np.all(np.abs(one - middle) < size + half))
-                    if cost < costs - 1e-9:
-                        best, costs = middle, cost
+            middles = mark + _WAYS * (7 + _AWAY) + np.sign(np.round(_WAYS, 6)) * half * np.abs(_WAYS)
+            costs = 0.6 * _AWAY[:, 0] + self._covered(middles, half, lines, 1.0)
+            costs += self._covered(middles, half + 4, marks, 8.0)
+            nearer = _distances(marks, middles) < np.linalg.norm(mark - middles, axis=-1)[:, None]
+            costs += 20.0 * nearer.any(axis=-1)  # the label would seem to belong to another point
+            for one, size in boxes:
+                costs += 60.0 * np.all(np.abs(one - middles) < size + half, axis=-1)
+            best = middles[int(np.argmax(costs < costs.min() + 1e-9))]
             boxes.append((best, half))
             _write(axis, best / unit, text)
 
@@ -205,8 +206,16 @@ class Sheet:
         return 72 * self.scales[list(self._taken).index(axis)]
 
     @staticmethod
-    def _covered(middle: FloatArray, half: FloatArray, points: FloatArray, weight: float) -> float:
-        return weight * float(np.sum(np.all(np.abs(points - middle) < half, axis=-1)))
+    def _covered(middles: FloatArray, half: FloatArray, points: FloatArray, weight: float) -> FloatArray:
+        """Return the weight of the points under a label at each of its places."""
+        near = np.abs(points[:, 0] - middles[:, None, 0]) < half[0]
+        near &= np.abs(points[:, 1] - middles[:, None, 1]) < half[1]
+        return np.asarray(weight * near.sum(axis=-1))
+
+
+def _distances(points: FloatArray, places: FloatArray) -> FloatArray:
+    """Return how far each point is from each place, shape (places, points)."""
+    return np.asarray(np.linalg.norm(points - places[:, None], axis=-1))
 
 
 def between(start: FloatArray, end: FloatArray, count: int) -> FloatArray:

@@ -65,7 +65,7 @@ class Sweep:
         self.model = model
         self._data = model.createData()
         self._J, self._J_dot = self._data.J.T, self._data.dJ.T
-        self._placements = _shared(self._data)
+        self._placements = shared_placements(self._data)
         shapes = (model.nv, 6), (model.nv, 6), (model.njoints * _LAYOUT,)
         self._room = [np.empty((0, *shape)) for shape in shapes]
         self.behind = np.zeros((model.njoints, model.nv))
@@ -123,9 +123,7 @@ class Sweep:
         return J, J_dot, placements
 
     def _samples(self, J: FloatArray, J_dot: FloatArray, placements: FloatArray) -> Samples:
-        each = placements.reshape(len(J), self.model.njoints, _LAYOUT)
-        R = np.swapaxes(each[..., :9].reshape(*each.shape[:2], 3, 3), -1, -2)
-        return Samples(np.swapaxes(J, -1, -2), np.swapaxes(J_dot, -1, -2), R, each[..., 9:])
+        return Samples(np.swapaxes(J, -1, -2), np.swapaxes(J_dot, -1, -2), *placed(placements))
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,7 +263,7 @@ def _turned(R: FloatArray, placements: FloatArray) -> FloatArray:
     return R if (placements == np.eye(3)).all() else R @ placements
 
 
-def _shared(data: Any) -> FloatArray:
+def shared_placements(data: Any) -> FloatArray:
     """Return all joint placements of a `pin.Data` as one array (njoints * 12,) in its own memory."""
     first = data.oMi[0].rotation.T  # by columns, as Pinocchio stores it
     numbers = len(data.oMi) * _LAYOUT
@@ -275,6 +273,12 @@ def _shared(data: Any) -> FloatArray:
     if first.flags.owndata or [(_address(R), _address(t)) for R, t in parts] != expected:
         raise ModelError("this version of Pinocchio stores its placements in a way that is not known here")
     return np.lib.stride_tricks.as_strided(first[0], (numbers,), (size,), writeable=False)
+
+
+def placed(placements: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return axes (N, njoints, 3, 3) and origins (N, njoints, 3) of copies of shared placements."""
+    each = placements.reshape(len(placements), placements.shape[1] // _LAYOUT, _LAYOUT)
+    return np.swapaxes(each[..., :9].reshape(*each.shape[:2], 3, 3), -1, -2), each[..., 9:]
 
 
 def _address(array: NDArray[np.float64]) -> int:
