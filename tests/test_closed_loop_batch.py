@@ -16,16 +16,16 @@ from machines import SEEDS, conditioning, random_machine, random_states
 import p3dof
 from p3dof import kinematics
 from p3dof.closed_loop import ClosedLoopModel, Sidecar
-from p3dof.closed_loop.batch.kinematics import RelativeRows, Sweep, closure_errors, closure_pairs
+from p3dof.closed_loop.batch.closures import ClosureRows
+from p3dof.closed_loop.batch.kinematics import Sweep
 from p3dof.closed_loop.batch.linear import (
     BLOCK,
     FEW,
     independent_rows,
     inverse,
-    rotation_vector,
-    turned_rates,
 )
 from p3dof.closed_loop.batch.targets import FrameTargets
+from p3dof.closed_loop.rotations import rotation_vector, turned_rates
 from p3dof.errors import AssemblyError, InputError, ReachError, SingularityError
 from p3dof.methods import pinocchio
 from p3dof.methods.pinocchio import PinocchioMethod
@@ -131,11 +131,11 @@ def test_closures_of_many_configurations_are_those_of_each(name):
     )
     v = generator.normal(size=(9, loop.model.nv))
     sweep = Sweep(loop.model)
-    rows = RelativeRows(sweep, closure_pairs(k))
+    rows = ClosureRows(k, sweep)
     samples = sweep.moving(moved, v)
     frames = rows.frames(samples)
-    J, drift = rows.jacobian(samples, frames), rows.drift(samples, frames, v)
-    errors = closure_errors(k, frames)
+    J, drift = rows.jacobian(moved, samples, frames), rows.drift(moved, samples, frames, v)
+    errors = rows.errors(moved, frames)
     for i in range(9):
         point = k.at(moved[i])
         np.testing.assert_allclose(J[i], point.J, rtol=0, atol=1e-14)

@@ -52,7 +52,7 @@ class Assembly:
         True if the configuration was reached from the guess without leaving its assembly, and its closures
         have the rank that is usual for the mechanism. False if this could not be established, as behind a
         pose in which assemblies meet. A guess whose own loops are open by more than 1e-3 has no assembly;
-        that of the neutral configuration is meant then.
+        that of the reference configuration is meant then.
     """
 
     q: FloatArray
@@ -91,12 +91,14 @@ class Assembler:
     ----------
     kinematics : LoopKinematics
         The model and its closures.
+    reference : (nq,) array
+        The configuration that says which assembly is meant.
     """
 
-    def __init__(self, kinematics: LoopKinematics) -> None:
+    def __init__(self, kinematics: LoopKinematics, reference: FloatArray) -> None:
         self.kinematics = kinematics
         self.model = kinematics.model
-        self.neutral: FloatArray = pin.neutral(kinematics.model)
+        self.reference = reference
         self._loops = System(kinematics, NoTarget(kinematics.model.nv))
 
     def assemble(self, target: Target, guess: FloatArray | None, tolerance: float) -> Assembly:
@@ -107,7 +109,7 @@ class Assembler:
         target : Target
             The target.
         guess : (nq,) array, optional
-            Where to start; the neutral configuration by default.
+            Where to start; the reference configuration by default.
         tolerance : float
             Largest closure and target error that counts as closed [m or rad].
 
@@ -120,12 +122,12 @@ class Assembler:
         AssemblyError
             If the loops cannot be closed at the target.
         """
-        start = self.neutral if guess is None else guess
+        start = self.reference if guess is None else guess
         system = System(self.kinematics, target)
         was_open = self.kinematics.at(start).gap > _OPEN
         path, same = self._solve(system, start, tolerance)
         if same and guess is not None and was_open:
-            same = self._equals_from_neutral(system, path.point.q, tolerance)
+            same = self._equals_from_reference(system, path.point.q, tolerance)
         closures = self.kinematics.at(path.point.q)
         rank = closures.svd.rank if self.kinematics.size else 0
         same = same and self.generic_rank in (rank, None)
@@ -135,14 +137,14 @@ class Assembler:
 
     @cached_property
     def generic_rank(self) -> int | None:
-        """The usual rank of the closures on the neutral configuration's assembly.
+        """The usual rank of the closures on the reference configuration's assembly.
 
-        It is read off at configurations near the neutral one, after closing the loops, so that a neutral
+        It is read off at configurations near the reference, after closing the loops, so that a reference
         configuration that happens to be singular does no harm. None if the loops cannot be closed from there.
         """
         if not self.kinematics.size:
             return 0
-        path, _ = self._close(self._loops, self.neutral, TOLERANCE)
+        path, _ = self._close(self._loops, self.reference, TOLERANCE)
         if not path.complete:
             return None
         home = self.kinematics.at(path.point.q)
@@ -191,9 +193,9 @@ class Assembler:
         moved = max_abs(pin.difference(self.model, path.point.q, best.point.q))
         return Path(best.point, best.complete, count), moved < _NEAR and path.point.same_branch(best.point)
 
-    def _equals_from_neutral(self, system: System, q: FloatArray, tolerance: float) -> bool:
+    def _equals_from_reference(self, system: System, q: FloatArray, tolerance: float) -> bool:
         try:
-            path, kept = self._solve(system, self.neutral, tolerance)
+            path, kept = self._solve(system, self.reference, tolerance)
         except AssemblyError:
             return False
         return kept and max_abs(pin.difference(self.model, q, path.point.q)) < _SAME
@@ -204,7 +206,7 @@ class Assembler:
         if not np.isfinite(gap):
             return AssemblyError("the loops do not close: the iteration left the numbers", gap)
         on_target = not k.size or max_abs(error) < gap
-        where = "the target" if on_target else f"the closure {k.worst(error)}"
+        where = "the target" if on_target else f"the {k.worst(error)}"
         goal = " at the target" if system.target.size else ""
         return AssemblyError(
             f"the loops do not close{goal}: the best configuration found leaves {gap:.3g} m or rad, "

@@ -1,4 +1,4 @@
-"""Closures as joints: which moments they transmit besides the force."""
+"""Closures as joints: which forces and moments they transmit."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from p3dof.errors import ModelError
 
 @dataclass(frozen=True)
 class ClosureJoint:
-    """How a closure is built: about which axes its two bodies can turn; it transmits every other moment.
+    """How a closure is built: how its two bodies can move; it transmits every other force and moment.
 
     Parameters
     ----------
@@ -24,6 +24,10 @@ class ClosureJoint:
         Free axes of rotation that are fixed in `frame1` of the closure, in its axes.
     axes2 : tuple of (3,) tuples
         Free axes of rotation that are fixed in `frame2`, in its axes.
+    slides : tuple of (3,) tuples
+        Free directions of translation of the origin of `frame2`, in the axes of `frame1`.
+    rod : bool
+        Whether the origins are held apart by a rod instead: no force but along it, and no moment.
 
     Raises
     ------
@@ -33,9 +37,11 @@ class ClosureJoint:
 
     axes1: tuple[tuple[float, float, float], ...] = ()
     axes2: tuple[tuple[float, float, float], ...] = ()
+    slides: tuple[tuple[float, float, float], ...] = ()
+    rod: bool = False
 
     def __post_init__(self) -> None:
-        for field in ("axes1", "axes2"):
+        for field in ("axes1", "axes2", "slides"):
             axes = getattr(self, field)
             if not isinstance(axes, tuple | list):
                 raise ModelError(f"{field}: expected a tuple of axes, got {shown(axes)}")
@@ -81,6 +87,51 @@ class ClosureJoint:
         """Return a rigid connection: it transmits every force and moment."""
         return cls()
 
+    @classmethod
+    def of_kind(cls, kind: str) -> ClosureJoint:
+        """Return the joint that transmits just what a kind of closure prescribes.
+
+        Parameters
+        ----------
+        kind : str
+            One of the kinds of `Closure`.
+
+        Returns
+        -------
+        ClosureJoint
+        """
+        x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+        return {
+            "3d": cls((x, y, z)),
+            "6d": cls(),
+            "hinge": cls((z,)),
+            "slider": cls(slides=(z,)),
+            "universal": cls((x,), (y,)),
+            "cylindrical": cls((z,), slides=(z,)),
+            "planar": cls((z,), slides=(x, y)),
+            "distance": cls((x, y, z), rod=True),
+        }[kind]
+
+    def forces(self, d: FloatArray) -> FloatArray:
+        """Return the forces that the joint transmits.
+
+        Parameters
+        ----------
+        d : (..., 3) array
+            Origin of `frame2` from that of `frame1`, in the axes of `frame1` [m].
+
+        Returns
+        -------
+        (..., 3, k) array
+            An orthonormal basis, in the axes of `frame1`.
+        """
+        if self.rod:
+            return np.asarray(d / np.linalg.norm(d, axis=-1, keepdims=True))[..., None]
+        basis = np.eye(3)
+        if self.slides:
+            basis = Decomposition.of(np.array(self.slides)).null_space
+        return np.broadcast_to(basis, (*d.shape[:-1], *basis.shape))
+
     def moments(self, rotation: FloatArray) -> FloatArray:
         """Return the moments that the joint transmits.
 
@@ -119,7 +170,7 @@ def joints_of(sidecar: Sidecar, joints: Sequence[ClosureJoint] | None) -> tuple[
     """
     closures = sidecar.closures
     if joints is None:
-        return tuple(ClosureJoint.ball() if c.kind == "3d" else ClosureJoint.weld() for c in closures)
+        return tuple(ClosureJoint.of_kind(closure.kind) for closure in closures)
     if not isinstance(joints, Sequence) or not all(isinstance(joint, ClosureJoint) for joint in joints):
         raise ModelError(f"joints: expected a sequence of ClosureJoint, got {shown(joints)}")
     if len(joints) != len(closures):

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from p3dof.checks import FloatArray
+from p3dof.closed_loop.closure_kinds import PARTS, KindRows
 from p3dof.closed_loop.coordinates import length_coordinates
+from p3dof.closed_loop.couplings import CouplingRows
 from p3dof.closed_loop.linear import RANK_TOLERANCE, Decomposition
+from p3dof.closed_loop.relative_motion import Ends, OtherClosures, frame_acceleration, point_acceleration
 from p3dof.closed_loop.sidecar import Closure, Sidecar, suggestion
 from p3dof.errors import ModelError, P3dofError
 
@@ -56,22 +60,23 @@ class ClosurePoint:
 
 
 class LoopKinematics:
-    """The closures of a model as Pinocchio constraint models, and their evaluation.
+    """The closures and couplings of a model, and their evaluation.
 
-    Owns a `pin.Data`, which always holds the joint placements and Jacobians of the last configuration given
-    to `at`. Not thread-safe.
+    Points and frames are Pinocchio constraint models. Owns a `pin.Data`, which always holds the joint
+    placements and Jacobians of the last configuration given to `at`. Not thread-safe.
 
     Parameters
     ----------
     model : pin.Model
         The tree.
     sidecar : Sidecar
-        The closures.
+        The closures and couplings, whose rows follow each other in this order.
 
     Raises
     ------
     ModelError
-        If a frame does not exist, or both frames of a closure are on the same body.
+        If a frame or joint does not exist, both frames of a closure are on the same body, or a coupled joint
+        has several degrees of freedom.
     """
 
     def __init__(self, model: pin.Model, sidecar: Sidecar) -> None:
@@ -79,23 +84,43 @@ class LoopKinematics:
         self.data = model.createData()
         self.frames = _frames_by_name(model)
         self.closures = sidecar.closures
-        if sidecar.couplings or any(closure.kind not in ("3d", "6d") for closure in sidecar.closures):
-            raise ModelError("closures other than '3d' and '6d', and couplings, cannot be computed yet")
+        self.couplings = CouplingRows(model, sidecar.couplings)
+        titles = [f"coupling {coupling.title}" for coupling in sidecar.couplings]
+        self.names = [*(f"closure {closure.name}" for closure in self.closures), *titles]
+        stops = np.cumsum([0, *(closure.rows for closure in self.closures), *(1 for _ in titles)]).tolist()
+        self.rows = [slice(*ends) for ends in pairwise(stops)]
+        """Rows of the closures, then of the couplings."""
+        self.size: int = stops[-1]
+        self.coupled = slice(self.size - len(titles), self.size)
+        """Rows of all couplings."""
+        self.ends = [self._ends(closure) for closure in self.closures]
+        """Joint and placement in its body of frame 1, then of frame 2, by closure."""
+        own = [i for i, closure in enumerate(self.closures) if closure.kind in PARTS]
+        self.own = np.array(own, dtype=int)
+        """Which closures are no constraint models of Pinocchio."""
+        self.kinds = KindRows([self.closures[i] for i in own], [self.rows[i] for i in own])
+        self._others = OtherClosures(model, [self.ends[i] for i in own], self.kinds)
+        self.plain = not own and not titles
+        """Whether all are constraint models of Pinocchio."""
+        self._anchors = [i for i in range(len(self.closures)) if i not in own]
+        self._anchored = np.array([r for i in self._anchors for r in range(self.size)[self.rows[i]]], int)
         self.constraint_models = pin.StdVec_ConstraintModel()
         self._constraint_datas = pin.StdVec_ConstraintData()
-        self.rows: list[slice] = []
-        start = 0
-        for closure in self.closures:
-            self.constraint_models.append(self._anchor(closure))
-            self.rows.append(slice(start, start + closure.rows))
-            start += closure.rows
+        for i in self._anchors:
+            kind = (
+                pin.PointAnchorConstraintModel
+                if _is_point(self.closures[i])
+                else pin.FrameAnchorConstraintModel
+            )
+            self.constraint_models.append(pin.ConstraintModel(kind(model, *self.ends[i])))
         for constraint in self.constraint_models:
             self._constraint_datas.append(constraint.createData())
         # Taken out once the vectors have their final place in memory: they are references.
         pairs = list(zip(self.constraint_models, self._constraint_datas, strict=True))
-        self._pairs = [(constraint, data, data.extract()) for constraint, data in pairs]
-        self._ends = [_ends(constraint.extract()) for constraint in self.constraint_models]
-        self.size = start
+        self._pairs = [
+            (constraint, data, data.extract(), self.rows[i])
+            for i, (constraint, data) in zip(self._anchors, pairs, strict=True)
+        ]
         self.lengths = length_coordinates(model)[1]
         """Which of v are rates of lengths."""
         self._zero = np.zeros(model.nv)
@@ -119,18 +144,33 @@ class LoopKinematics:
             return self._last
         pin.computeJointJacobians(self.model, self.data, q)
         error = np.zeros(self.size)
-        if self._pairs:
-            for (constraint, data, content), rows in zip(self._pairs, self.rows, strict=True):
-                constraint.calc(self.model, self.data, data)
-                error[rows] = content.constraint_position_error
-            J = pin.getConstraintsJacobian(
-                self.model, self.data, self.constraint_models, self._constraint_datas
-            )
-        else:
-            J = np.zeros((0, self.model.nv))
+        for constraint, data, content, rows in self._pairs:
+            constraint.calc(self.model, self.data, data)
+            error[rows] = content.constraint_position_error
+        J = self._anchor_jacobian()
+        if not self.plain:
+            J = self._complete(q, error, J)
         self._key = key
         self._last = ClosurePoint(np.array(q), error, J)
         return self._last
+
+    def _anchor_jacobian(self) -> Any:
+        """Return the rows of the constraint models."""
+        if not self._pairs:
+            return np.zeros((0, self.model.nv))
+        return pin.getConstraintsJacobian(
+            self.model, self.data, self.constraint_models, self._constraint_datas
+        )
+
+    def _complete(self, q: FloatArray, error: FloatArray, anchored: FloatArray) -> FloatArray:
+        """Enter all other errors, and return the Jacobian of all rows."""
+        J = np.zeros((self.size, self.model.nv))
+        J[self._anchored] = anchored
+        if len(self.own):
+            self._others.evaluate(self.data, error, J)
+        error[self.coupled] = self.couplings.errors(q)
+        J[self.coupled] = self.couplings.jacobian(q)
+        return J
 
     def move(self, q: FloatArray, v: FloatArray, a: FloatArray | None = None) -> None:
         """Bring the velocities and accelerations of all bodies into `data`.
@@ -143,7 +183,8 @@ class LoopKinematics:
             Velocity and acceleration; zero acceleration by default.
         """
         self.at(q)
-        pin.forwardKinematics(self.model, self.data, q, v, self._zero if a is None else a)
+        self._v, self._a = v, self._zero if a is None else a
+        pin.forwardKinematics(self.model, self.data, q, v, self._a)
 
     def acceleration(self) -> FloatArray:
         """Return the closures' relative acceleration d(J v)/dt (rows,) of the motion given to `move`.
@@ -151,9 +192,14 @@ class LoopKinematics:
         With zero joint acceleration it is the drift J̇ v. It is exact also where the loops are a little open.
         """
         result = np.zeros(self.size)
-        for ends, closure, rows in zip(self._ends, self.closures, self.rows, strict=True):
-            relative = self._relative_3d if closure.kind == "3d" else self._relative_6d
-            result[rows] = relative(*ends)
+        for i in self._anchors:
+            relative = point_acceleration if _is_point(self.closures[i]) else frame_acceleration
+            result[self.rows[i]] = relative(self.model, self.data, self.ends[i])
+        if len(self.own):
+            self._others.accelerate(self.data, self._v, result)
+        if self.couplings.size and self._last is not None:
+            J = self._last.J[self.coupled]
+            result[self.coupled] = self.couplings.drift(self._last.q, self._v) + J @ self._a
         return result
 
     def frame(self, name: str, what: str, error: type[P3dofError]) -> pin.Frame:
@@ -179,43 +225,19 @@ class LoopKinematics:
             raise error(f"{what}: the frame {name!r} does not exist; {help_}") from problem
 
     def worst(self, error: FloatArray) -> str:
-        """Return the name of the closure that is open the most."""
+        """Return what is open the most: ``closure`` or ``coupling``, and its name."""
         sizes = [max_abs(error[rows]) for rows in self.rows]
-        return self.closures[int(np.argmax(sizes))].name
+        return self.names[int(np.argmax(sizes))]
 
-    def _anchor(self, closure: Closure) -> pin.ConstraintModel:
+    def _ends(self, closure: Closure) -> Ends:
         frame1, frame2 = (
             self.frame(name, f"closure {closure.name}", ModelError)
             for name in (closure.frame1, closure.frame2)
         )
         if frame1.parentJoint == frame2.parentJoint:
             raise ModelError(f"closure {closure.name}: both frames are on the same body")
-        kind = pin.PointAnchorConstraintModel if closure.kind == "3d" else pin.FrameAnchorConstraintModel
-        ends = (frame1.parentJoint, frame1.placement, frame2.parentJoint, frame2.placement)
-        return pin.ConstraintModel(kind(self.model, *ends))
-
-    def _relative_3d(self, joint1: int, M1: pin.SE3, joint2: int, M2: pin.SE3) -> Any:
-        """d²/dt² of R1ᵀ d, with d = p2 - p1: the acceleration of frame 2 seen from frame 1."""
-        model, data, world = self.model, self.data, pin.LOCAL_WORLD_ALIGNED
-        oM1, oM2 = data.oMi[joint1] * M1, data.oMi[joint2] * M2
-        V1 = pin.getFrameVelocity(model, data, joint1, M1, world)
-        V2 = pin.getFrameVelocity(model, data, joint2, M2, world)
-        A1 = pin.getFrameClassicalAcceleration(model, data, joint1, M1, world)
-        A2 = pin.getFrameClassicalAcceleration(model, data, joint2, M2, world)
-        d, d_dot = oM2.translation - oM1.translation, V2.linear - V1.linear
-        omega = pin.skew(V1.angular)
-        relative = A2.linear - A1.linear - pin.skew(A1.angular) @ d - omega @ (2.0 * d_dot - omega @ d)
-        return oM1.rotation.T @ relative
-
-    def _relative_6d(self, joint1: int, M1: pin.SE3, joint2: int, M2: pin.SE3) -> Any:
-        """d/dt of Ad(M12) V2 - V1, both in the axes of frame 1."""
-        model, data, local = self.model, self.data, pin.LOCAL
-        M12 = (data.oMi[joint1] * M1).actInv(data.oMi[joint2] * M2)
-        V1 = pin.getFrameVelocity(model, data, joint1, M1, local)
-        V2 = M12.act(pin.getFrameVelocity(model, data, joint2, M2, local))
-        A1 = pin.getFrameAcceleration(model, data, joint1, M1, local)
-        A2 = M12.act(pin.getFrameAcceleration(model, data, joint2, M2, local))
-        return (A2 - V1.cross(V2) - A1).vector
+        placements = frame1.placement.copy(), frame2.placement.copy()
+        return frame1.parentJoint, placements[0], frame2.parentJoint, placements[1]
 
 
 def max_abs(values: FloatArray) -> float:
@@ -223,8 +245,8 @@ def max_abs(values: FloatArray) -> float:
     return float(np.abs(values).max()) if values.size else 0.0
 
 
-def _ends(anchor: Any) -> tuple[int, pin.SE3, int, pin.SE3]:
-    return anchor.joint1_id, anchor.joint1_placement.copy(), anchor.joint2_id, anchor.joint2_placement.copy()
+def _is_point(closure: Closure) -> bool:
+    return closure.kind == "3d"
 
 
 def _frames_by_name(model: pin.Model) -> dict[str, int]:

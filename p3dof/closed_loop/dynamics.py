@@ -47,9 +47,12 @@ class InverseDynamics:
     tau : (n_actuated,) array
         Forces of the actuated joints [N or N m]; the smallest possible if they are not unique.
     lambda_ : (rows,) array
-        Multipliers of the closures, in their order: force [N], for ``6d`` then moment [N m], that the closure
-        exerts on the body of `frame2`, in the axes of `frame1` at their common origin. The body of `frame1`
-        gets the opposite. The smallest possible where not unique.
+        Multipliers of closures and couplings, in their order. ``3d`` and ``6d``: force [N], then moment
+        [N m], that the closure exerts on the body of `frame2`, in the axes of `frame1` at their common
+        origin; the body of `frame1` gets the opposite. The same for those rows of the other kinds that
+        prescribe a position or a rotation, see `p3dof.closed_loop.closure_kinds`; the force acts at the
+        origin of `frame2`. A coupling: the force [N or N m] that it exerts in the joint that follows; the
+        other joint gets that times -p'(q_on). The smallest possible where not unique.
     unique : (rows,) array of bool
         Which multipliers are determined.
     tau_unique : bool
@@ -85,7 +88,7 @@ class ForwardDynamics:
     a : (nv,) array
         Acceleration of the whole tree.
     lambda_ : (rows,) array
-        Multipliers of the closures, as in `InverseDynamics`.
+        Multipliers of closures and couplings, as in `InverseDynamics`.
     residual : float
         Largest error of the full equation of motion [N or N m].
     closure_residual : float
@@ -247,14 +250,14 @@ class Dynamics:
         if not point.J.size:
             a: FloatArray = np.array(pin.aba(self.model, self._data, q, v, force))
         else:
-            if self._solver is None:
-                self._solver = _ForwardSolver(self.kinematics)
-            a = self._solver.acceleration(q, v, force)
+            a = self._estimate(q, v, force)
             self.kinematics.move(q, v)
             drift = self.kinematics.acceleration()
             if stabilisation:
                 drift = drift + stabilisation * (2.0 * point.J @ v + stabilisation * point.error)
             a = self._refined(point, v, a, force, drift)
+            if not self.kinematics.plain:
+                a = self._refined(point, v, a, force, drift)
         constraint = np.array(pin.rnea(self.model, self._data, q, v, a)) - force
         lambda_ = point.svd.solve_transpose(constraint)
         residual = max_abs(constraint - point.J.T @ lambda_)
@@ -288,6 +291,14 @@ class Dynamics:
             ends = (frame.parentJoint, frame.placement, pin.LOCAL_WORLD_ALIGNED)
             force += pin.getFrameJacobian(k.model, k.data, *ends).T @ wrench
         return force
+
+    def _estimate(self, q: FloatArray, v: FloatArray, force: FloatArray) -> FloatArray:
+        """Return an acceleration to start from: Pinocchio's where all closures are its own, else zero."""
+        if not self.kinematics.plain:
+            return np.zeros(self.model.nv)
+        if self._solver is None:
+            self._solver = _ForwardSolver(self.kinematics)
+        return self._solver.acceleration(q, v, force)
 
     def _refined(
         self, point: ClosurePoint, v: FloatArray, a: FloatArray, force: FloatArray, drift: FloatArray

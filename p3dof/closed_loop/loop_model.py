@@ -17,8 +17,9 @@ from p3dof.closed_loop.assembly import TOLERANCE, Assembler, Assembly, State
 from p3dof.closed_loop.closures import ClosurePoint, LoopKinematics, max_abs
 from p3dof.closed_loop.dynamics import Dynamics, ForwardDynamics, InverseDynamics
 from p3dof.closed_loop.energy import energy_rate
+from p3dof.closed_loop.joints import configuration_of, single_joint
 from p3dof.closed_loop.open_ends import open_ends
-from p3dof.closed_loop.sidecar import Sidecar, suggestion
+from p3dof.closed_loop.sidecar import Sidecar
 from p3dof.closed_loop.targets import BoundFrameTarget, FrameTarget, JointTarget, NoTarget, Target
 from p3dof.closed_loop.units import ScaledModel, scaled
 from p3dof.closed_loop.urdf import build_tree
@@ -47,13 +48,14 @@ class LoopModel:
     model : pin.Model
         A tree. Its frames and joints must stay as they are; masses and gravity may be changed.
     sidecar : Sidecar
-        Loop closures and actuated joints.
+        Loop closures, couplings, actuated joints, and perhaps the reference configuration.
 
     Raises
     ------
     ModelError
         If a frame or joint that the sidecar names does not exist, both frames of a closure are on the same
-        body, or an actuated joint has not exactly one degree of freedom.
+        body, an actuated or coupled joint has not exactly one degree of freedom, a continuous joint is
+        coupled in a way that needs its turns counted, or the reference does not fit the joints.
 
     Notes
     -----
@@ -73,14 +75,17 @@ class LoopModel:
         self.model = model
         self.sidecar = sidecar
         self._kinematics = LoopKinematics(model, sidecar)
-        self._joints = [self._actuated_joint(name) for name in sidecar.actuated]
+        self.reference = configuration_of(model, sidecar.reference)
+        """The configuration (nq,) that says which assembly is meant; neutral if the sidecar says nothing."""
+        self.reference.setflags(write=False)
+        self._joints = [single_joint(model, name, "actuated") for name in sidecar.actuated]
         self.actuated_v = np.array([model.idx_vs[j] for j in self._joints], dtype=int)
         self.actuated_v.setflags(write=False)
-        self._assembler = Assembler(self._kinematics)
+        self._assembler = Assembler(self._kinematics, self.reference)
         self._dynamics = Dynamics(self._kinematics, self.actuated_v)
         self._data = model.createData()
         own = cast("type[Self]", type(self))
-        self._scaled: ScaledModel[Self] | None = scaled(model, sidecar, lambda tree: own(tree, sidecar))
+        self._scaled: ScaledModel[Self] | None = scaled(model, sidecar, own)
 
     @classmethod
     def from_urdf(
@@ -157,21 +162,21 @@ class LoopModel:
 
     @property
     def constraint_models(self) -> pin.StdVec_ConstraintModel:
-        """The closures as Pinocchio constraint models (point and frame anchors); a copy."""
+        """The closures that Pinocchio knows, points and frames, as its constraint models; a copy."""
         return self._kinematics.constraint_models.copy()
 
     @property
     def constraint_rows(self) -> tuple[slice, ...]:
-        """Rows of each closure in `closure_error`, `closure_jacobian` and the multipliers."""
+        """Rows of each closure, then coupling, in `closure_error`, `closure_jacobian` and the multipliers."""
         return tuple(self._kinematics.rows)
 
     @property
     def generic_rank(self) -> int | None:
-        """Rank of the closures around the neutral configuration; None if the loops do not close there."""
+        """Rank of the closures around the reference configuration; None if the loops do not close there."""
         return self._assembler.generic_rank if self._scaled is None else self._scaled.core.generic_rank
 
     def closure_error(self, q: ArrayLike) -> FloatArray:
-        """Return how far each closure is open.
+        """Return how far each closure is open, and how far off each coupling is.
 
         Parameters
         ----------
@@ -181,7 +186,9 @@ class LoopModel:
         Returns
         -------
         (rows,) array
-            ``3d``: R1ᵀ(p2 - p1) [m]; ``6d``: log6(M1⁻¹ M2) [m, rad].
+            ``3d``: R1ᵀ(p2 - p1) [m]; ``6d``: log6(M1⁻¹ M2) [m, rad]; the others as in
+            `p3dof.closed_loop.closure_kinds`: positions, then rotations. Couplings: q_joint - p(q_on)
+            [m or rad], where joints are continuous the nearest of the values that differ by whole turns.
 
         Raises
         ------
@@ -191,7 +198,10 @@ class LoopModel:
         return self._at(q).error.copy()
 
     def closure_jacobian(self, q: ArrayLike) -> FloatArray:
-        """Return the closures' Jacobian J: J v is the velocity of frame 2 seen from frame 1, in its axes.
+        """Return the Jacobian J of closures and couplings.
+
+        For ``3d`` and ``6d`` J v is the velocity of frame 2 seen from frame 1, in the axes of frame 1. It is
+        the derivative of `closure_error`; that of a ``6d`` where it is closed.
 
         Parameters
         ----------
@@ -230,8 +240,8 @@ class LoopModel:
             A frame's placement, or the values of the actuated joints [m or rad; an angle for a continuous
             joint]; without one the loops are only closed, by the shortest way.
         guess : (nq,) array, optional
-            Where to start; by default the neutral configuration. Others can fall into a wrong assembly, which
-            `same_assembly` of the result then tells.
+            Where to start; by default the reference configuration. Others can fall into a wrong assembly,
+            which `same_assembly` of the result then tells.
         tolerance : float
             Largest closure and target error that counts as closed [m or rad]. The iteration goes on to
             round-off whatever it is.
@@ -459,16 +469,6 @@ class LoopModel:
         a = frozen_array("a", a, (self.model.nv,))
         return energy_rate(self.model, self._data, q, v, a)
 
-    def _actuated_joint(self, name: str) -> int:
-        joints = [str(joint) for joint in self.model.names[1:]]
-        if name not in joints:
-            raise ModelError(f"actuated: the joint {name!r} does not exist; {suggestion(name, joints)}")
-        index = joints.index(name) + 1
-        if self.model.nvs[index] != 1:
-            got = self.model.nvs[index]
-            raise ModelError(f"actuated: expected joints with one degree of freedom, {name!r} has {got}")
-        return index
-
     def _configuration(self, name: str, q: ArrayLike) -> FloatArray:
         array = frozen_array(name, q, (self.model.nq,))
         if self.model.nq != self.model.nv and not pin.isNormalized(self.model, array, 1e-6):
@@ -481,7 +481,7 @@ class LoopModel:
         point = self._kinematics.at(self._configuration("q", q))
         if not point.gap <= largest_gap:
             raise InputError(
-                f"q: the closure {self._kinematics.worst(point.error)} is open by {point.gap:.3g} m or rad, "
+                f"q: the {self._kinematics.worst(point.error)} is open by {point.gap:.3g} m or rad, "
                 f"expected at most {largest_gap:g}; assemble(None, guess=q) closes it"
             )
         return point
@@ -506,7 +506,7 @@ class LoopModel:
         worst = max_abs(opening)
         if worst > allowed:
             raise InputError(
-                f"{name}: opens the closure {self._kinematics.worst(opening)} by {worst:.3g} (SI units), "
+                f"{name}: opens the {self._kinematics.worst(opening)} by {worst:.3g} (SI units), "
                 f"expected at most {allowed:.1g}; complete() finds motions that keep the loops closed"
             )
 

@@ -26,13 +26,14 @@ class ClosedLoopModel(LoopModel):
     model : pin.Model
         A tree. Its frames and joints must stay as they are; masses and gravity may be changed.
     sidecar : Sidecar
-        Loop closures and actuated joints.
+        Loop closures, couplings, actuated joints, and perhaps the reference configuration.
 
     Raises
     ------
     ModelError
         If a frame or joint that the sidecar names does not exist, both frames of a closure are on the same
-        body, or an actuated joint has not exactly one degree of freedom.
+        body, an actuated or coupled joint has not exactly one degree of freedom, a continuous joint is
+        coupled in a way that needs its turns counted, or the reference does not fit the joints.
 
     Notes
     -----
@@ -58,7 +59,7 @@ class ClosedLoopModel(LoopModel):
         velocity, acceleration : (N, size) array
             As in `complete`, of every sample.
         guess : (nq,) array, optional
-            Where all samples start; by default the neutral configuration.
+            Where all samples start; by default the reference configuration.
         near : (nq,) array, optional
             Where a sample that has to be treated alone starts first, while no other one is known.
         stop : bool

@@ -14,9 +14,10 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray
-from p3dof.closed_loop.batch.linear import apply, blocks, largest, skew
+from p3dof.closed_loop.batch.linear import apply, blocks, largest
 from p3dof.closed_loop.closure_joints import ClosureJoint
 from p3dof.closed_loop.linear import RANK_TOLERANCE
+from p3dof.closed_loop.rotations import skew
 
 IndexArray = NDArray[np.int_]
 
@@ -35,6 +36,8 @@ class Structure:
         What part of a closure's wrench each joint bears: 1 or -1 on either branch, 0 elsewhere.
     freedoms : (nv,) array of int
         The joint of each freedom.
+    along : (k,) array of bool
+        Which couplings act along lengths.
     size, length : float
         What compares moments with forces in (1) and in (2) [m].
     """
@@ -43,6 +46,7 @@ class Structure:
     ends: Sequence[tuple[int, pin.SE3, int, pin.SE3]]
     signs: FloatArray
     freedoms: IndexArray
+    along: NDArray[np.bool_]
     size: float
     length: float
 
@@ -61,6 +65,8 @@ class Loads:
         Unit motion of each freedom as a twist at the world's origin.
     R, p : (N, n + 1, 3, 3) and (N, n + 1, 3) array
         Axes and origins of the joints in the world; joint 0 is the world.
+    coupled : (N, k, nv) array
+        Rows of the couplings in the closures' Jacobian.
     rank : (N,) array of int
         Rank of the closures' Jacobian.
     tolerance : (N,) array
@@ -74,6 +80,7 @@ class Loads:
     J: FloatArray
     R: FloatArray
     p: FloatArray
+    coupled: FloatArray
     rank: IndexArray
     tolerance: FloatArray
     scale: FloatArray
@@ -152,7 +159,7 @@ class _Places:
     def __init__(self, structure: Structure, loads: Loads) -> None:
         self.structure, self.loads = structure, loads
         self.R1, self.p1 = self._frames(first=True)
-        self.R2, _ = self._frames(first=False)
+        self.R2, self.p2 = self._frames(first=False)
 
     def _frames(self, first: bool) -> tuple[FloatArray, FloatArray]:
         """Return axes (N, c, 3, 3) and origins (N, c, 3) of one frame of each closure."""
@@ -185,7 +192,13 @@ class _Places:
         return ranks
 
     def transmitted(self) -> tuple[FloatArray, FloatArray]:
-        """Return bases E (N, 6 c, k) of what the closures transmit, and (k,) which columns are forces."""
+        """Return bases E of what closures and couplings transmit, and which columns are forces.
+
+        Returns
+        -------
+        E : (N, 6 c + k, m) array
+        is_force : (m,) array
+        """
         count, closures = len(self.loads), len(self.structure.ends)
         columns: list[FloatArray] = [np.zeros((count, 6 * closures, 0))]
         forces: list[FloatArray] = [np.zeros(0)]
@@ -193,25 +206,38 @@ class _Places:
             s, Vt = self.free(c)
             rank = int(_ranks(s[:1], np.array([RANK_TOLERANCE]))[0])
             moments = np.swapaxes(Vt[:, rank:], -1, -2)
-            block = np.zeros((count, 6 * closures, 3 + moments.shape[-1]))
-            block[:, 6 * c : 6 * c + 3, :3], block[:, 6 * c + 3 : 6 * c + 6, 3:] = np.eye(3), moments
+            d = apply(np.swapaxes(self.R1[:, c], -1, -2), self.p2[:, c] - self.p1[:, c])
+            along = self.structure.joints[c].forces(d)
+            k = along.shape[-1]
+            block = np.zeros((count, 6 * closures, k + moments.shape[-1]))
+            block[:, 6 * c : 6 * c + 3, :k], block[:, 6 * c + 3 : 6 * c + 6, k:] = along, moments
             columns.append(block)
-            forces.append(np.array([1.0] * 3 + [0.0] * moments.shape[-1]))
-        return np.concatenate(columns, axis=-1), np.concatenate(forces)
+            forces.append(np.array([1.0] * k + [0.0] * moments.shape[-1]))
+        E, coupled = np.concatenate(columns, axis=-1), self.structure.along
+        if not len(coupled):
+            return E, np.concatenate(forces)
+        both = np.zeros((count, E.shape[1] + len(coupled), E.shape[2] + len(coupled)))
+        both[:, : E.shape[1], : E.shape[2]] = E
+        both[:, E.shape[1] :, E.shape[2] :] = np.eye(len(coupled))
+        return both, np.concatenate([*forces, coupled])
 
     def jacobian_transposed(self) -> FloatArray:
-        """Return Jᵀ (N, nv, 6 c) of whole wrenches."""
+        """Return Jᵀ (N, nv, 6 c + k) of whole wrenches, then of couplings."""
         J, signs = self.loads.J, self.structure.signs[:, self.structure.freedoms]
         parts: list[FloatArray] = [np.zeros((len(J), J.shape[-1], 0))]
         for c in range(len(signs)):
             dual = _dual(self.R1[:, c], self.p1[:, c])
             parts.append(-np.swapaxes(signs[c] * J, -1, -2) @ dual)
+        parts.append(np.swapaxes(self.loads.coupled, -1, -2))
         return np.concatenate(parts, axis=-1)
 
     def to_joints(self) -> FloatArray:
-        """Return what the closures' wrenches, unit by unit, add to each joint of the tree, (N, 6 n, 6 c)."""
+        """Return what wrenches of closures, unit by unit, add to each joint of the tree, (N, 6 n, 6 c + k).
+
+        A coupling adds nothing: it acts along freedoms, where the motion tells the total.
+        """
         bodies, closures = self.loads.tree.shape[1], len(self.structure.ends)
-        T = np.zeros((len(self.loads), 6 * bodies, 6 * closures))
+        T = np.zeros((len(self.loads), 6 * bodies, 6 * closures + len(self.structure.along)))
         for c, i in np.argwhere(self.structure.signs[:, 1:]):
             axes = np.swapaxes(self.loads.R[:, i + 1], -1, -2)
             apart = apply(axes, self.p1[:, c] - self.loads.p[:, i + 1])
@@ -223,6 +249,7 @@ class _Places:
 def _solve_alike(place: _Places, where: IndexArray, result: Solved) -> None:
     """Solve samples whose closures transmit alike, and enter them into a result."""
     structure, loads = place.structure, place.loads
+    wrenched = 6 * len(structure.ends)
     A, T = place.jacobian_transposed(), place.to_joints()
     E, is_force = place.transmitted()
     E = E * np.where(is_force > 0, 1.0, structure.size)
@@ -236,10 +263,10 @@ def _solve_alike(place: _Places, where: IndexArray, result: Solved) -> None:
         some = apply(E[alike] @ np.swapaxes(Vt[alike, :r], -1, -2), b / s[alike, :r])
         null = E[alike] @ np.swapaxes(open_, -1, -2)
         tree = loads.tree[alike].reshape(len(alike), -1)
-        change = np.concatenate([T[alike] @ null, null], axis=1)
+        change = np.concatenate([T[alike] @ null, null[:, :wrenched]], axis=1)
         wrenches = some - apply(null, _steps(structure, tree, T[alike], some, change))
         at = where[alike]
-        total = np.concatenate([tree + apply(T[alike], wrenches), wrenches], axis=1)
+        total = np.concatenate([tree + apply(T[alike], wrenches), wrenches[:, :wrenched]], axis=1)
         result.wrenches[at] = total.reshape(len(alike), -1, 6)
         result.moves[at] = np.linalg.norm(change, axis=-1).reshape(len(alike), -1, 2, 3)
         result.rank[at], result.undetermined[at] = r, null.shape[-1]
@@ -256,7 +283,11 @@ def _steps(
     if change.shape[-1] == 0:
         return np.zeros((len(change), 0))
     weight = np.tile([1.0] * 3 + [1.0 / structure.length] * 3, change.shape[1] // 6)
-    all_ = np.concatenate([tree + apply(T, some), some], axis=1)
+    wrenched = some.shape[1] - len(structure.along)
+    all_ = np.concatenate([tree + apply(T, some), some[:, :wrenched]], axis=1)
+    if wrenched < some.shape[1]:  # changes of couplings alone move nothing here, and stay out
+        inverse = np.linalg.pinv(weight[:, None] * change, rcond=RANK_TOLERANCE)
+        return apply(np.asarray(inverse, dtype=np.float64), weight * all_)
     Q, R = np.linalg.qr(weight[:, None] * change)
     return np.asarray(np.linalg.solve(R, np.swapaxes(Q, -1, -2) @ (weight * all_)[..., None])[..., 0])
 

@@ -5,10 +5,11 @@ tips to the root (the data.f of Pinocchio's RNEA). The closures' wrenches themse
 
     A w = rnea(q, v, a) - Σ Jeᵀ we - B τ - joint_forces,    A = Jᵀ        (1)
 
-where J has a row for every force and moment that the closures can transmit. How they are built decides which
-moments these are (`ClosureJoint`). Where the closures hold the mechanism more often than needed, (1) leaves
-some of w open, and with it the reactions of the joints between the closures: rigid bodies do not tell them.
-Every component is marked as determined or not. Of all solutions the one is taken in which
+where J has a row for every force and moment that the closures can transmit. How they are built decides
+which these are (`ClosureJoint`). Couplings have a row each, too; their forces act along the freedoms of two
+joints. Where the closures hold the mechanism more often than needed, (1) leaves some of w open, and with it
+the reactions of the joints between the closures: rigid bodies do not tell them. Every component is marked
+as determined or not. Of all solutions the one is taken in which
 
     Σ |f|² + |m|² / ℓ²    over all joints and closures                                (2)
 
@@ -63,8 +64,8 @@ class JointReactions:
     predecessor exerts on the successor: at a joint of the tree the parent's side on the child's, at the
     joint's origin and in the joint's axes, those of the child's link; at a closure the body of `frame1` on
     the body of `frame2`, at the origin and in the axes of `frame1` (as the multipliers of `InverseDynamics`).
-    It is the total: along the freedoms of a joint lie the forces of its actuator and of `joint_forces`, less
-    what its rotor (`model.armature`) takes.
+    It is the total: along the freedoms of a joint lie the forces of its actuator, of couplings and of
+    `joint_forces`, less what its rotor (`model.armature`) takes.
 
     Parameters
     ----------
@@ -137,6 +138,7 @@ class State:
     tree: FloatArray
     J: FloatArray
     placements: FloatArray
+    coupled: FloatArray
     rank: int
     tolerance: float
     scale: float
@@ -154,7 +156,7 @@ class ReactionSolver:
         The robot. Its masses and gravity are read at every call.
     joints : sequence of ClosureJoint, optional
         How each closure is built, in the sidecar's order; without it the closures transmit just what they
-        prescribe: a ``3d`` is a ball joint, a ``6d`` a rigid connection.
+        prescribe: a ``3d`` is a ball joint, a ``6d`` a rigid connection, and so on.
     length : float, optional
         What compares moments with forces where a choice is made, ℓ in (2) [m]; a twentieth of the longest
         link by default, about the span of a bearing.
@@ -272,6 +274,7 @@ class ReactionSolver:
             tree,
             np.array(self._kinematics.data.J).reshape(6, model.nv),  # Pinocchio flattens one column
             self._placements.copy(),
+            point.J[self._kinematics.coupled],
             point.svd.rank,
             point.rank_tolerance,
             max_abs(given),
@@ -286,9 +289,9 @@ class ReactionSolver:
             If the closures' joints block a free motion of the loops, or leave one that the loops block.
         """
         stacks = [np.array(column) for column in zip(*states, strict=True)]
-        missing, tree, J, placements, rank, tolerance, scale = stacks
+        missing, tree, J, placements, coupled, rank, tolerance, scale = stacks
         R, p = placed(placements)
-        found = solve(self._structure, Loads(missing, tree, J, R, p, rank, tolerance, scale))
+        found = solve(self._structure, Loads(missing, tree, J, R, p, coupled, rank, tolerance, scale))
         for wrong in np.flatnonzero(found.rank != rank).tolist():
             free = missing.shape[1] - np.array([found.rank[wrong], rank[wrong]])
             raise ModelError(f"joints: they leave {free[0]} free motions, the loops have {free[1]}")
@@ -314,13 +317,13 @@ class ReactionSolver:
         point = self._kinematics.at(np.array(q, dtype=float))
         if not point.gap <= CLOSED:
             raise InputError(
-                f"q: the closure {self._kinematics.worst(point.error)} is open by {point.gap:.3g} m or rad, "
+                f"q: the {self._kinematics.worst(point.error)} is open by {point.gap:.3g} m or rad, "
                 f"expected at most {CLOSED:g}; assemble(None, guess=q) closes it"
             )
         opening = point.J @ v
         if max_abs(opening) > (CONSISTENT + 100.0 * point.gap) * max(1.0, max_abs(v)):
             raise InputError(
-                f"v: opens the closure {self._kinematics.worst(opening)} by {max_abs(opening):.3g} (SI units)"
+                f"v: opens the {self._kinematics.worst(opening)} by {max_abs(opening):.3g} (SI units)"
             )
         return point
 
@@ -350,7 +353,8 @@ class ReactionSolver:
         ends = [(f.parentJoint, f.placement, g.parentJoint, g.placement) for f, g in self._ends]
         signs = np.array([self._passes(*pair) for pair in self._ends]).reshape(-1, model.njoints)
         freedoms = np.repeat(np.arange(model.njoints), model.nvs)
-        return Structure(self.joints, ends, signs, freedoms, self._size, self.length)
+        along = self._kinematics.lengths[self._kinematics.couplings.following]
+        return Structure(self.joints, ends, signs, freedoms, along, self._size, self.length)
 
     def _longest_link(self) -> float:
         """Return the length that compares moments with forces in (1): the longest arm within a body [m]."""

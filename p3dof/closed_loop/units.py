@@ -20,9 +20,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.assembly import Assembly, State
+from p3dof.closed_loop.closure_kinds import lengths_of
 from p3dof.closed_loop.coordinates import length_coordinates
 from p3dof.closed_loop.dynamics import ForwardDynamics, InverseDynamics
-from p3dof.closed_loop.sidecar import Sidecar
+from p3dof.closed_loop.sidecar import Coupling, Sidecar
 from p3dof.closed_loop.targets import FrameTarget
 from p3dof.errors import AssemblyError, DynamicsError, InputError, P3dofError
 
@@ -47,10 +48,12 @@ class Units:
         power = round(math.log2(size) / _STEP) if known and size > 0 else 0
         self.length = 2.0 ** (_STEP * power)
         """The unit of length [m]."""
-        kinds = [closure.kind for closure in sidecar.closures]
-        spatial = [[True] * 3 if kind == "3d" else [True] * 3 + [False] * 3 for kind in kinds]
-        self.rows = np.array([entry for rows in spatial for entry in rows], dtype=bool)
-        """Which rows of the closures are lengths."""
+        joints = [i for i in range(1, model.njoints) if model.nvs[i] == 1]
+        self._slides = {str(model.names[i]): bool(self.v[model.idx_vs[i]]) for i in joints}
+        rows = [is_length for closure in sidecar.closures for is_length in lengths_of(closure.kind)]
+        rows += [self._slides[coupling.joint] for coupling in sidecar.couplings]
+        self.rows = np.array(rows, dtype=bool)
+        """Which rows of closures and couplings are lengths."""
 
     def motion(self, lengths: NDArray[np.bool_]) -> FloatArray:
         """Return the units [m, rad] of coordinates, some of which are lengths."""
@@ -79,6 +82,29 @@ class Units:
         copy.gravity.linear = model.gravity.linear / u
         copy.armature = np.asarray(model.armature) / np.where(self.v, 1.0, u**2)
 
+    def sidecar(self, model: pin.Model, sidecar: Sidecar) -> Sidecar:
+        """Return the sidecar of the scaled copy of a model."""
+        reference: dict[str, Any] = {}
+        for name, value in (sidecar.reference or {}).items():
+            i = model.getJointId(name)
+            lengths = self.q[model.idx_qs[i] : model.idx_qs[i] + model.nqs[i]]
+            reference[name] = np.asarray(value) / (self.motion(lengths) if lengths.any() else 1.0)
+        return replace(
+            sidecar,
+            closures=tuple(
+                replace(closure, length=None if closure.length is None else closure.length / self.length)
+                for closure in sidecar.closures
+            ),
+            couplings=tuple(self._coupling(coupling) for coupling in sidecar.couplings),
+            reference=reference or None,
+        )
+
+    def _coupling(self, coupling: Coupling) -> Coupling:
+        ends = coupling.joint, coupling.on
+        unit, on = (self.length if name and self._slides[name] else 1.0 for name in ends)
+        powers = np.arange(len(coupling.coefficients))
+        return replace(coupling, coefficients=tuple(np.array(coupling.coefficients) * on**powers / unit))
+
     def _placement(self, M: pin.SE3) -> pin.SE3:
         return pin.SE3(M.rotation, M.translation / self.length)
 
@@ -87,7 +113,8 @@ def _size(model: pin.Model, sidecar: Sidecar) -> float:
     """Return the longest distance between a joint's origin and what the model fixes to it [m]."""
     ends = {frame for closure in sidecar.closures for frame in (closure.frame1, closure.frame2)}
     placements = [*model.jointPlacements, *(frame.placement for frame in model.frames if frame.name in ends)]
-    return max((float(np.linalg.norm(M.translation)) for M in placements), default=0.0)
+    rods = [closure.length for closure in sidecar.closures if closure.length is not None]
+    return max((*(float(np.linalg.norm(M.translation)) for M in placements), *rods), default=0.0)
 
 
 class Core(Protocol):
@@ -267,7 +294,7 @@ class ScaledModel(Generic[CoreT_co]):
 
 
 def scaled(
-    model: pin.Model, sidecar: Sidecar, build: Callable[[pin.Model], CoreT_co]
+    model: pin.Model, sidecar: Sidecar, build: Callable[[pin.Model, Sidecar], CoreT_co]
 ) -> ScaledModel[CoreT_co] | None:
     """Return a model in its own unit of length; None if that is the metre.
 
@@ -278,14 +305,16 @@ def scaled(
     sidecar : Sidecar
         Its closures.
     build : callable
-        Makes a `LoopModel` of the scaled tree.
+        Makes a `LoopModel` of the scaled tree and its sidecar.
 
     Returns
     -------
     ScaledModel, optional
     """
     units = Units(model, sidecar)
-    return None if units.length == 1.0 else ScaledModel(units, model, build(units.scaled(model)))
+    if units.length == 1.0:
+        return None
+    return ScaledModel(units, model, build(units.scaled(model), units.sidecar(model, sidecar)))
 
 
 def _read_only(array: FloatArray) -> FloatArray:

@@ -16,15 +16,8 @@ import numpy as np
 import pinocchio as pin
 
 from p3dof.checks import FloatArray
-from p3dof.closed_loop.batch.kinematics import (
-    Frames,
-    Pair,
-    RelativeRows,
-    Samples,
-    Sweep,
-    closure_errors,
-    closure_pairs,
-)
+from p3dof.closed_loop.batch.closures import ClosureRows
+from p3dof.closed_loop.batch.kinematics import Frames, Pair, Samples, Sweep
 from p3dof.closed_loop.batch.linear import BoolArray, IndexArray, apply, independent_rows, inverse, largest
 from p3dof.closed_loop.closures import LoopKinematics
 
@@ -120,7 +113,7 @@ class BatchSystem:
 
     def __init__(self, kinematics: LoopKinematics, sweep: Sweep, goals: Goals) -> None:
         self.kinematics, self.sweep, self.goals = kinematics, sweep, goals
-        self.relative = RelativeRows(sweep, [*closure_pairs(kinematics), *goals.pairs])
+        self.closures = ClosureRows(kinematics, sweep, goals.pairs)
         self.chosen: IndexArray = np.arange(0)
         self.others: IndexArray = np.arange(0)
 
@@ -134,7 +127,7 @@ class BatchSystem:
         """
         closures, nv = self.kinematics.size, self.sweep.model.nv
         samples = self.sweep.at(q[None])
-        J = self.jacobian(samples, self.relative.frames(samples))[0]
+        J = self.jacobian(q[None], samples, self.closures.frames(samples))[0]
         first = independent_rows(J[:closures], rank)
         rest = independent_rows(J, nv - rank, first)
         if len(first) + len(rest) < nv:
@@ -143,17 +136,19 @@ class BatchSystem:
         self.others = np.setdiff1d(np.arange(len(J)), self.chosen)
         return True
 
-    def jacobian(self, samples: Samples, frames: Frames, last: FloatArray | None = None) -> FloatArray:
-        """Return the Jacobian (n, rows + size, nv); `last` as for `RelativeRows`."""
-        J = self.relative.jacobian(samples, frames, last)
+    def jacobian(
+        self, q: FloatArray, samples: Samples, frames: Frames, last: FloatArray | None = None
+    ) -> FloatArray:
+        """Return the Jacobian (n, rows + size, nv) at q (n, nq); `last` as for `RelativeRows`."""
+        J = self.closures.jacobian(q, samples, frames, last)
         constant = self.goals.rows
         if not len(constant):
             return J
         return np.concatenate((J, np.broadcast_to(constant, (len(J), *constant.shape))), axis=1)
 
-    def drift(self, samples: Samples, v: FloatArray) -> FloatArray:
+    def drift(self, q: FloatArray, samples: Samples, v: FloatArray) -> FloatArray:
         """Return the accelerations (n, rows + size) of closures and target at zero joint acceleration."""
-        drift = self.relative.drift(samples, self.relative.frames(samples), v)
+        drift = self.closures.drift(q, samples, self.closures.frames(samples), v)
         return np.concatenate((drift, np.zeros((len(v), len(self.goals.rows)))), axis=1)
 
     def at(self, q: FloatArray, which: IndexArray, velocities: bool = False) -> Points:
@@ -163,10 +158,10 @@ class BatchSystem:
         the same where a target's rotation agrees in all its components.
         """
         samples = self.sweep.at(q)
-        frames = self.relative.frames(samples)
+        frames = self.closures.frames(samples)
         error, last = self.goals.error(q, frames, which)
-        J = self.jacobian(samples, frames, None if velocities else last)
-        r = np.concatenate((closure_errors(self.kinematics, frames), error), axis=1)
+        J = self.jacobian(q, samples, frames, None if velocities else last)
+        r = np.concatenate((self.closures.errors(q, frames), error), axis=1)
         return Points(q, r, J, inverse(J[:, self.chosen]))
 
     def influence(self, K: FloatArray) -> FloatArray:

@@ -16,14 +16,14 @@ import numpy as np
 import pinocchio as pin
 
 from p3dof.checks import FloatArray
-from p3dof.closed_loop.batch.kinematics import RelativeRows, Samples, Sweep, closure_errors, closure_pairs
+from p3dof.closed_loop.batch.closures import ClosureRows
+from p3dof.closed_loop.batch.kinematics import Samples, Sweep
 from p3dof.closed_loop.batch.linear import (
     FEW,
     BoolArray,
     IndexArray,
     apply,
     blocks,
-    cross,
     independent_rows,
     inverse,
     largest,
@@ -33,6 +33,7 @@ from p3dof.closed_loop.closures import LoopKinematics
 from p3dof.closed_loop.coordinates import rounding
 from p3dof.closed_loop.linear import RANK_TOLERANCE
 from p3dof.closed_loop.loop_model import LoopModel
+from p3dof.closed_loop.rotations import cross
 from p3dof.errors import InputError, P3dofError
 
 WELL = 1e6
@@ -98,7 +99,7 @@ class BatchDynamics:
     def __init__(self, loop: LoopModel, kinematics: LoopKinematics) -> None:
         self._loop, self._kinematics = loop, kinematics
         self._sweep = Sweep(loop.model)
-        self._closures = RelativeRows(self._sweep, closure_pairs(kinematics))
+        self._closures = ClosureRows(kinematics, self._sweep)
         self._passive = np.setdiff1d(np.arange(loop.model.nv), loop.actuated_v)
 
     def inverse_dynamics(
@@ -199,9 +200,9 @@ class BatchDynamics:
     ) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Return the closures' Jacobian, their errors, and whether the motion keeps them closed."""
         frames = self._closures.frames(samples)
-        J, errors = self._closures.jacobian(samples, frames), closure_errors(self._kinematics, frames)
+        J, errors = self._closures.jacobian(q, samples, frames), self._closures.errors(q, frames)
         opening = apply(J, v)
-        faster = apply(J, a) + self._closures.drift(samples, frames, v)
+        faster = apply(J, a) + self._closures.drift(q, samples, frames, v)
         size = largest(v)
         fits = largest(errors) <= np.maximum(_TIGHT, rounding(q))
         fits &= largest(opening) <= CONSISTENT * np.maximum(1.0, size)

@@ -9,7 +9,8 @@ import pinocchio as pin
 
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.batch.kinematics import Sweep
-from p3dof.closed_loop.batch.linear import apply, cross
+from p3dof.closed_loop.batch.linear import apply
+from p3dof.closed_loop.rotations import cross
 
 
 @dataclass(frozen=True, eq=False)

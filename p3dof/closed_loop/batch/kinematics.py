@@ -14,12 +14,14 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray
-from p3dof.closed_loop.batch.linear import apply, cross, rotation_vector, turned_rates
-from p3dof.closed_loop.closures import LoopKinematics
+from p3dof.closed_loop.batch.linear import apply
+from p3dof.closed_loop.rotations import cross
 from p3dof.errors import ModelError
 
 _LAYOUT = 12
 """Numbers in a `pin.SE3`: the rotation by columns, then the translation."""
+_STEADY = ("FreeFlyer", "Planar", "Spherical", "Translation")
+"""Joints of several freedoms whose axes do not turn within the joint, after `JointModel`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +33,8 @@ class Samples:
     J : (N, 6, nv) array
         Column k: the spatial velocity that a unit rate of freedom k gives the bodies behind it.
     J_dot : (N, 6, nv) array
-        The time derivative of `J`; empty without velocities.
+        The time derivative of `J`; empty without velocities. Where a joint's own axes turn with it, as those
+        of a universal joint, only its product with the velocity is right.
     R : (N, njoints, 3, 3) array
         Axes of the bodies, as columns, in the world; joint 0 is the world itself.
     p : (N, njoints, 3) array
@@ -68,6 +71,8 @@ class Sweep:
         self._placements = shared_placements(self._data)
         shapes = (model.nv, 6), (model.nv, 6), (model.njoints * _LAYOUT,)
         self._room = [np.empty((0, *shape)) for shape in shapes]
+        names = [model.joints[i].shortname().removeprefix("JointModel") for i in range(1, model.njoints)]
+        self._unsteady = [i for i, n in enumerate(names, 1) if model.nvs[i] > 1 and n not in _STEADY]
         self.behind = np.zeros((model.njoints, model.nv))
         """Entry (i, k): 1 if freedom k moves body i, else 0."""
         for i in range(model.njoints):
@@ -92,8 +97,18 @@ class Sweep:
             compute(model, data, q_i, v_i)
             J_i[:] = self._J
             J_dot_i[:] = self._J_dot
+            for i in self._unsteady:
+                self._turn_axes(i, v_i, J_dot_i)
             placements_i[:] = self._placements
         return self._samples(J, J_dot, placements)
+
+    def _turn_axes(self, joint: int, v: FloatArray, J_dot: FloatArray) -> None:
+        """Add to J_dot (nv, 6) what Pinocchio leaves out of it: that a joint's own axes turn, Ṡ v."""
+        freedoms = slice(self.model.idx_vs[joint], self.model.idx_vs[joint] + self.model.nvs[joint])
+        rate, square = v[freedoms], v[freedoms] @ v[freedoms]
+        if square > 0:
+            bias = self._data.oMi[joint].act(self._data.joints[joint].c).vector
+            J_dot[freedoms] += np.outer(rate / square, bias)
 
     def twists(self, J: FloatArray, v: FloatArray, joints: Sequence[int] | slice = slice(None)) -> FloatArray:
         """Return Σ J_k v_k over the freedoms behind some joints' bodies.
@@ -227,31 +242,6 @@ class RelativeRows:
         if last is not None:
             X[:, -1, 3:, 3:] = last
         return np.asarray(X.reshape(count, 6 * pairs, 6)[:, self._rows])
-
-
-def closure_pairs(kinematics: LoopKinematics) -> list[Pair]:
-    """Return the closures of a model as pairs: a ``3d`` follows the point at frame 2, a ``6d`` at frame 1."""
-    pairs = []
-    for constraint, closure in zip(kinematics.constraint_models, kinematics.closures, strict=True):
-        anchor = constraint.extract()
-        placements = anchor.joint1_placement.copy(), anchor.joint2_placement.copy()
-        ends = (anchor.joint1_id, placements[0], anchor.joint2_id, placements[1])
-        pairs.append(Pair(ends, tuple(range(closure.rows)), closure.kind == "6d"))
-    return pairs
-
-
-def closure_errors(kinematics: LoopKinematics, frames: Frames) -> FloatArray:
-    """Return how far the closures are open (N, rows), the first pairs of `frames` being the closures."""
-    errors = np.zeros((len(frames.p1), kinematics.size))
-    for i, (closure, rows) in enumerate(zip(kinematics.closures, kinematics.rows, strict=True)):
-        axes = np.swapaxes(frames.R1[:, i], -1, -2)
-        apart = apply(axes, frames.p2[:, i] - frames.p1[:, i])
-        if closure.kind == "3d":
-            errors[:, rows] = apart
-        else:
-            turn = rotation_vector(axes @ frames.R2[:, i])
-            errors[:, rows] = np.concatenate((apply(turned_rates(turn), apart), turn), axis=-1)
-    return errors
 
 
 def _stack(arrays: Sequence[FloatArray], shape: tuple[int, ...]) -> FloatArray:

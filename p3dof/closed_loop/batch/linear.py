@@ -16,56 +16,6 @@ BLOCK = 1024
 """Samples that are treated together: enough to make calls cheap, few enough for the processor's cache."""
 FEW = 8
 """Fewer samples than this are treated one by one, which is as fast."""
-_FAR_TURN = -0.99
-"""Cosine of the largest rotation whose vector is taken; beyond it is NaN."""
-
-
-def rotation_vector(R: FloatArray) -> FloatArray:
-    """Return log3 of rotations (..., 3, 3) as (..., 3) [rad]; NaN for those of more than 170°."""
-    s = 0.5 * np.stack(
-        (R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]), axis=-1
-    )
-    sine = np.sqrt(np.sum(s * s, axis=-1))
-    cosine = 0.5 * (np.trace(R, axis1=-2, axis2=-1) - 1.0)
-    angle = np.arctan2(sine, cosine)
-    factor = np.where(sine > 1e-8, angle / np.maximum(sine, 1e-8), 1.0)
-    return np.asarray(s * np.where(cosine > _FAR_TURN, factor, np.nan)[..., None])
-
-
-def turned_rates(turn: FloatArray) -> FloatArray:
-    """Return the matrices (..., 3, 3) from ω to the rate of the rotation vector of E, where dE/dt = ω × E.
-
-    Parameters
-    ----------
-    turn : (..., 3) array
-        The rotation vector φ of E [rad].
-
-    Notes
-    -----
-    The inverse of the left Jacobian of SO(3), 1 - [φ]/2 + (1/φ² - (1 + cos φ)/(2 φ sin φ)) [φ]².
-    """
-    square = np.sum(turn * turn, axis=-1)
-    angle = np.sqrt(np.maximum(square, 1e-4))
-    exact = 1.0 / angle**2 - (1.0 + np.cos(angle)) / (2.0 * angle * np.sin(angle))
-    factor = np.where(square > 1e-4, exact, 1.0 / 12.0 + square / 720.0)
-    across = skew(turn)
-    return np.asarray(np.eye(3) - 0.5 * across + factor[..., None, None] * (across @ across))
-
-
-def skew(a: FloatArray) -> FloatArray:
-    """Return the matrices (..., 3, 3) of the cross product with a (..., 3)."""
-    result = np.zeros((*a.shape, 3))
-    result[..., 0, 1], result[..., 0, 2] = -a[..., 2], a[..., 1]
-    result[..., 1, 0], result[..., 1, 2] = a[..., 2], -a[..., 0]
-    result[..., 2, 0], result[..., 2, 1] = -a[..., 1], a[..., 0]
-    return result
-
-
-def cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return a × b (..., 3)."""
-    x, y, z = (a[..., i] for i in range(3))
-    u, v, w = (b[..., i] for i in range(3))
-    return np.stack((y * w - z * v, z * u - x * w, x * v - y * u), axis=-1)
 
 
 def apply(A: FloatArray, x: FloatArray) -> FloatArray:

@@ -161,7 +161,7 @@ class BatchAssembler:
             good &= redundant(J[:, : self._kinematics.size], K[:, :, start.rank :], norms(B[:, start.rank :]))
             v, fits = _solution(system, J, K, np.zeros((len(q), self._kinematics.size)), velocity)
             good &= fits
-            drift = system.drift(self._sweep.moving(q, v), v)
+            drift = system.drift(q, self._sweep.moving(q, v), v)
             closures, target = np.split(-drift, [self._kinematics.size], axis=1)
             a, fits = _solution(system, J, K, closures, acceleration + target)
             good &= fits
@@ -189,7 +189,7 @@ def complete_near(
     near : (nq,) array, optional
         Where to start.
     guess : (nq,) array, optional
-        Where to start then; the neutral configuration by default.
+        Where to start then; the reference configuration by default.
 
     Returns
     -------

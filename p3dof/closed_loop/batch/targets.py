@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray, frozen_array
 from p3dof.closed_loop.batch.kinematics import Frames, Pair
-from p3dof.closed_loop.batch.linear import IndexArray, rotation_vector, turned_rates
+from p3dof.closed_loop.batch.linear import IndexArray
 from p3dof.closed_loop.closures import LoopKinematics
+from p3dof.closed_loop.rotations import rotation_vector, turned_rates
 from p3dof.closed_loop.targets import FrameTarget
 from p3dof.errors import InputError
 
