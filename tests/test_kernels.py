@@ -240,6 +240,11 @@ def test_packed_records_are_served(level):
     np.testing.assert_allclose(found, expected, rtol=1e-13)
     assert dynamics.sliders(kernels, records["pose"]).shape == (10, 3)
     assert dynamics.forces(kernels, records["pose"][3], HOME, HOME).shape == (3,)
+    loads = np.zeros(10, [("mark", "u1"), ("wrench", "<f8", (6,))])
+    loads["wrench"] = np.linspace(-5, 5, 60).reshape(10, 6)
+    expected = virtual_power_forces(p3dof.PAPER, records["pose"], records["rate"], HOME, loads["wrench"])
+    found = dynamics.forces(kernels, records["pose"], records["rate"], HOME, loads["wrench"])
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize(

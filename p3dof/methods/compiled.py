@@ -230,7 +230,10 @@ def _loads(kernels: MachineKernels, states: States, friction: bool) -> list[Floa
     if states.wrench is None and not friction:
         return None
     rows = states.rows()
-    found = None if rows.wrench is None else [rows.wrench[:, row] for row in WRENCH_ROWS]
+    found = None
+    if rows.wrench is not None:
+        wrench = _aligned(rows.wrench)
+        found = [wrench[:, row] for row in WRENCH_ROWS]
     if not friction:
         return found
     lost = losses(kernels.parameters, _aligned(rows.pose), _aligned(rows.velocity)).T
