@@ -7,6 +7,7 @@ margin tells.) Which of the states are out of reach or singular is for every met
 
 from __future__ import annotations
 
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,15 @@ from p3dof.samples import OnInvalid, check_policy, raise_not_finite, wrench_like
 
 _ZERO = np.zeros(3)
 _ZERO.setflags(write=False)
+_ZEROS = np.broadcast_to(_ZERO, (2**30, 3))
+"""Rows of zero, which take no memory: a part of these is quicker made than new ones."""
+
+_ARRAYS = ("pose", "velocity", "acceleration", "forces")
+_GIVEN = {
+    absent: ("pose", *(name for name, no in zip(_ARRAYS[1:], absent, strict=True) if not no))
+    for absent in product((False, True), repeat=3)
+}
+"""Names of what is given, by what is not."""
 
 
 class States(NamedTuple):
@@ -138,12 +148,7 @@ def states_of(
     speeds = _ZERO if velocity is None else batch_of("velocity", velocity, 3)
     rates = _ZERO if acceleration is None else batch_of("acceleration", acceleration, 3)
     driving = _ZERO if forces is None else batch_of("forces", forces, 3)
-    if velocity is None:
-        given: tuple[str, ...] = ("pose",)
-    elif acceleration is not None:
-        given = ("pose", "velocity", "acceleration")
-    else:
-        given = ("pose", "velocity") if forces is None else ("pose", "velocity", "forces")
+    given = _GIVEN[velocity is None, acceleration is None, forces is None]
     if not poses.shape == speeds.shape == rates.shape == driving.shape:
         poses, speeds, rates, driving = _broadcast(given, poses, speeds, rates, driving)
     loads = None if wrench is None else wrench_like(wrench, poses.shape[:-1], on_invalid)
@@ -178,9 +183,16 @@ def states_over(motion: Motion, wrench: WrenchOverTime = None, on_invalid: OnInv
 
 
 def _broadcast(given: tuple[str, ...], *arrays: FloatArray) -> tuple[FloatArray, ...]:
-    try:
-        return tuple(np.broadcast_arrays(*arrays))
-    except ValueError as error:
-        asked = dict(zip(("pose", "velocity", "acceleration", "forces"), arrays, strict=True))
-        shapes = ", ".join(str(asked[name].shape) for name in given)
-        raise InputError(f"{', '.join(given)}: expected shapes that fit each other, got {shapes}") from error
+    """Return arrays of one shape, that of those that were given."""
+    asked = {name: array for name, array in zip(_ARRAYS, arrays, strict=True) if name in given}
+    if len({array.shape for array in asked.values()}) > 1:
+        try:
+            asked = dict(zip(asked, np.broadcast_arrays(*asked.values()), strict=True))
+        except ValueError as error:
+            shapes = ", ".join(str(array.shape) for array in asked.values())
+            words = f"{', '.join(given)}: expected shapes that fit each other, got {shapes}"
+            raise InputError(words) from error
+    shape = asked["pose"].shape
+    plain = len(shape) == 2 and shape[0] <= len(_ZEROS)
+    rest = _ZEROS[: shape[0]] if plain else np.broadcast_to(_ZERO, shape)
+    return tuple(asked.get(name, rest) for name in _ARRAYS)
