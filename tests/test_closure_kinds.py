@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+
 import closed_loop_robots as robots
 import numpy as np
 import pinocchio as pin
@@ -11,6 +14,8 @@ from p3dof.closed_loop import ClosedLoopModel, Closure, Coupling, Sidecar
 from p3dof.closed_loop.batch.closures import ClosureRows
 from p3dof.closed_loop.batch.kinematics import Sweep
 from p3dof.closed_loop.constraints import KINDS
+from p3dof.closed_loop.reactions import loop_reactions
+from p3dof.errors import InputError
 
 ROD = 0.45
 AXES = np.eye(3)
@@ -138,3 +143,278 @@ def test_many_configurations_of_every_kind_are_each(seed):
         np.testing.assert_allclose(errors[i], point.error, rtol=0, atol=1e-12)
         k.move(moved[i], v[i])
         np.testing.assert_allclose(drift[i], k.acceleration(), rtol=0, atol=1e-12 * np.abs(drift[i]).max())
+
+
+# --- the same machine built otherwise -----------------------------------------------------------------------
+
+MASSLESS = {
+    "hinge": [pin.JointModelRZ()],
+    "slider": [pin.JointModelPZ()],
+    "universal": [pin.JointModelRX(), pin.JointModelRY()],
+    "cylindrical": [pin.JointModelPZ(), pin.JointModelRZ()],
+    "planar": [pin.JointModelPX(), pin.JointModelPY(), pin.JointModelRZ()],
+    "distance": [pin.JointModelRX(), pin.JointModelRY()],
+}
+"""Joints between frame 1 and a massless body that does what the closure lets frame 2 do."""
+
+
+def spatial_loop(seed: int, massless: list[pin.JointModel], rod: float = 0.0) -> pin.Model:
+    """A branch of two joints with frame `one`, massless joints behind it; an arm of seven with frame `two`.
+
+    The massless body has the frame `end`, at the end of the rod.
+    """
+    generator, model = np.random.default_rng(seed), pin.Model()
+
+    def add(parent: int, kind: str, name: str) -> int:
+        axis = generator.normal(size=3)
+        index = model.addJoint(parent, JOINTS[kind](axis / np.linalg.norm(axis)), place(generator), name)
+        model.appendBodyToJoint(index, solid(generator), pin.SE3.Identity())
+        return index
+
+    base = add(add(0, "hinge", "branch_0"), "slide", "branch_1")
+    M1 = place(generator)
+    model.addFrame(pin.Frame("one", base, M1, pin.FrameType.OP_FRAME))
+    model.addFrame(pin.Frame("one_up", base, M1 * pin.SE3(np.eye(3), 0.3 * AXES[2]), pin.FrameType.OP_FRAME))
+    last, at = base, M1
+    for i, joint in enumerate(massless):
+        last, at = model.addJoint(last, joint, at, f"massless_{i}"), pin.SE3.Identity()
+    model.addFrame(pin.Frame("end", last, at * pin.SE3(np.eye(3), rod * AXES[2]), pin.FrameType.OP_FRAME))
+    parent = 0
+    for i, kind in enumerate(["hinge", "hinge", "slide", "hinge", "hinge", "slide", "hinge"]):
+        parent = add(parent, kind, f"arm_{i}")
+    M2 = place(generator)
+    model.addFrame(pin.Frame("two", parent, M2, pin.FrameType.OP_FRAME))
+    model.addFrame(
+        pin.Frame("two_up", parent, M2 * pin.SE3(np.eye(3), 0.3 * AXES[2]), pin.FrameType.OP_FRAME)
+    )
+    return model
+
+
+def common(model: pin.Model) -> list[int]:
+    """Coordinates of all joints that are not massless; every joint has one."""
+    names = [n for n in model.names[1:] if not n.startswith("massless")]
+    return [model.idx_vs[model.getJointId(n)] for n in names]
+
+
+def motion_of(loop: ClosedLoopModel, q: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """A random motion of the closed loops, by differences of the Jacobian."""
+    generator, J = np.random.default_rng(seed), loop.closure_jacobian(q)
+    N = np.linalg.svd(J)[2][loop.rank(q) :].T
+    v = N @ generator.normal(size=N.shape[1])
+    J_dot, _ = robots.differences(
+        lambda t: loop.closure_jacobian(pin.integrate(loop.model, q, t * v)), h=1e-3
+    )
+    return v, N @ generator.normal(size=N.shape[1]) - np.linalg.pinv(J, rcond=1e-9) @ (J_dot @ v)
+
+
+def built_otherwise(kind: str, seed: int) -> tuple[ClosedLoopModel, ClosedLoopModel, np.ndarray]:
+    """The machine with the closure, that with massless joints and a weld (a rod: a ball), and its q."""
+    plain = spatial_loop(seed, [])
+    other = spatial_loop(seed, MASSLESS[kind], ROD if kind == "distance" else 0.0)
+    actuated = tuple(str(n) for n in plain.names[1:])[: plain.nv - KINDS[kind]]
+    weld = Closure("end", "two", "3d" if kind == "distance" else "6d")
+    loop = ClosedLoopModel(plain, Sidecar((closure(kind),), actuated))
+    twin = ClosedLoopModel(other, Sidecar((weld,), actuated))
+    generator = np.random.default_rng(seed)
+    for _ in range(20):
+        found = twin.assemble(guess=0.5 * generator.normal(size=other.nq))
+        q = found.q[common(other)]
+        N = np.linalg.svd(loop.closure_jacobian(q))[2][KINDS[kind] :]
+        if np.linalg.svd(N[:, loop.actuated_v])[1].min() > 0.05:
+            return loop, twin, found.q
+    raise AssertionError("no configuration that is far from singular")
+
+
+def wrench_on_frame_2(loop: ClosedLoopModel, kind: str, q: np.ndarray, lambda_: np.ndarray) -> np.ndarray:
+    """Force and moment at the origin of frame 2 in world axes, as the multipliers' documentation says."""
+    model, data = loop.model, loop.model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    M1, M2 = (data.oMf[model.getFrameId(name)] for name in ("one", "two"))
+    x1, y1, z1 = M1.rotation.T
+    d = M2.translation - M1.translation
+    force, moment = {
+        "hinge": ([x1, y1, z1], [x1, y1]),
+        "slider": ([x1, y1], [x1, y1, z1]),
+        "universal": ([x1, y1, z1], [np.cross(x1, M2.rotation[:, 1])]),
+        "cylindrical": ([x1, y1], [x1, y1]),
+        "planar": ([z1], [x1, y1]),
+        "distance": ([d / np.linalg.norm(d)], np.zeros((0, 3))),
+    }[kind]
+    split = len(force)
+    return np.concatenate((lambda_[:split] @ np.array(force), lambda_[split:] @ np.array(moment)))
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("kind", MASSLESS)
+def test_a_closure_is_its_massless_joints_and_a_weld(kind, seed):
+    loop, twin, q2 = built_otherwise(kind, seed)
+    at = common(twin.model)
+    q = q2[at]
+    assert np.abs(loop.closure_error(q)).max() < 1e-12
+    assert (loop.rank(q), loop.mobility(q)) == (KINDS[kind], twin.mobility(q2))
+    v2, a2 = motion_of(twin, q2, seed)
+    v, a = v2[at], a2[at]
+    load = {"two": np.arange(1.0, 7.0)}
+    given, expected = loop.inverse_dynamics(q, v, a, load), twin.inverse_dynamics(q2, v2, a2, load)
+    scale = np.abs(expected.tau).max() + np.abs(expected.lambda_).max()
+    np.testing.assert_allclose(given.tau, expected.tau, rtol=0, atol=1e-10 * scale)
+    assert given.unique.all()
+    assert given.residual < 1e-12 * scale
+    # What acts on frame 2 is that of the weld, which is in the axes of the massless body.
+    data = twin.model.createData()
+    pin.framesForwardKinematics(twin.model, data, q2)
+    axes = data.oMf[twin.model.getFrameId("end")].rotation
+    weld = np.concatenate([axes @ part for part in expected.lambda_.reshape(-1, 3)])
+    weld = np.append(weld, np.zeros(6 - len(weld)))
+    wrench = wrench_on_frame_2(loop, kind, q, given.lambda_)
+    np.testing.assert_allclose(wrench, weld, rtol=0, atol=1e-10 * scale)
+    moved, also = (m.forward_dynamics(*s, given.tau, load) for m, s in ((loop, (q, v)), (twin, (q2, v2))))
+    np.testing.assert_allclose(moved.a, also.a[at], rtol=0, atol=1e-10 * np.abs(also.a).max())
+    np.testing.assert_allclose(moved.a, a, rtol=0, atol=1e-9 * np.abs(a).max())
+    np.testing.assert_allclose(moved.lambda_, given.lambda_, rtol=0, atol=1e-9 * scale)
+    assert loop.power(q, v, a) == pytest.approx(
+        given.tau @ v[loop.actuated_v] + (loop._external(load, None)) @ v, rel=1e-9
+    )
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_hinge_is_two_points_on_its_axis(seed):
+    loop, _, q2 = built_otherwise("hinge", seed)
+    q = q2[common(spatial_loop(seed, MASSLESS["hinge"]))]
+    points = (Closure("one", "two"), Closure("one_up", "two_up"))
+    twin = ClosedLoopModel(loop.model, Sidecar(points, loop.actuated))
+    twice = ClosedLoopModel(loop.model, Sidecar((*loop.sidecar.closures * 2, points[0]), loop.actuated))
+    v, a = motion_of(loop, q, seed)
+    tau = loop.inverse_dynamics(q, v, a).tau
+    for other in (twin, twice):  # redundant: six rows of rank five, thirteen of rank five
+        assert (other.rank(q), other.mobility(q)) == (5, 4)
+        result = other.inverse_dynamics(q, v, a)
+        np.testing.assert_allclose(result.tau, tau, rtol=0, atol=1e-10 * np.abs(tau).max())
+        assert not result.unique.all()
+        moved = other.forward_dynamics(q, v, tau)
+        np.testing.assert_allclose(moved.a, a, rtol=0, atol=1e-10 * np.abs(a).max())
+
+
+# --- what else the layer does with them ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", MASSLESS)
+def test_many_motions_are_each(kind, monkeypatch):
+    """By the algebra of arrays: no sample is left to the methods for single ones."""
+    loop, twin, q2 = built_otherwise(kind, 1)
+    q = q2[common(twin.model)]
+    generator, n = np.random.default_rng(0), len(loop.actuated)
+    target = q[loop.actuated_v] + 0.05 * generator.uniform(-1, 1, (12, n))
+    velocity, acceleration = generator.normal(size=(2, 12, n))
+    with monkeypatch.context() as alone:
+        for name in ("complete", "inverse_dynamics"):
+            alone.setattr(ClosedLoopModel, name, None)
+        states = loop.complete_batch(target, velocity, acceleration, guess=q)
+        forces = loop.inverse_dynamics_batch(states.q, states.v, states.a)
+    assert not states.errors
+    assert not forces.errors
+    for i in range(12):
+        state = loop.complete(target[i], velocity[i], acceleration[i], guess=q)
+        for name in ("q", "v", "a"):
+            value = getattr(state, name)
+            np.testing.assert_allclose(
+                getattr(states, name)[i], value, rtol=0, atol=1e-10 * np.abs(value).max()
+            )
+        one = loop.inverse_dynamics(states.q[i], states.v[i], states.a[i])
+        np.testing.assert_allclose(forces.tau[i], one.tau, rtol=0, atol=1e-12 * np.abs(one.tau).max() * 10)
+        assert forces.conditioning[i] == pytest.approx(one.conditioning, rel=1e-9)
+
+
+@pytest.mark.parametrize("kind", MASSLESS)
+def test_gaps_follow_their_equation(kind):
+    """With β, closures that are a little open and opening obey ë + 2β ė + β² e = 0, whatever their kind."""
+    loop, twin, q2 = built_otherwise(kind, 0)
+    generator, beta = np.random.default_rng(0), 30.0
+    q = q2[common(twin.model)] + 1e-4 * generator.normal(size=loop.model.nq)
+    v = motion_of(loop, q, 0)[0] + 1e-3 * generator.normal(size=loop.model.nv)
+    a = loop.forward_dynamics(q, v, np.ones(len(loop.actuated)), stabilisation=beta).a
+    along = lambda t: loop.closure_error(q + t * v + t**2 / 2 * a)  # noqa: E731
+    e, (e_dot, e_ddot) = loop.closure_error(q), robots.differences(along)
+    assert 1e-5 < np.abs(e).max() < 1e-3
+    np.testing.assert_allclose(e_ddot, -2 * beta * e_dot - beta**2 * e, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("kind", ["hinge", "cylindrical", "planar"])
+def test_parallel_axes_have_the_same_sense(kind):
+    """A body that hangs upside down at its hinge is not assembled, and is turned round."""
+    model = pin.Model()
+    ball = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "float")
+    model.appendBodyToJoint(ball, solid(np.random.default_rng(0)), pin.SE3.Identity())
+    model.addFrame(pin.Frame("two", ball, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    loop = ClosedLoopModel(model, Sidecar((closure(kind, "universe"),), ()))
+    down = pin.SE3ToXYZQUAT(pin.SE3(pin.rpy.rpyToMatrix(np.pi - 0.1, 0, 0), np.zeros(3)))
+    assert np.abs(loop.closure_error(down)).max() == pytest.approx(np.pi - 0.1)
+    found = loop.assemble(guess=down)
+    assert pin.XYZQUATToSE3(found.q).rotation[:, 2] == pytest.approx([0, 0, 1], abs=1e-12)
+    exactly = pin.SE3ToXYZQUAT(pin.SE3(np.diag([1.0, -1, -1]), np.zeros(3)))
+    assert np.abs(loop.closure_error(exactly)).max() == pytest.approx(np.pi)  # open, and it goes some way
+    found = loop.assemble(guess=exactly)
+    assert pin.XYZQUATToSE3(found.q).rotation[:, 2] == pytest.approx([0, 0, 1], abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("kind", MASSLESS)
+def test_reactions_are_those_of_the_machine_with_massless_joints(kind, seed):
+    loop, twin, q2 = built_otherwise(kind, seed)
+    at = common(twin.model)
+    v2, a2 = motion_of(twin, q2, seed)
+    q, v, a = q2[at], v2[at], a2[at]
+    tau = loop.inverse_dynamics(q, v, a).tau
+    given, expected = loop_reactions(loop, q, v, a, tau), loop_reactions(twin, q2, v2, a2, tau)
+    assert given.undetermined == 0
+    names = [name for name in given.names if name in expected.names]
+    assert len(names) == 9  # the joints of both trees
+    mine, theirs = ([r.names.index(name) for name in names] for r in (given, expected))
+    for part in ("forces", "moments"):
+        ours, others = getattr(given, part)[mine], getattr(expected, part)[theirs]
+        np.testing.assert_allclose(ours, others, rtol=0, atol=1e-9 * np.abs(given.forces).max())
+
+
+def test_redundant_kinds_leave_their_reactions_open():
+    loop, twin, q2 = built_otherwise("hinge", 0)
+    q = q2[common(twin.model)]
+    v, a = motion_of(loop, q, 0)
+    twice = ClosedLoopModel(loop.model, Sidecar(loop.sidecar.closures * 2, loop.actuated))
+    tau = loop.inverse_dynamics(q, v, a).tau
+    one, two = loop_reactions(loop, q, v, a, tau), loop_reactions(twice, q, v, a, tau)
+    assert (one.undetermined, two.undetermined) == (0, 5)
+    np.testing.assert_allclose(two.forces[-1] + two.forces[-2], one.forces[-1], atol=1e-9)
+    assert two.determined_forces[:-2].all()
+    assert not two.determined_forces[-2:].any()
+
+
+@pytest.mark.parametrize("kind", MASSLESS)
+def test_copies_and_pickles_are_the_model(kind):
+    loop, twin, q2 = built_otherwise(kind, 0)
+    q = q2[common(twin.model)] + 0.1
+    for other in (loop.copy(), pickle.loads(pickle.dumps(loop)), copy.deepcopy(loop)):  # noqa: S301
+        assert np.array_equal(other.closure_error(q), loop.closure_error(q))
+        assert np.array_equal(other.closure_jacobian(q), loop.closure_jacobian(q))
+
+
+def test_pinocchio_has_points_and_frames_only():
+    loop, _ = all_kinds(0)
+    names = [model.shortname() for model in loop.constraint_models]
+    assert names == ["PointAnchorConstraintModel", "FrameAnchorConstraintModel"]
+    sizes = [rows.stop - rows.start for rows in loop.constraint_rows]
+    assert sizes == [*KINDS.values(), 1, 1, 1, 1, 1]
+
+
+def test_a_rod_whose_ends_coincide_finds_its_way():
+    """There is no direction then; the rod takes one."""
+    model = pin.Model()
+    for i in range(3):
+        joint = (pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ)[i]()
+        model.addJoint(i, joint, pin.SE3.Identity(), f"slide_{i}")
+    model.appendBodyToJoint(3, solid(np.random.default_rng(0)), pin.SE3.Identity())
+    model.addFrame(pin.Frame("two", 3, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    loop = ClosedLoopModel(model, Sidecar((closure("distance", "universe"),), ()))
+    found = loop.assemble()
+    assert np.linalg.norm(found.q) == pytest.approx(ROD, abs=1e-12)
+    with pytest.raises(InputError, match="q: the closure universe/two is open by"):
+        loop.inverse_dynamics([0.5, 0, 0], np.zeros(3), np.zeros(3))

@@ -13,7 +13,7 @@ f(d, E), the matrix of ḟ = A (ḋ, ω), and the part of f̈ = A (d̈, ω̇) + 
 
 Multipliers act on the body of frame 2, and their opposite on that of frame 1; the forces act at the origin of
 frame 2. All parts are exact away from the closed configurations too, but Tilt and Turn have no derivative at
-half a turn, and Rod none where the origins coincide: there it takes x1 for their direction.
+half a turn, and Rod none where the origins coincide: there Tilt turns about x1, and Rod points along it.
 
 Everything works on stacks: leading axes, if there are any, count samples.
 """
@@ -33,6 +33,9 @@ from p3dof.closed_loop.constraints import Closure
 from p3dof.closed_loop.rotations import cross, shortest_turn, skew, turned_rates, turned_rates_dot
 
 IndexArray: TypeAlias = NDArray[np.int_]
+
+_HALF_TURN = 1e-6
+"""Sine of an angle that counts as half a turn [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +109,9 @@ class _Tilt:
 
     def error(self, at: Relative) -> FloatArray:
         u = at.E[..., 2]
-        return shortest_turn(u[..., 2])[0][..., None] * _across(u)
+        error = shortest_turn(u[..., 2])[0][..., None] * _across(u)
+        error[_opposite(u)] = np.pi, 0.0
+        return np.asarray(error)
 
     def matrix(self, at: Relative) -> FloatArray:
         u = at.E[..., 2]
@@ -114,7 +119,9 @@ class _Tilt:
         gradient = np.zeros((*u.shape[:-1], 2, 3))  # by u
         gradient[..., 0, 1], gradient[..., 1, 0] = -g, g
         gradient[..., 2] = slope[..., None] * _across(u)
-        return _angular(gradient @ -skew(u))
+        A = gradient @ -skew(u)
+        A[_opposite(u)] = np.eye(2, 3)
+        return _angular(A)
 
     def bias(self, at: Relative, _d_dot: FloatArray, omega: FloatArray) -> FloatArray:
         u = at.E[..., 2]
@@ -281,6 +288,11 @@ class KindRows:
         for parts, which, rows in self._groups:
             place = d[..., which, :], E[..., which, :, :], turn[..., which, :], self._lengths[which]
             yield parts, Relative(*place), which, rows
+
+
+def _opposite(u: FloatArray) -> NDArray[np.bool_]:
+    """Whether u is that of half a turn, which may be about any axis; that about x1 is taken."""
+    return np.asarray((u[..., 2] < 0.0) & (np.hypot(u[..., 0], u[..., 1]) < _HALF_TURN))
 
 
 def _across(u: FloatArray) -> FloatArray:
