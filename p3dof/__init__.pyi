@@ -52,7 +52,7 @@ from .simulation import (
 from .compiled import BoundInverseDynamics, MachineKernels
 
 # Any robot with closed loops
-from .closed_loop import ClosedLoopModel, FrameTarget, Sidecar
+from .closed_loop import ClosedLoopModel, Closure, Coupling, FrameTarget, Sidecar
 
 # Errors
 from .errors import (
@@ -88,10 +88,12 @@ __all__ = [
     "BodyMotion",
     "BoundInverseDynamics",
     "ClosedLoopModel",
+    "Closure",
     "Comparison",
     "ComputedTorque",
     "ControlLoop",
     "ControllerError",
+    "Coupling",
     "Curve",
     "Dimensions",
     "DriveLoads",
