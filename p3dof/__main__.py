@@ -3,15 +3,22 @@
 Hardly anything is imported before Ctrl-C is looked after: the commands take half a second to load.
 """
 
+import gc
 import os
 import signal
 import sys
 from contextlib import suppress
 from types import FrameType
-from typing import NoReturn
+from typing import Any, NoReturn
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as of a shell: 128 and the number of the signal."""
+
+UNUSED = ("trimesh", "viser")
+"""What Pinocchio imports, where it is there, for a visualizer that no command uses: it takes .4 s."""
+
+GARBAGE = 100_000
+"""New objects after which Python looks for garbage; 700 by its own choice, a tenth of a short run's time."""
 
 
 def main() -> int:
@@ -22,6 +29,7 @@ def main() -> int:
     int
         The exit code.
     """
+    _hurry()
     watched = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # else somebody else's, or nohup
     try:
         if watched:
@@ -36,6 +44,14 @@ def main() -> int:
     except KeyboardInterrupt:
         _leave()
     return code
+
+
+def _hurry() -> None:
+    """Leave out of this process what only costs time."""
+    gc.set_threshold(GARBAGE, 20, 20)
+    modules: dict[str, Any] = sys.modules
+    for name in UNUSED:
+        modules.setdefault(name, None)  # its import fails
 
 
 def _leave(_number: int = signal.SIGINT, _frame: FrameType | None = None) -> NoReturn:

@@ -308,6 +308,24 @@ def test_exceeded_limits_stand_in_a_box(robot, motion, page, html):
     assert 'class="box care"' not in calm
 
 
+@pytest.mark.usefixtures("undrawn")
+def test_a_comparison_that_is_known_is_not_made_again(robot, motion, monkeypatch):
+    """And the reactions are those of its forces by Pinocchio."""
+    known = robot.compare(motion)
+    again = report.render(robot, motion, date=NOON)
+    monkeypatch.setattr("p3dof.manipulator.Manipulator.compare", None)
+    page = Page(report.render(robot, motion, date=NOON, comparison=known))
+    tables = Page(again).tables
+    assert {title: rows for title, rows in page.tables.items() if title != "Evidence"} == {
+        title: rows for title, rows in tables.items() if title != "Evidence"
+    }
+    for other in (p3dof.load().inverse_dynamics(motion), known.first):
+        with pytest.raises(InputError, match=r"comparison: expected what robot\.compare found"):
+            report.render(robot, motion, comparison=other)
+    with pytest.raises(InputError, match=r"comparison: expected what robot\.compare found"):
+        report.render(robot, p3dof.paper_motion(11), comparison=known)
+
+
 def test_versions_date_and_command(page):
     for name in ("p3dof", "pin", "numpy", "Python"):
         assert name in page.text

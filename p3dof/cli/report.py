@@ -40,26 +40,33 @@ def make(case: Case, joints: Choice, out: Path, title: str | None, animation: bo
     case.protect(out)
     from p3dof import report
 
-    result, _ = case.solve("virtual-power")
+    with progress_bar("report", len(case.motion)) as progress:
+        comparison = case.robot.compare(
+            case.motion,
+            wrench=case.wrench,
+            on_invalid=case.on_invalid,  # type: ignore[arg-type]  # one of two, as the options say
+            progress=progress,
+        )
+    result = comparison.second
+    case.require_valid(result.valid)
     printed = suffix_of(out, "report") == ".pdf"
     moving, reason = _animation(case, result) if animation and not printed else (None, "")
     picture = _picture(case, result) if animation and printed else None
-    with progress_bar("report", len(case.motion)) as progress:
-        path = report.write(
-            out,
-            case.robot,
-            case.motion,
-            case.wrench,
-            case.on_invalid,
-            title=title,
-            about=_about(case),
-            command=_command(case, joints, out, title, animation),
-            animation=moving,
-            no_animation=reason,
-            progress=progress,
-            joints=joints,
-            picture=picture,
-        )
+    path = report.write(
+        out,
+        case.robot,
+        case.motion,
+        case.wrench,
+        case.on_invalid,
+        title=title,
+        about=_about(case),
+        command=_command(case, joints, out, title, animation),
+        animation=moving,
+        no_animation=reason,
+        joints=joints,
+        picture=picture,
+        comparison=comparison,
+    )
     console = Console()
     print_payloads(console, case)
     print_warnings(console, result.warnings)

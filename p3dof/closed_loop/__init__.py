@@ -14,7 +14,7 @@ from p3dof.closed_loop.batch.targets import FrameTargets
 from p3dof.closed_loop.dynamics import ForwardDynamics, InverseDynamics
 from p3dof.closed_loop.model import ClosedLoopModel
 from p3dof.closed_loop.reactions import ClosureJoint, JointReactions, ReactionSolver
-from p3dof.closed_loop.reactions_batch import BatchReactions, reactions_batch
+from p3dof.closed_loop.reactions_batch import BatchReactions, reactions_batch, reactions_by_each
 from p3dof.closed_loop.sidecar import Closure, Coupling, Sidecar
 from p3dof.closed_loop.targets import FrameTarget
 
@@ -37,4 +37,5 @@ __all__ = [
     "Sidecar",
     "State",
     "reactions_batch",
+    "reactions_by_each",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -116,6 +116,21 @@ def reactions_batch(
     ModelError, InputError
         As `ReactionSolver.solve`, or if the shapes do not fit.
     """
+    return reactions_by_each([solver], q, v, a, tau, external, joint_forces, within)[0]
+
+
+def reactions_by_each(
+    solvers: Sequence[ReactionSolver],
+    q: ArrayLike,
+    v: ArrayLike,
+    a: ArrayLike,
+    tau: ArrayLike,
+    external: Mapping[str, ArrayLike] | None = None,
+    joint_forces: ArrayLike | None = None,
+    within: Mapping[str, ArrayLike] | None = None,
+) -> list[BatchReactions]:
+    """Return what `reactions_batch` returns, by solvers of one robot that build its closures differently."""
+    solver = solvers[0]
     model, rows = solver.loop.model, as_floats("q", q)
     if rows.ndim != 2 or rows.shape[1] != model.nq:
         raise InputError(f"q: expected shape (N, {model.nq}), got {rows.shape}")
@@ -126,7 +141,7 @@ def reactions_batch(
     own = {name: _each(f"within {name}", load, count, 6) for name, load in (within or {}).items()}
     nothing = np.zeros(model.nv)
     acting = _each("joint_forces", nothing if joint_forces is None else joint_forces, count, model.nv)
-    result = _nothing(solver.names, count)
+    results = [_nothing(one.names, count) for one in solvers]
     known = np.isfinite(forces).all(axis=1) & np.isfinite(rows).all(axis=1)
     rows_known = np.flatnonzero(known)
     for block in (rows_known[some] for some in blocks(len(rows_known))):
@@ -141,10 +156,12 @@ def reactions_batch(
             )
             for i in block.tolist()
         ]
-        result.put(solver, block, solver.solve_all(states))
-    for name, load in own.items():
-        _add_own(solver, result, name, load)
-    return result
+        for one, result in zip(solvers, results, strict=True):
+            result.put(one, block, one.solve_all(states))
+    for one, result in zip(solvers, results, strict=True):
+        for name, load in own.items():
+            _add_own(one, result, name, load)
+    return results
 
 
 def _add_own(solver: ReactionSolver, result: BatchReactions, frame: str, load: FloatArray) -> None:

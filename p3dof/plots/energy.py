@@ -10,7 +10,7 @@ from p3dof.checks import FloatArray, shown
 from p3dof.energy import Energy
 from p3dof.errors import InputError
 from p3dof.parameters import LEGS
-from p3dof.plots.common import COLOURS, line, new_figure, shade_gaps
+from p3dof.plots.common import COLOURS, line, new_figure, shade_gaps, tidy
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -64,10 +64,8 @@ def energy_figure(energy: Energy) -> Figure:
         draw(axis, energy)
         _keep_flat(axis, energy)
         shade_gaps(axis, energy.time, energy.valid)
-        axis.grid(color="0.9", lw=0.6)
+        tidy(axis)
         axis.set_axisbelow(True)
-        axis.spines[["top", "right"]].set_visible(False)
-        axis.margins(x=0.01)
         axis.legend(
             loc="upper left",
             bbox_to_anchor=(1.0, 1.0),

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from p3dof.plots.common import COLOURS, GAP, GAP_STYLE, line, new_figure, shade_gaps
+from p3dof.plots.common import COLOURS, GAP, GAP_STYLE, few_ticks, line, new_figure, shade_gaps
 from p3dof.reactions import JOINTS, AnyReactions
 
 if TYPE_CHECKING:
@@ -100,4 +100,5 @@ def _draw(axis: Axes, result: AnyReactions, name: str, kind: str, colour: str) -
         style = {"color": colour, "lw": 1.2, "ls": _STYLES.get(idealisation, "-")}
         line(axis, result.time, size, result.valid, **style)
     axis.set_ylim(0, 1.05 * largest or 1.0)
+    few_ticks(axis)
     axis.tick_params(axis="y", labelsize=7, colors=colour)

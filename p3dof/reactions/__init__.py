@@ -21,7 +21,7 @@ Friction of the joints is part of their reactions, and lies along their freedoms
 """
 
 from p3dof.reactions.comparison import UNDECIDED, AnyReactions, ReactionsComparison, how_chosen
-from p3dof.reactions.evaluation import of_solution, over_motion
+from p3dof.reactions.evaluation import of_result, of_solution, over_motion
 from p3dof.reactions.joints import BOTH, IDEALISATIONS, JOINTS, Choice, Idealisation, Joint
 from p3dof.reactions.one_joint import JointLoad, JointReaction, OpenPeak, Peak
 from p3dof.reactions.results import Reactions
@@ -44,6 +44,7 @@ __all__ = [
     "ReactionsComparison",
     "how_chosen",
     "names_table",
+    "of_result",
     "of_solution",
     "open_tables",
     "over_motion",

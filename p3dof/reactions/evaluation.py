@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal, overload
 
+import numpy as np
+
 from p3dof.checks import FloatArray, Progress
-from p3dof.closed_loop import ClosedLoopModel, ReactionSolver, reactions_batch
+from p3dof.closed_loop import ClosedLoopModel, ReactionSolver, reactions_by_each
 from p3dof.closed_loop.reactions import LENGTH_SHARE
 from p3dof.errors import SampleError
-from p3dof.methods import Solution, without_crossings
+from p3dof.methods import InverseDynamics, JointStates, Solution, without_crossings
 from p3dof.methods.pinocchio import PinocchioMethod
 from p3dof.methods.pinocchio_friction import FrictionForces
 from p3dof.motion import Motion, WrenchOverTime, states_over
@@ -96,9 +99,9 @@ def over_motion(
     states = states_over(motion, wrench, on_invalid)
     solution = PinocchioMethod(parameters, loop).solve(states, progress)
     solution, _ = without_crossings(motion.time, solution, on_invalid)
-    found = [
-        of_solution(loop, parameters, motion, solution, kind, states.wrench, on_invalid) for kind in kinds
-    ]
+    found = _of_kinds(
+        loop, parameters, motion, solution.joints, solution.forces, kinds, states.wrench, on_invalid
+    )
     return ReactionsComparison(*found) if joints == BOTH else found[0]
 
 
@@ -133,17 +136,68 @@ def of_solution(
     InputError
         If the idealisation is unknown.
     """
-    solver = ReactionSolver(loop, cuts(joints), LENGTH_SHARE * parameters.geometry.L)
-    states, tau = solution.joints, solution.forces
+    states, forces = solution.joints, solution.forces
+    return _of_kinds(loop, parameters, motion, states, forces, (joints,), wrench, on_invalid)[0]
+
+
+def of_result(
+    loop: ClosedLoopModel,
+    parameters: Parameters,
+    result: InverseDynamics,
+    joints: Choice = BOTH,
+    on_invalid: OnInvalid = "raise",
+) -> AnyReactions:
+    """Return the reactions that belong to forces already found by Pinocchio.
+
+    Parameters
+    ----------
+    loop, parameters, joints, on_invalid
+        As for `over_motion`.
+    result : InverseDynamics
+        The forces, with their motion and load.
+
+    Returns
+    -------
+    ReactionsComparison or Reactions
+
+    Raises
+    ------
+    SampleError
+        If the forces of a sample do not produce its motion.
+    InputError
+        If the idealisation is unknown.
+    """
+    kinds = IDEALISATIONS if joints == BOTH else (joints,)
+    wrench = result.wrench if np.any(result.wrench) else None
+    states, forces = result.joints, result.forces
+    found = _of_kinds(loop, parameters, result.motion, states, forces, kinds, wrench, on_invalid)
+    return ReactionsComparison(*found) if joints == BOTH else found[0]
+
+
+def _of_kinds(
+    loop: ClosedLoopModel,
+    parameters: Parameters,
+    motion: Motion,
+    states: JointStates,
+    tau: FloatArray,
+    kinds: Sequence[Idealisation],
+    wrench: FloatArray | None,
+    on_invalid: OnInvalid,
+) -> list[Reactions]:
+    """Return the reactions by several idealisations."""
+    solvers = [ReactionSolver(loop, cuts(kind), LENGTH_SHARE * parameters.geometry.L) for kind in kinds]
     lost = FrictionForces(loop, parameters.friction).over(states.q, states.v)
     external = lost.external_with(wrench)
-    found = reactions_batch(
-        solver, states.q, states.v, states.a, tau, external, lost.joint_forces, lost.external
+    batches = reactions_by_each(
+        solvers, states.q, states.v, states.a, tau, external, lost.joint_forces, lost.external
     )
-    if found.errors and on_invalid == "raise":
-        i, error = next(iter(found.errors.items()))
-        raise SampleError(f"sample {i}: {error}", (i,)) from error
-    arrays = found.arrays()
-    forces, moments = (in_fixed_axes(arrays["rotations"], arrays[name]) for name in ("forces", "moments"))
-    errors = residual(parameters, motion, wrench, forces, moments, arrays["positions"])
-    return Reactions(joints, solver.length, motion, **arrays, residual=errors)
+    results = []
+    for kind, solver, found in zip(kinds, solvers, batches, strict=True):
+        if found.errors and on_invalid == "raise":
+            i, error = next(iter(found.errors.items()))
+            raise SampleError(f"sample {i}: {error}", (i,)) from error
+        arrays = found.arrays()
+        forces, moments = (in_fixed_axes(arrays["rotations"], arrays[name]) for name in ("forces", "moments"))
+        errors = residual(parameters, motion, wrench, forces, moments, arrays["positions"])
+        results.append(Reactions(kind, solver.length, motion, **arrays, residual=errors))
+    return results

@@ -30,6 +30,7 @@ from p3dof.reactions import (
     Choice,
     how_chosen,
     names_table,
+    of_result,
     open_tables,
     reactions_table,
 )
@@ -80,6 +81,7 @@ def render(
     progress: Progress | None = None,
     joints: Choice = BOTH,
     picture: bytes | None = None,
+    comparison: Comparison | None = None,
 ) -> str:
     """Return the report on a motion as one HTML page that loads nothing from elsewhere.
 
@@ -106,11 +108,13 @@ def render(
     date : datetime, optional
         When it was made; now by default.
     progress : callable, optional
-        Called with (done, total) while Pinocchio solves, and again while it finds the reactions.
+        Called with (done, total) while Pinocchio solves.
     joints : {"both", "paper", "points"}
         How the cuts of the loops are built; see `p3dof.reactions`.
     picture : bytes, optional
         A picture of the machine (PNG), for paper, where nothing moves; it takes the place of the animation.
+    comparison : Comparison, optional
+        What `robot.compare` found of this motion and load, if it is known already.
 
     Returns
     -------
@@ -130,10 +134,13 @@ def render(
     _check(robot, title=title, command=command, animation=animation, no_animation=no_animation)
     if date is not None and not isinstance(date, datetime):
         raise InputError(f"date: expected a datetime, got {shown(date)}")
-    comparison = robot.compare(motion, wrench=wrench, on_invalid=on_invalid, progress=progress)
+    if comparison is None:
+        comparison = robot.compare(motion, wrench=wrench, on_invalid=on_invalid, progress=progress)
+    elif not isinstance(comparison, Comparison) or comparison.first.motion is not motion:
+        raise InputError("comparison: expected what robot.compare found of this motion")
     if not (comparison.first.valid.any() and comparison.second.valid.any()):
         raise InputError(f"no sample of the motion is within what the machine can do ({len(motion)} samples)")
-    reactions = robot.reactions(motion, joints, wrench=wrench, on_invalid=on_invalid, progress=progress)
+    reactions = of_result(robot.loop, robot.parameters, comparison.first, joints, on_invalid)
     findings = Findings(robot, motion, comparison, robot.energy(comparison.first), reactions)
     when = datetime.now().astimezone() if date is None else date
     words: dict[str, Any] = {
