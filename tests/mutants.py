@@ -56,11 +56,14 @@ TESTS = {
     "p3dof/closed_loop/dynamics.py": CLOSED,
     "p3dof/closed_loop/energy.py": CLOSED,
     "p3dof/closed_loop/linear.py": CLOSED,
+    "p3dof/closed_loop/configuration_rates.py": ("any_robot",),
+    "p3dof/closed_loop/reactions_batch.py": ("any_robot", "reactions"),
+    "p3dof/closed_loop/batch/energy.py": ("any_robot",),
     "p3dof/closed_loop/batch/dynamics.py": ("evidence", "closed_loop_batch", "manipulator"),
     "p3dof/closed_loop/batch/kinematics.py": ("evidence", "closed_loop_batch", "manipulator"),
     "p3dof/simulation/controllers.py": RUNS,
     "p3dof/simulation/machine_plants.py": RUNS,
-    "p3dof/simulation/plants.py": RUNS,
+    "p3dof/simulation/plants.py": ("any_robot", *RUNS),
     "p3dof/simulation/reference.py": RUNS,
 }
 """Which tests look after which module, the quick ones first."""

@@ -97,14 +97,12 @@ def test_two_motors_are_controlled_with_hold_limits_and_noise():
 
 def test_a_free_body_keeps_its_momentum_and_turns_under_a_load():
     """A configuration with a quaternion: no closure, no actuator."""
-    model = pin.Model()
-    model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "free")
-    inertia = pin.Inertia(2.0, np.array([0.1, 0.0, 0.0]), np.diag([0.02, 0.03, 0.04]))
-    model.appendBodyToJoint(1, inertia, pin.SE3.Identity())
+    loop = free_body()
+    model = loop.model
     place = pin.SE3(np.eye(3), np.array([0.1, 0.0, 0.0]))
     model.addFrame(pin.Frame("centre", 1, 0, place, pin.FrameType.OP_FRAME))
     model.gravity.linear = np.zeros(3)
-    loop = ClosedLoopModel(model, p3dof.Sidecar((), ()))
+    loop = ClosedLoopModel(model, loop.sidecar)
     plant = ConstrainedPlant(loop, frame="centre")
     tumbling = plant.checked_state(pin.neutral(model), np.array([0.1, 0.2, 0.3, 3.0, 0.2, 1.0]), 1e-9)
     record = run(plant, tumbling, 1.0)
@@ -233,12 +231,22 @@ CARRIED_BY = {
 }
 
 
-@pytest.mark.parametrize("make", [four_bar, five_bar])
+def free_body() -> ClosedLoopModel:
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "free")
+    inertia = pin.Inertia(2.0, np.array([0.1, 0.0, 0.0]), np.diag([0.02, 0.03, 0.04]))
+    model.appendBodyToJoint(1, inertia, pin.SE3.Identity())
+    return ClosedLoopModel(model, p3dof.Sidecar((), ()))
+
+
+@pytest.mark.parametrize("make", [four_bar, five_bar, free_body])
 def test_energies_are_those_of_the_mass_matrix_and_of_pinocchio(make):
     loop = make()
     rng, model = np.random.default_rng(3), loop.model
     model.armature = rng.uniform(0.1, 1.0, model.nv)
-    q, v = rng.uniform(-2, 2, (5, model.nq)), rng.normal(size=(5, model.nv))
+    turns = rng.uniform(-2, 2, (5, model.nv))
+    q = np.array([pin.integrate(model, pin.neutral(model), turn) for turn in turns])
+    v = rng.normal(size=(5, model.nv))
     found, data = loop.body_energies(q, v), model.createData()
     for i, (q_i, v_i) in enumerate(zip(q, v, strict=True)):
         M = pin.crba(model, data, q_i)
@@ -246,6 +254,7 @@ def test_energies_are_those_of_the_mass_matrix_and_of_pinocchio(make):
         assert found.kinetic[i].sum() == pytest.approx(v_i @ M @ v_i / 2, rel=1e-13)
         potential = pin.computePotentialEnergy(model, data, q_i)
         assert found.potential[i].sum() == pytest.approx(potential, rel=1e-12, abs=1e-12)
+        assert found.total[i] == pytest.approx(v_i @ M @ v_i / 2 + potential, rel=1e-12)
         h = pin.computeCentroidalMomentum(model, data, q_i, v_i)
         np.testing.assert_allclose(found.momentum[i], h.linear, atol=1e-12)
         about_origin = h.angular + np.cross(data.com[0], h.linear)
@@ -328,3 +337,18 @@ def test_a_sample_without_a_solution_leaves_the_others():
     ):
         with pytest.raises(InputError, match="expected shape"):
             reactions_batch(ReactionSolver(loop), **({"q": q, "v": v, "a": a, "tau": tau} | wrong))
+
+
+@pytest.mark.parametrize(("share", "closed"), [(0.9, True), (1.2, False)])
+def test_how_far_a_velocity_may_open_the_loops_goes_with_the_fastest_joint(share, closed):
+    loop = four_bar()
+    plant, q = ConstrainedPlant(loop), robots.four_bar_q(0.7, *robots.FOUR_BAR)
+    v = np.array(loop.complete(q[:1], [300.0], [0.0], guess=q).v)
+    assert np.abs(v).min() < 0.7 * np.abs(v).max()
+    J = loop.closure_jacobian(q)
+    v[2] += share * 1e-9 * np.abs(v).max() / np.abs(J[:, 2]).max()
+    if closed:
+        np.testing.assert_array_equal(plant.checked_state(q, v, 1e-9)[3:], v)
+    else:
+        with pytest.raises(InputError, match="v: opens the loops at"):
+            plant.checked_state(q, v, 1e-9)
