@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from closed_loop_robots import FOUR_BAR, FOUR_BAR_SIDECAR, joint, link, robot
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from p3dof.closed_loop import ClosedLoopModel, Closure, Coupling, Sidecar
@@ -109,6 +109,44 @@ def test_a_malformed_sidecar_names_file_and_field(tmp_path, text, message):
 def test_any_text_is_a_sidecar_or_one_error(text):
     with contextlib.suppress(ModelError):
         assert isinstance(Sidecar.parse(text), Sidecar)
+
+
+KEYS = ["closed_loop", "type", "name_mot", "length", "coupling", "reference", "joint_name", "joint_type"]
+leaves = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(),
+    st.floats(),
+    st.sampled_from(["a", "b", "hinge", "distance", "3d", "1e-3", "nan", "on", "joint", "coefficients"]),
+)
+plain = st.recursive(
+    leaves,
+    lambda inner: (
+        st.lists(inner, max_size=3)
+        | st.dictionaries(leaves.filter(lambda key: not isinstance(key, float)), inner, max_size=3)
+    ),
+    max_leaves=6,
+)
+likely = st.fixed_dictionaries(
+    {"joint": leaves, "coefficients": st.lists(leaves, max_size=3)}, optional={"on": leaves, "name": leaves}
+)
+
+
+@given(st.fixed_dictionaries(dict.fromkeys(KEYS[:3], plain), optional=dict.fromkeys(KEYS[3:], plain)))
+@example({**dict.fromkeys(KEYS[:3], ()), "reference": {"a": [[1], [2, 3]]}})
+@example({**dict.fromkeys(KEYS[:3], ()), "reference": {"a": 10**400}})
+def test_any_content_is_a_sidecar_or_one_error(content):
+    with contextlib.suppress(ModelError):
+        sidecar = Sidecar.from_mapping(content)
+        assert Sidecar.parse(sidecar.to_yaml()) == sidecar
+
+
+@given(st.lists(likely, max_size=4))
+def test_any_couplings_are_taken_or_refused(couplings):
+    content = {**dict.fromkeys(KEYS[:3], ()), "coupling": couplings}
+    with contextlib.suppress(ModelError):
+        sidecar = Sidecar.from_mapping(content)
+        assert Sidecar.parse(sidecar.to_yaml()) == sidecar
 
 
 def test_missing_and_binary_sidecars(tmp_path):

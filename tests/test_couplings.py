@@ -254,6 +254,7 @@ def test_copies_and_pickles_have_the_couplings():
     for other in (loop.copy(), pickle.loads(pickle.dumps(loop)), copy.deepcopy(loop)):  # noqa: S301
         assert np.array_equal(other.closure_error(q), loop.closure_error(q))
         assert other.sidecar == loop.sidecar
+        assert repr(other) == "ClosedLoopModel('', nv=4, closures=0, couplings=3, actuated=[j0])"
 
 
 # --- the reference configuration ----------------------------------------------------------------------------

@@ -20,8 +20,9 @@ Everything works on stacks: leading axes, if there are any, count samples.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
 from typing import Protocol, TypeAlias
 
@@ -40,7 +41,7 @@ _HALF_TURN = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Relative:
-    """Placement of frame 2 of a closure in the axes of frame 1.
+    """Placement of frame 2 of closures in the axes of frame 1.
 
     Parameters
     ----------
@@ -59,6 +60,26 @@ class Relative:
     turn: FloatArray
     length: FloatArray
 
+    @cached_property
+    def shortest(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The angle from z1 to z2 over its sine (..., 1), and its derivatives by the cosine."""
+        g, slope, curvature = shortest_turn(self.E[..., 2, 2])
+        return g[..., None], slope[..., None], curvature[..., None]
+
+    @cached_property
+    def opposite(self) -> NDArray[np.bool_]:
+        """Whether z2 is -z1 (...): half a turn, which may be about any axis; that about x1 is taken."""
+        u = self.E[..., 2]
+        return np.asarray((u[..., 2] < 0.0) & (np.hypot(u[..., 0], u[..., 1]) < _HALF_TURN))
+
+    @cached_property
+    def rod(self) -> tuple[FloatArray, FloatArray]:
+        """The distance (..., 1) and its direction (..., 3), which is x1 where it has none."""
+        distance = np.sqrt(np.sum(self.d * self.d, axis=-1, keepdims=True))
+        direction = np.divide(self.d, distance, out=np.zeros_like(self.d), where=distance > 0)
+        direction[..., :1] += distance == 0
+        return distance, direction
+
 
 class _Part(Protocol):
     """Some rows of a closure.
@@ -75,10 +96,10 @@ class _Part(Protocol):
     def error(self, at: Relative) -> FloatArray:
         """Return the errors (..., rows)."""
 
-    def matrix(self, at: Relative) -> FloatArray:
-        """Return the matrices A (..., rows, 6) from (ḋ, ω) to the rates of the errors."""
+    def matrix(self, at: Relative, A: FloatArray) -> None:
+        """Enter the matrices from (ḋ, ω) to the rates of the errors into A (..., rows, 6), which is zero."""
 
-    def bias(self, at: Relative, d_dot: FloatArray, omega: FloatArray) -> FloatArray:
+    def bias(self, at: Relative, d_dot: FloatArray, omega: FloatArray) -> FloatArray | float:
         """Return what (..., rows) the rates of the errors change by at zero (d̈, ω̇)."""
 
 
@@ -95,11 +116,11 @@ class _Position:
     def error(self, at: Relative) -> FloatArray:
         return at.d[..., self.axes]
 
-    def matrix(self, at: Relative) -> FloatArray:
-        return np.broadcast_to(np.eye(6)[list(self.axes)], (*at.d.shape[:-1], len(self.axes), 6))
+    def matrix(self, _at: Relative, A: FloatArray) -> None:
+        A[..., range(len(self.axes)), self.axes] = 1.0
 
-    def bias(self, at: Relative, _d_dot: FloatArray, _omega: FloatArray) -> FloatArray:
-        return np.zeros((*at.d.shape[:-1], len(self.axes)))
+    def bias(self, _at: Relative, _d_dot: FloatArray, _omega: FloatArray) -> float:
+        return 0.0
 
 
 class _Tilt:
@@ -108,26 +129,22 @@ class _Tilt:
     lengths = (False, False)
 
     def error(self, at: Relative) -> FloatArray:
-        u = at.E[..., 2]
-        error = shortest_turn(u[..., 2])[0][..., None] * _across(u)
-        error[_opposite(u)] = np.pi, 0.0
+        error = at.shortest[0] * _across(at.E[..., 2])
+        error[at.opposite] = np.pi, 0.0
         return np.asarray(error)
 
-    def matrix(self, at: Relative) -> FloatArray:
-        u = at.E[..., 2]
-        g, slope, _ = shortest_turn(u[..., 2])
+    def matrix(self, at: Relative, A: FloatArray) -> None:
+        u, (g, slope, _) = at.E[..., 2], at.shortest
         gradient = np.zeros((*u.shape[:-1], 2, 3))  # by u
-        gradient[..., 0, 1], gradient[..., 1, 0] = -g, g
-        gradient[..., 2] = slope[..., None] * _across(u)
-        A = gradient @ -skew(u)
-        A[_opposite(u)] = np.eye(2, 3)
-        return _angular(A)
+        gradient[..., 0, 1], gradient[..., 1, 0] = -g[..., 0], g[..., 0]
+        gradient[..., 2] = slope * _across(u)
+        A[..., 3:] = gradient @ -skew(u)
+        A[at.opposite] = np.eye(2, 6, 3)
 
     def bias(self, at: Relative, _d_dot: FloatArray, omega: FloatArray) -> FloatArray:
-        u = at.E[..., 2]
+        u, (g, slope, curvature) = at.E[..., 2], at.shortest
         u_dot = cross(omega, u)
         u_ddot = cross(omega, u_dot)
-        g, slope, curvature = (value[..., None] for value in shortest_turn(u[..., 2]))
         z_dot, z_ddot = u_dot[..., 2:], u_ddot[..., 2:]
         rate = 2.0 * slope * z_dot * _across(u_dot)
         return np.asarray((curvature * z_dot**2 + slope * z_ddot) * _across(u) + rate + g * _across(u_ddot))
@@ -141,8 +158,8 @@ class _Turn:
     def error(self, at: Relative) -> FloatArray:
         return at.turn
 
-    def matrix(self, at: Relative) -> FloatArray:
-        return _angular(turned_rates(at.turn))
+    def matrix(self, at: Relative, A: FloatArray) -> None:
+        A[..., 3:] = turned_rates(at.turn)
 
     def bias(self, at: Relative, _d_dot: FloatArray, omega: FloatArray) -> FloatArray:
         return np.asarray((turned_rates_dot(at.turn, omega) @ omega[..., None])[..., 0])
@@ -156,10 +173,8 @@ class _Square:
     def error(self, at: Relative) -> FloatArray:
         return -at.E[..., 0, 1:2]
 
-    def matrix(self, at: Relative) -> FloatArray:
-        y = at.E[..., 1]
-        zero = np.zeros(y.shape[:-1])
-        return _angular(np.stack((zero, -y[..., 2], y[..., 1]), axis=-1)[..., None, :])
+    def matrix(self, at: Relative, A: FloatArray) -> None:
+        A[..., 0, 4], A[..., 0, 5] = -at.E[..., 2, 1], at.E[..., 1, 1]
 
     def bias(self, at: Relative, _d_dot: FloatArray, omega: FloatArray) -> FloatArray:
         return -cross(omega, cross(omega, at.E[..., 1]))[..., :1]
@@ -171,14 +186,13 @@ class _Rod:
     lengths = (True,)
 
     def error(self, at: Relative) -> FloatArray:
-        return _distance(at)[0] - at.length[..., None]
+        return at.rod[0] - at.length[..., None]
 
-    def matrix(self, at: Relative) -> FloatArray:
-        _, direction = _distance(at)
-        return np.concatenate((direction, np.zeros_like(direction)), axis=-1)[..., None, :]
+    def matrix(self, at: Relative, A: FloatArray) -> None:
+        A[..., 0, :3] = at.rod[1]
 
     def bias(self, at: Relative, d_dot: FloatArray, _omega: FloatArray) -> FloatArray:
-        distance, direction = _distance(at)
+        distance, direction = at.rod
         across = d_dot - np.sum(direction * d_dot, axis=-1, keepdims=True) * direction
         square = np.sum(across**2, axis=-1, keepdims=True)
         return np.asarray(np.divide(square, distance, out=np.zeros_like(square), where=distance > 0))
@@ -218,96 +232,72 @@ class KindRows:
     def __init__(self, closures: Sequence[Closure], rows: Sequence[slice]) -> None:
         self.count = len(closures)
         self._lengths = np.array([closure.length or 0.0 for closure in closures])
-        self._groups: list[tuple[tuple[_Part, ...], IndexArray, IndexArray]] = []
+        self._groups: list[tuple[tuple[_Part, ...], IndexArray | slice, IndexArray]] = []
         for kind in dict.fromkeys(closure.kind for closure in closures):
             which = [i for i, closure in enumerate(closures) if closure.kind == kind]
             where = np.array([range(rows[i].start, rows[i].stop) for i in which])
-            self._groups.append((PARTS[kind], np.array(which), where))
+            alone = len(which) == len(closures)
+            self._groups.append((PARTS[kind], slice(None) if alone else np.array(which), where))
         self.turning = np.array([i for i, c in enumerate(closures) if c.kind == "slider"], dtype=int)
         """Which closures need `Relative.turn`."""
 
-    def errors(self, d: FloatArray, E: FloatArray, turn: FloatArray, out: FloatArray) -> None:
-        """Enter the errors.
+    def at(self, d: FloatArray, E: FloatArray, turn: FloatArray) -> list[_Group]:
+        """Return the closures of each kind at some placements.
 
         Parameters
         ----------
         d, E, turn : (..., count, 3), (..., count, 3, 3), (..., count, 3) array
             Placements as in `Relative`.
-        out : (..., size) array
-            Where the rows go.
         """
-        for parts, at, _, rows in self._each(d, E, turn):
-            out[..., rows] = np.concatenate([part.error(at) for part in parts], axis=-1)
-
-    def jacobian(
-        self, d: FloatArray, E: FloatArray, turn: FloatArray, J: FloatArray, out: FloatArray
-    ) -> None:
-        """Enter the Jacobian.
-
-        Parameters
-        ----------
-        d, E, turn : array
-            As for `errors`.
-        J : (..., count, 6, nv) array
-            The matrices from v to (ḋ, ω).
-        out : (..., size, nv) array
-            Where the rows go.
-        """
-        for parts, at, which, rows in self._each(d, E, turn):
-            A = np.concatenate([part.matrix(at) for part in parts], axis=-2)
-            out[..., rows, :] = A @ J[..., which, :, :]
-
-    def drift(
-        self,
-        d: FloatArray,
-        E: FloatArray,
-        turn: FloatArray,
-        motion: tuple[FloatArray, FloatArray],
-        out: FloatArray,
-    ) -> None:
-        """Enter the second derivatives of the errors.
-
-        Parameters
-        ----------
-        d, E, turn : array
-            As for `errors`.
-        motion : tuple of (..., count, 6) array
-            (ḋ, ω) and (d̈, ω̇).
-        out : (..., size) array
-            Where the rows go.
-        """
-        for parts, at, which, rows in self._each(d, E, turn):
-            rate, acceleration = (values[..., which, :] for values in motion)
-            A = np.concatenate([part.matrix(at) for part in parts], axis=-2)
-            bias = [part.bias(at, rate[..., :3], rate[..., 3:]) for part in parts]
-            out[..., rows] = (A @ acceleration[..., None])[..., 0] + np.concatenate(bias, axis=-1)
-
-    def _each(
-        self, d: FloatArray, E: FloatArray, turn: FloatArray
-    ) -> Iterator[tuple[tuple[_Part, ...], Relative, IndexArray, IndexArray]]:
-        for parts, which, rows in self._groups:
-            place = d[..., which, :], E[..., which, :, :], turn[..., which, :], self._lengths[which]
-            yield parts, Relative(*place), which, rows
+        return [
+            _Group(
+                parts,
+                Relative(d[..., which, :], E[..., which, :, :], turn[..., which, :], self._lengths[which]),
+                which,
+                rows,
+            )
+            for parts, which, rows in self._groups
+        ]
 
 
-def _opposite(u: FloatArray) -> NDArray[np.bool_]:
-    """Whether u is that of half a turn, which may be about any axis; that about x1 is taken."""
-    return np.asarray((u[..., 2] < 0.0) & (np.hypot(u[..., 0], u[..., 1]) < _HALF_TURN))
+@dataclass(frozen=True, eq=False)
+class _Group:
+    """The closures of one kind at some placements: which they are, and their rows."""
+
+    parts: tuple[_Part, ...]
+    at: Relative
+    which: IndexArray | slice
+    rows: IndexArray
+
+    @cached_property
+    def A(self) -> FloatArray:  # noqa: N802
+        """The matrices (..., n, rows, 6) from (ḋ, ω) to the rates of the errors."""
+        A, start = np.zeros((*self.at.d.shape[:-1], self.rows.shape[1], 6)), 0
+        for part in self.parts:
+            stop = start + len(part.lengths)
+            part.matrix(self.at, A[..., start:stop, :])
+            start = stop
+        return A
+
+    def errors(self, out: FloatArray) -> None:
+        """Enter the errors into (..., size)."""
+        out[..., self.rows] = np.concatenate([part.error(self.at) for part in self.parts], axis=-1)
+
+    def jacobian(self, J: FloatArray, out: FloatArray) -> None:
+        """Enter the Jacobian into (..., size, nv), from J (..., count, 6, nv), which takes v to (ḋ, ω)."""
+        out[..., self.rows, :] = self.A @ J[..., self.which, :, :]
+
+    def drift(self, rates: FloatArray, accelerations: FloatArray, out: FloatArray) -> None:
+        """Enter the errors' second derivatives into (..., size), from (ḋ, ω), (d̈, ω̇) (..., count, 6)."""
+        rate, start = rates[..., self.which, :], 0
+        found = (self.A @ accelerations[..., self.which, :, None])[..., 0]
+        for part in self.parts:
+            stop = start + len(part.lengths)
+            found[..., start:stop] += part.bias(self.at, rate[..., :3], rate[..., 3:])
+            start = stop
+        out[..., self.rows] = found
 
 
 def _across(u: FloatArray) -> FloatArray:
     """Return x and y of z × u."""
     return np.stack((-u[..., 1], u[..., 0]), axis=-1)
-
-
-def _angular(A: FloatArray) -> FloatArray:
-    """Return matrices (..., rows, 6) whose last three columns are A."""
-    return np.concatenate((np.zeros_like(A), A), axis=-1)
-
-
-def _distance(at: Relative) -> tuple[FloatArray, FloatArray]:
-    """Return the distance (..., 1) and its direction (..., 3), which is x where it has none."""
-    distance = np.linalg.norm(at.d, axis=-1, keepdims=True)
-    direction = np.divide(at.d, distance, out=np.zeros_like(at.d), where=distance > 0)
-    direction[..., :1] += distance == 0
-    return distance, direction

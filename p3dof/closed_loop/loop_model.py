@@ -153,7 +153,10 @@ class LoopModel:
 
     def __repr__(self) -> str:
         kind, loops, names = type(self).__name__, len(self.sidecar.closures), ", ".join(self.actuated)
-        return f"{kind}({self.model.name!r}, nv={self.model.nv}, closures={loops}, actuated=[{names}])"
+        coupled = f", couplings={len(self.sidecar.couplings)}" if self.sidecar.couplings else ""
+        return (
+            f"{kind}({self.model.name!r}, nv={self.model.nv}, closures={loops}{coupled}, actuated=[{names}])"
+        )
 
     @property
     def actuated(self) -> tuple[str, ...]:

@@ -61,7 +61,8 @@ class ClosureRows:
                 turn = rotation_vector(axes @ frames.R2[:, i])
                 errors[:, rows] = np.concatenate((apply(turned_rates(turn), apart), turn), axis=-1)
         if len(k.own):
-            k.kinds.errors(*self._places(frames), errors)
+            for group in k.kinds.at(*self._places(frames)):
+                group.errors(errors)
         if k.couplings.size:
             errors[:, k.coupled] = k.couplings.errors(q)
         return errors
@@ -76,7 +77,8 @@ class ClosureRows:
         J = np.empty((len(each), self._size, each.shape[-1]))
         J[:, self._to] = each[:, self._from]
         if len(k.own):
-            k.kinds.jacobian(*self._places(frames), each[:, self._of_own], J)
+            for group in k.kinds.at(*self._places(frames)):
+                group.jacobian(each[:, self._of_own], J)
         if k.couplings.size:
             J[:, k.coupled] = k.couplings.jacobian(q)
         return J
@@ -90,8 +92,8 @@ class ClosureRows:
         drift[:, self._to] = each[:, self._from]
         if len(k.own):
             rates = apply(self._relative.jacobian(samples, frames), v)
-            motion = rates[:, self._of_own], each[:, self._of_own]
-            k.kinds.drift(*self._places(frames), motion, drift)
+            for group in k.kinds.at(*self._places(frames)):
+                group.drift(rates[:, self._of_own], each[:, self._of_own], drift)
         if k.couplings.size:
             drift[:, k.coupled] = k.couplings.drift(q, v)
         return drift
