@@ -1,5 +1,6 @@
 """Runs in time: conservation, an independent integration, events, bad input."""
 
+import inspect
 import re
 import time
 from dataclasses import replace
@@ -233,6 +234,17 @@ def test_a_run_without_a_finite_beginning_cannot_start():
             DynamicsError, match="the run cannot start: accuracy at t = 0 s: no step is small"
         ):
             p3dof.load().simulate(0.1, controller=lambda _: [1.7e308, 1.7e308, 1.7e308], method=method)
+
+
+def test_settings_are_few_and_are_named():
+    given = inspect.signature(p3dof.Manipulator.simulate).parameters
+    _, duration, *settings = given.values()
+    assert duration.name == "duration"
+    assert len(settings) <= 10
+    assert {setting.kind for setting in settings} == {inspect.Parameter.KEYWORD_ONLY}
+    assert given["method"].default == "pinocchio"
+    with pytest.raises(AttributeError):
+        InitialState().pose = HOME  # what a run was given does not change
 
 
 def test_a_wrench_may_be_a_function_of_one_time_or_of_many():
