@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray
-from p3dof.methods import write_table
+from p3dof.files import write_table
 from p3dof.parameters import LEGS
 from p3dof.tables import ShownInNotebook
 

@@ -1,5 +1,6 @@
 """Reading and writing files so that nothing is lost: whole or not at all, bounded, with one clear error."""
 
+from p3dof.files.csv_text import write_table
 from p3dof.files.generated import check_generated, differences, write_generated
 from p3dof.files.kinds import SUFFIXES, suffix_of
 from p3dof.files.reading import MAX_BYTES, Source, called, read_bytes, read_text
@@ -24,4 +25,5 @@ __all__ = [
     "together",
     "write_atomic",
     "write_generated",
+    "write_table",
 ]

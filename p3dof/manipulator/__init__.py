@@ -3,8 +3,8 @@
 from p3dof.manipulator.comparison import Comparison, Opinion
 from p3dof.manipulator.facade import Manipulator, load
 from p3dof.manipulator.tables import agreement_table, opinions_table
+from p3dof.methods import Exceedance, InverseDynamics, JointStates
 from p3dof.methods.registry import METHODS, Method
-from p3dof.methods.results import Exceedance, InverseDynamics, JointStates
 
 __all__ = [
     "METHODS",

@@ -17,7 +17,8 @@ from p3dof import engines
 from p3dof.checks import FloatArray, Progress, frozen_array
 from p3dof.compiled import MachineKernels
 from p3dof.errors import InputError, SampleError
-from p3dof.methods import InverseDynamics, Method, write_table
+from p3dof.files import write_table
+from p3dof.methods import InverseDynamics, Method
 from p3dof.motion import Motion, WrenchOverTime
 from p3dof.parameters import LEGS, Parameters
 from p3dof.samples import OnInvalid

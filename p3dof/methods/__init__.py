@@ -2,15 +2,10 @@
 
 from p3dof.methods.crossings import without_crossings
 from p3dof.methods.evidence import with_evidence
+from p3dof.methods.exceedances import Exceedance, exceedances_of
 from p3dof.methods.registry import DEFAULT_METHOD, METHODS, Machine, Method, Methods, check_method
-from p3dof.methods.results import (
-    Exceedance,
-    InverseDynamics,
-    JointStates,
-    Solution,
-    exceedances_of,
-    write_table,
-)
+from p3dof.methods.results import InverseDynamics
+from p3dof.methods.solution import JointStates, Solution
 from p3dof.methods.tables import evidence_table, forces_table, limits_table
 from p3dof.methods.utilisation import Utilisation, utilisations
 from p3dof.methods.way import DynamicsMethod
@@ -35,5 +30,4 @@ __all__ = [
     "utilisations",
     "with_evidence",
     "without_crossings",
-    "write_table",
 ]

@@ -8,7 +8,7 @@ from p3dof import kinematics
 from p3dof.algebra import components
 from p3dof.checks import FloatArray
 from p3dof.kinematics import MechanismMotion, Placed
-from p3dof.methods.results import JointStates, Solution
+from p3dof.methods.solution import JointStates, Solution
 from p3dof.paper.friction import losses_of, lost_power
 from p3dof.parameters import Parameters
 

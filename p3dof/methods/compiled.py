@@ -19,7 +19,7 @@ from p3dof.compiled.kernels import MachineKernels, on_arrays
 from p3dof.compiled.reduced import State
 from p3dof.kinematics import Placed, holdable, reachable
 from p3dof.methods.closed_form import solution_with
-from p3dof.methods.results import Solution
+from p3dof.methods.solution import Solution
 from p3dof.motion.states import States
 from p3dof.motion.wrenches import WRENCH_ROWS
 from p3dof.parameters import Geometry

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray
 from p3dof.errors import SingularityError
-from p3dof.methods.results import JointStates, Solution
+from p3dof.methods.solution import JointStates, Solution
 from p3dof.samples import OnInvalid
 
 NEAR = 0.1

@@ -7,7 +7,8 @@ from collections.abc import Callable
 import numpy as np
 
 from p3dof.checks import FloatArray
-from p3dof.methods.results import InverseDynamics, Solution
+from p3dof.methods.results import InverseDynamics
+from p3dof.methods.solution import Solution
 from p3dof.motion import Motion
 from p3dof.motion.wrenches import WRENCH_ROWS
 from p3dof.parameters import SLIDES

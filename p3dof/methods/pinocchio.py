@@ -20,7 +20,7 @@ from p3dof.closed_loop.batch.targets import FrameTargets
 from p3dof.errors import AssemblyError, DynamicsError, SingularityError
 from p3dof.methods.pinocchio_friction import FrictionForces
 from p3dof.methods.pinocchio_gate import Gate, Verdict
-from p3dof.methods.results import JointStates, Solution
+from p3dof.methods.solution import JointStates, Solution
 from p3dof.motion.states import States
 from p3dof.parameters import PLATFORM, Parameters
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -13,119 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from p3dof.checks import FloatArray
-from p3dof.errors import InputError
-from p3dof.files import suffix_of, write_atomic
+from p3dof.files import write_table
+from p3dof.methods.exceedances import Exceedance, exceedances_of
+from p3dof.methods.solution import JointStates
 from p3dof.methods.utilisation import Utilisation, utilisations
 from p3dof.motion import Motion
 from p3dof.parameters import LEGS, SLIDES, Limits
 from p3dof.tables import ShownInNotebook
-
-
-@dataclass(frozen=True, eq=False)
-class JointStates:
-    """Every joint of the mechanism over a motion, in the order of the URDF's joints in Pinocchio.
-
-    Parameters
-    ----------
-    names : tuple of str
-        Joint names.
-    q, v, a : ndarray, shape (N, 10)
-        Positions [m or rad], velocities and accelerations.
-    """
-
-    names: tuple[str, ...]
-    q: FloatArray
-    v: FloatArray
-    a: FloatArray
-
-    @classmethod
-    def from_mappings(
-        cls,
-        names: tuple[str, ...],
-        q: Mapping[str, FloatArray],
-        v: Mapping[str, FloatArray],
-        a: Mapping[str, FloatArray],
-    ) -> JointStates:
-        """Stack values by joint name.
-
-        Parameters
-        ----------
-        names : tuple of str
-            The order of the columns.
-        q, v, a : mapping of str to ndarray, shape (N,)
-            Values of every joint.
-
-        Returns
-        -------
-        JointStates
-        """
-        return cls(names, *(np.stack([values[name] for name in names], axis=-1) for values in (q, v, a)))
-
-    def columns(self, names: tuple[str, ...]) -> JointStates:
-        """Return the states of some joints only, in the given order."""
-        index = [self.names.index(name) for name in names]
-        return JointStates(names, self.q[..., index], self.v[..., index], self.a[..., index])
-
-
-@dataclass(frozen=True, eq=False)
-class Solution:
-    """What a method finds over samples, rows of NaN where a sample was invalid.
-
-    Parameters
-    ----------
-    forces : ndarray, shape (N, 3)
-        Actuator forces [N].
-    joints : JointStates
-        All joints.
-    closure_error : ndarray, shape (N,)
-        Largest gap of the loops [m].
-    energy_rate : ndarray, shape (N,)
-        Rate of change of kinetic and potential energy, summed body by body [W].
-    dissipation : ndarray, shape (N,)
-        Power lost in friction [W].
-    actuation : ndarray, shape (N,)
-        Angle from the actuation singularity [rad].
-    """
-
-    forces: FloatArray
-    joints: JointStates
-    closure_error: FloatArray
-    energy_rate: FloatArray
-    dissipation: FloatArray
-    actuation: FloatArray
-
-
-@dataclass(frozen=True)
-class Exceedance:
-    """A limit that a motion exceeds.
-
-    Parameters
-    ----------
-    quantity : str
-        ``"travel"``, ``"speed"``, ``"force"`` or ``"tilt"``.
-    leg : str
-        ``"A"``, ``"B"``, ``"C"``, or ``"platform"`` for the tilt.
-    time : float
-        When it is exceeded the most [s].
-    value, limit : float
-        The value then, and the limit [m, m/s, N or rad].
-    """
-
-    quantity: str
-    leg: str
-    time: float
-    value: float
-    limit: float
-
-    _UNITS = {"travel": "m", "speed": "m/s", "force": "N", "tilt": "rad"}  # noqa: RUF012 - not a field
-
-    def __str__(self) -> str:
-        unit = self._UNITS[self.quantity]
-        who = self.leg if self.leg == "platform" else f"slider {self.leg}"
-        return (
-            f"{self.quantity} of {who}: {self.value:g} {unit} at t = {self.time:g} s, "
-            f"limit {self.limit:g} {unit}"
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -331,78 +223,3 @@ class InverseDynamics(ShownInNotebook):
             self.power_residual,
         )
         return write_table(path, header, columns)
-
-
-def exceedances_of(
-    limits: Limits, motion: Motion, sliders: FloatArray, speeds: FloatArray, forces: FloatArray
-) -> list[Exceedance]:
-    """Return the limits that samples exceed, each at its worst.
-
-    Parameters
-    ----------
-    limits : Limits
-        What the actuators can do.
-    motion : Motion
-        Of the platform.
-    sliders, speeds, forces : ndarray, shape (N, 3)
-        Slider positions [m], velocities [m/s] and actuator forces [N]; NaN where a sample is invalid.
-
-    Returns
-    -------
-    list of Exceedance
-        Empty when the machine can do it.
-
-    Raises
-    ------
-    InputError
-        If `limits` is not a `Limits`.
-    """
-    if not isinstance(limits, Limits):
-        raise InputError(f"limits: expected Limits, got {type(limits).__name__}")
-    columns: list[tuple[str, str, FloatArray, float, float]] = []
-    for leg, name in enumerate(LEGS):
-        columns.append(("travel", name, sliders[:, leg], *limits.travel))
-        columns.append(("speed", name, speeds[:, leg], -limits.speed, limits.speed))
-        columns.append(("force", name, forces[:, leg], -limits.force, limits.force))
-    columns.append(("tilt", "platform", motion.pose[:, 2], *limits.tilt))
-    found = []
-    for quantity, name, values, low, high in columns:
-        excess = np.nan_to_num(np.maximum(values - high, low - values), nan=-np.inf)
-        worst = int(np.argmax(excess))
-        if excess[worst] > 0:
-            value = float(values[worst])
-            limit = high if value > high else low
-            found.append(Exceedance(quantity, name, float(motion.time[worst]), value, limit))
-    return found
-
-
-def write_table(path: str | os.PathLike[str], header: list[str], columns: tuple[FloatArray, ...]) -> Path:
-    """Write columns of numbers to a CSV file that reads back to the same bits.
-
-    Parameters
-    ----------
-    path : path-like
-        The file; replaced whole or not at all.
-    header : list of str
-        Names of the columns.
-    columns : tuple of ndarray, shape (N,)
-        The columns.
-
-    Returns
-    -------
-    Path
-        The path written.
-
-    Raises
-    ------
-    InputError
-        If its name does not end in ``.csv``.
-    FileError
-        If the file cannot be written.
-    """
-    suffix_of(path, "table")
-    text = io.StringIO(newline="")
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows([f"{value:.17g}" for value in row] for row in zip(*columns, strict=True))
-    return write_atomic(path, text.getvalue())

@@ -12,7 +12,7 @@ from p3dof.checks import FloatArray, Progress
 from p3dof.kinematics import Placed
 from p3dof.methods import equations_of_motion
 from p3dof.methods.closed_form import solution_with
-from p3dof.methods.results import Solution
+from p3dof.methods.solution import Solution
 from p3dof.motion.states import States
 from p3dof.paper.friction import losses_of
 from p3dof.paper.inertials import inertials, numbers

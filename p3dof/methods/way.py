@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from p3dof.checks import FloatArray, Progress
-from p3dof.methods.results import Solution
+from p3dof.methods.solution import Solution
 from p3dof.motion.states import States
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.reactions import BoolArray
 from p3dof.errors import InputError
-from p3dof.methods import write_table
+from p3dof.files import write_table
 from p3dof.motion import Motion
 from p3dof.reactions.one_joint import OpenPeak, Peak, largest, peaks_of
 from p3dof.reactions.results import Reactions

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.reactions import BoolArray
 from p3dof.errors import InputError
-from p3dof.methods import write_table
+from p3dof.files import write_table
 from p3dof.motion import Motion
 from p3dof.reactions.joints import JOINTS, joint_axes
 from p3dof.reactions.newton_euler import in_fixed_axes

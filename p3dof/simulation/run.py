@@ -11,8 +11,8 @@ import numpy as np
 
 from p3dof.checks import FloatArray, shown
 from p3dof.errors import FileError, InputError, MotionError
-from p3dof.files import called, suffix_of, write_atomic
-from p3dof.methods import METHODS, Exceedance, JointStates, exceedances_of, write_table
+from p3dof.files import called, suffix_of, write_atomic, write_table
+from p3dof.methods import METHODS, Exceedance, JointStates, exceedances_of
 from p3dof.motion import Motion
 from p3dof.motion.times import require_rising
 from p3dof.parameters import LEGS, Limits

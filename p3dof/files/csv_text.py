@@ -1,0 +1,44 @@
+"""Columns of numbers to CSV that reads back to the same bits."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from pathlib import Path
+
+from p3dof.checks import FloatArray
+from p3dof.files.kinds import suffix_of
+from p3dof.files.writing import write_atomic
+
+
+def write_table(path: str | os.PathLike[str], header: list[str], columns: tuple[FloatArray, ...]) -> Path:
+    """Write columns of numbers to a CSV file that reads back to the same bits.
+
+    Parameters
+    ----------
+    path : path-like
+        The file; replaced whole or not at all.
+    header : list of str
+        Names of the columns.
+    columns : tuple of ndarray, shape (N,)
+        The columns.
+
+    Returns
+    -------
+    Path
+        The path written.
+
+    Raises
+    ------
+    InputError
+        If its name does not end in ``.csv``.
+    FileError
+        If the file cannot be written.
+    """
+    suffix_of(path, "table")
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows([f"{value:.17g}" for value in row] for row in zip(*columns, strict=True))
+    return write_atomic(path, text.getvalue())
