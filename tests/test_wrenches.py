@@ -137,3 +137,9 @@ def test_runs_in_time_take_either(name):
     hold = robot.forces(np.zeros(3), np.zeros(3), np.zeros(3))
     run = robot.simulate(0.05, controller=hold, wrench=FUNCTIONS[name], samples=6, method="compiled")
     np.testing.assert_allclose(run.wrench, expected(run.time), rtol=0, atol=1e-13)
+
+
+def test_a_function_of_many_times_is_asked_once():
+    asked = []
+    Load(lambda t: (asked.append(np.shape(t)), expected(t))[1]).over(np.linspace(0, 1, 100))
+    assert asked == [(100,)]
