@@ -52,7 +52,7 @@ from .simulation import (
 from .compiled import BoundInverseDynamics, MachineKernels
 
 # Any robot with closed loops
-from .closed_loop import ClosedLoopModel, Closure, Coupling, FrameTarget, Sidecar
+from .closed_loop import ClosedLoopModel, Closure, Coupling, FrameTarget, Sidecar, load_robot
 
 # Errors
 from .errors import (
@@ -149,6 +149,7 @@ __all__ = [
     "codegen",
     "engines",
     "load",
+    "load_robot",
     "of_solids",
     "paper_motion",
     "plots",

@@ -246,7 +246,7 @@ length: [null, 5e-1]
 name_mot: [j]
 coupling:
 - {joint: k, on: j, coefficients: [0, -1.5, 1e-3], name: gears}
-- {joint: l, on: null, coefficients: [2]}
+- {joint: l, on: null, coefficients: [2], others: {m: 0.5, n: -1}}
 reference: {j: 0.25, ball: [0, 0, 0, 1]}
 joint_name: [m]
 joint_type: [SPHERICAL]
@@ -258,7 +258,10 @@ def test_all_keys_of_the_file():
     assert sidecar == Sidecar(
         (Closure("a", "b", "hinge"), Closure("c", "d", "distance", 0.5)),
         ("j",),
-        (Coupling("k", "j", (0, -1.5, 1e-3), "gears"), Coupling("l", None, [2])),
+        (
+            Coupling("k", "j", (0, -1.5, 1e-3), "gears"),
+            Coupling("l", None, [2], others=[("m", 0.5), ("n", -1)]),
+        ),
         {"j": 0.25, "ball": (0, 0, 0, 1)},
         (("m", "SPHERICAL"),),
     )
@@ -285,7 +288,7 @@ def test_every_way_to_give_urdf_and_sidecar(tmp_path):
     xml = robots.four_bar(*FOUR_BAR)
     urdf, yaml = tmp_path / "robot.urdf", tmp_path / "robot.yaml"
     urdf.write_text(xml, encoding="utf-8")
-    yaml.write_text(GOOD, encoding="utf-8")
+    yaml.write_text(FOUR_BAR_SIDECAR.to_yaml(), encoding="utf-8")
     mapping = {"closed_loop": [("coupler_tip", "rocker_tip")], "type": ("3d",), "name_mot": ("crank_joint",)}
     q = robots.four_bar_q(0.9, *FOUR_BAR)
     for source in (xml, "\ufeff \n" + xml, urdf, str(urdf)):

@@ -17,7 +17,7 @@ SCHEMA = json.loads(
 )
 VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
 MISSING = object()
-GEARS = {"joint": "wheel", "on": "motor", "coefficients": [0, -1.5], "name": "gears"}
+GEARS = {"joint": "wheel", "on": "motor", "coefficients": [0, -1.5], "name": "gears", "others": {"ring": 2}}
 FULL = {
     "closed_loop": [["a", "b"], ["c", "d"]],
     "type": ["hinge", "distance"],
@@ -57,6 +57,8 @@ ACCEPTED = {
     "lists left empty": {**FULL, **dict.fromkeys(("coupling", "reference", "joint_name", "joint_type"))},
     "a length in an exponent": changed("length", [None, "5e-1"]),
     "a coefficient in an exponent": coupling(coefficients=[0, "-1e-3"]),
+    "a factor in an exponent": coupling(others={"ring": "5e-1"}),
+    "no others": coupling(others={}),
     "a polynomial": coupling(coefficients=[1, 2, 3, 4, 5]),
     "a coupling without a name": coupling(name=None),
     "a locked joint": coupling(on=None, coefficients=[1]),
@@ -89,6 +91,9 @@ REFUSED = {
     "a coefficient in words": coupling(coefficients=[0, "much"]),
     "an unknown field of a coupling": coupling(ratio=2),
     "a number as a joint": coupling(on=3),
+    "a factor in words": coupling(others={"ring": "much"}),
+    "a factor for a joint without a name": coupling(others={" ": 1}),
+    "another joint without a factor": coupling(others="ring"),
     "a locked joint with a ratio": coupling(on=None),
     "a reference as a list": changed("reference", [0.1]),
     "a reference in words": changed("reference", {"motor": "up"}),
@@ -102,6 +107,7 @@ BEYOND = {
     "a length for a hinge": changed("length", [0.5, 0.5]),
     "a distance without a length": changed("length", MISSING),
     "a joint that follows itself": coupling(on="wheel"),
+    "another joint that is there already": coupling(others={"motor": 1}),
     "a joint that is coupled twice": changed("coupling", [GEARS, GEARS]),
     "two names and one type": changed("joint_name", ["hip", "knee"]),
 }

@@ -15,6 +15,7 @@ from p3dof.closed_loop.dynamics import ForwardDynamics, InverseDynamics
 from p3dof.closed_loop.model import ClosedLoopModel
 from p3dof.closed_loop.reactions import ClosureJoint, JointReactions, ReactionSolver
 from p3dof.closed_loop.reactions_batch import BatchReactions, reactions_batch, reactions_by_each
+from p3dof.closed_loop.robots import load_robot
 from p3dof.closed_loop.sidecar import Closure, Coupling, Sidecar
 from p3dof.closed_loop.targets import FrameTarget
 
@@ -36,6 +37,7 @@ __all__ = [
     "ReactionSolver",
     "Sidecar",
     "State",
+    "load_robot",
     "reactions_batch",
     "reactions_by_each",
 ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
 from types import MappingProxyType
 from typing import Any
 
@@ -95,9 +96,9 @@ class Closure:
 
 @dataclass(frozen=True)
 class Coupling:
-    """A joint that follows another one: q_joint = c0 + c1 q_on + c2 q_on² + c3 q_on³ + c4 q_on⁴.
+    """A joint that follows another one: q_joint = c0 + c1 q_on + ... + c4 q_on⁴ + Σ f q_other.
 
-    Both joints have one degree of freedom. Gears, belts, ``<mimic>`` and MuJoCo's joint equalities are such
+    All joints have one degree of freedom. Gears, belts, ``<mimic>`` and MuJoCo's joint equalities are such
     couplings; with c0 alone the joint is locked. The value of a continuous joint is its angle; see Notes.
 
     Parameters
@@ -110,27 +111,31 @@ class Coupling:
         c0, c1, ... [m or rad of `joint`, per m or rad of `on`]: one if `on` is None, else one to five.
     name : str, optional
         What to call the coupling in messages; the names of the joints by default.
+    others : sequence of (str, float)
+        Names of further joints that it follows, and their factors f [m or rad of `joint`, per m or rad]: a
+        differential, or a gear between links that hang on several joints.
 
     Raises
     ------
     ModelError
-        If a name is empty or not text, the joint follows itself, or the coefficients are not one to five
-        finite numbers.
+        If a name is empty or not text, the joint follows itself, another joint is named twice, or the numbers
+        are not finite or too many.
 
     Notes
     -----
     Pinocchio knows the angle of a continuous joint up to whole turns only, so the coupling holds up to what
     that leaves open: its error is taken to the nearest value, and is continuous. If the joint that follows is
     continuous, these are whole turns; if the other one is, multiples of 2π c1; if both are and c1 = a/b in
-    lowest terms, b-ths of a turn. Where nothing can be said, a continuous joint in a polynomial of higher
-    degree or two in a ratio of no such fraction up to b = 1000, the model refuses the coupling; a revolute
-    joint, whose turns are counted, can take its place.
+    lowest terms, b-ths of a turn; and so on with further joints. Where nothing can be said, a continuous
+    joint in a polynomial of higher degree or two in a ratio of no such fraction up to b = 1000, the model
+    refuses the coupling; a revolute joint, whose turns are counted, can take its place.
     """
 
     joint: str
     on: str | None
     coefficients: tuple[float, ...]
     name: str | None = None
+    others: tuple[tuple[str, float], ...] = ()
 
     def __post_init__(self) -> None:
         checked_name("coupling: joint", self.joint)
@@ -150,6 +155,29 @@ class Coupling:
             wanted = "one, the joint being locked" if self.on is None else f"one to {most}"
             raise ModelError(f"{where}: coefficients: expected {wanted}, got {len(array)}")
         object.__setattr__(self, "coefficients", tuple(float(c) for c in array))
+        object.__setattr__(self, "others", self._checked_others(where))
+
+    @property
+    def leaders(self) -> tuple[str, ...]:
+        """Names of all joints that it follows."""
+        return (*(() if self.on is None else (self.on,)), *(name for name, _ in self.others))
+
+    def _checked_others(self, where: str) -> tuple[tuple[str, float], ...]:
+        given: object = self.others
+        if isinstance(given, str) or not isinstance(given, Iterable):
+            raise ModelError(f"{where}: others: expected pairs of a joint and a factor, got {shown(given)}")
+        found: dict[str, float] = {}
+        for pair in given.items() if isinstance(given, Mapping) else given:
+            if not isinstance(pair, list | tuple) or len(pair) != 2:
+                raise ModelError(
+                    f"{where}: others: expected pairs of a joint and a factor, got {shown(pair)}"
+                )
+            name, factor = pair
+            checked_name(f"{where}: others", name)
+            if name in (self.joint, self.on) or name in found:
+                raise ModelError(f"{where}: others: the joint {shown(name)} is there already")
+            found[name] = float(frozen_array(f"{where}: others: {shown(name)}", factor, (), ModelError))
+        return tuple(found.items())
 
     @property
     def title(self) -> str:
@@ -217,19 +245,13 @@ def check_couplings(where: str, couplings: Iterable[Coupling]) -> None:
     ModelError
         If they are such.
     """
-    on: dict[str, str | None] = {}
+    leaders: dict[str, tuple[str, ...]] = {}
     for coupling in couplings:
-        if coupling.joint in on:
+        if coupling.joint in leaders:
             raise ModelError(f"{where}: the joint {shown(coupling.joint)} is coupled twice")
-        on[coupling.joint] = coupling.on
-    free: set[str] = set()  # joints from which no ring is reached
-    for start in on:
-        seen: dict[str, None] = {}
-        joint: str | None = start
-        while joint is not None and joint not in free:
-            if joint in seen:
-                ring = [*seen][[*seen].index(joint) :]
-                raise ModelError(f"{where}: the joints follow each other in a ring: {' -> '.join(ring)}")
-            seen[joint] = None
-            joint = on.get(joint)
-        free.update(seen)
+        leaders[coupling.joint] = coupling.leaders
+    try:
+        list(TopologicalSorter(leaders).static_order())
+    except CycleError as error:
+        ring = " -> ".join(reversed(error.args[1]))
+        raise ModelError(f"{where}: the joints follow each other in a ring: {ring}") from error

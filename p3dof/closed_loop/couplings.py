@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from fractions import Fraction
+from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.constraints import MAX_COEFFICIENTS, Coupling
 from p3dof.closed_loop.joints import single_joint
 from p3dof.errors import ModelError
+
+IndexArray: TypeAlias = NDArray[np.int_]
 
 _LARGEST_DENOMINATOR = 1000
 """Of the ratio of two continuous joints; a gear with more teeth could be turned by one unnoticed."""
@@ -20,7 +25,7 @@ _EXACT = 1e-12
 
 
 class CouplingRows:
-    """The couplings q_joint = p(q_on) of a model; leading axes, if there are any, count samples.
+    """The couplings q_joint = p(q_on) + Σ f q_other of a model; leading axes, if any, count samples.
 
     Parameters
     ----------
@@ -53,13 +58,14 @@ class CouplingRows:
         first = np.roll(coefficients * powers, -1, axis=1)
         self._polynomials = np.stack((coefficients, first, np.roll(first * powers, -1, axis=1)))
         self._powers = powers
-        each = zip(couplings, *circles, strict=True)
+        self._others = _Others(model, couplings)
+        each = zip(couplings, *circles, self._others.on_circles, strict=True)
         self._period = np.array([_period(coupling, *known) for coupling, *known in each])
         self._wrapped = np.flatnonzero(self._period)
 
     def errors(self, q: FloatArray) -> FloatArray:
-        """Return q_joint - p(q_on), taken to the nearest value that continuous joints allow, (..., size)."""
-        error = self._values(q, 0) - self._derivative(q, 0)
+        """Return q_joint - p(q_on) - Σ f q_other (..., size), to the nearest that continuous joints allow."""
+        error = self._values(q, 0) - self._derivative(q, 0) - self._others.sums(q)
         period = self._period[self._wrapped]
         error[..., self._wrapped] -= period * np.round(error[..., self._wrapped] / period)
         return error
@@ -69,6 +75,7 @@ class CouplingRows:
         J, rows = np.zeros((*q.shape[:-1], self.size, self._nv)), np.arange(self.size)
         J[..., rows, self._v[0]] = 1.0
         J[..., self._on, self._v[1, self._on]] = -self._derivative(q, 1)[..., self._on]
+        J[..., self._others.rows, self._others.v] = -self._others.factors
         return J
 
     def drift(self, q: FloatArray, v: FloatArray) -> FloatArray:
@@ -76,18 +83,49 @@ class CouplingRows:
         return np.asarray(-self._derivative(q, 2) * v[..., self._v[1]] ** 2)
 
     def _values(self, q: FloatArray, end: int) -> FloatArray:
-        """Return the values of the joints at one end, for continuous ones their angles within half a turn."""
-        values = q[..., self._q[end]]
-        circles = self._circles[end]
-        if len(circles):
-            cosine = self._q[end, circles]
-            values[..., circles] = np.arctan2(q[..., cosine + 1], q[..., cosine])
-        return values
+        """Return the values of the joints at one end."""
+        return _angles(q, self._q[end], self._circles[end])
 
     def _derivative(self, q: FloatArray, order: int) -> FloatArray:
         """Return p, p' or p'' of the joints at the other end."""
         powers = self._values(q, 1)[..., None] ** self._powers
         return np.asarray(np.sum(self._polynomials[order] * powers, axis=-1))
+
+
+class _Others:
+    """The linear terms of further joints, all couplings together."""
+
+    def __init__(self, model: pin.Model, couplings: Sequence[Coupling]) -> None:
+        terms = [
+            (row, single_joint(model, name, f"coupling {coupling.title}"), factor)
+            for row, coupling in enumerate(couplings)
+            for name, factor in coupling.others
+        ]
+        rows, joints, factors = zip(*terms, strict=True) if terms else ((), (), ())
+        self.rows, self.factors = np.array(rows, dtype=int), np.array(factors)
+        """Of each term, the coupling and the factor."""
+        chosen = np.array(joints, dtype=int)
+        self.v, self._q = np.array(model.idx_vs)[chosen], np.array(model.idx_qs)[chosen]
+        """Of each term, where its joint is in v."""
+        circles = np.array(model.nqs)[chosen] == 2
+        self._circles = np.flatnonzero(circles)
+        self.on_circles = [self.factors[circles & (self.rows == row)] for row in range(len(couplings))]
+        """Of each coupling, the factors of continuous joints."""
+        self._sums = np.zeros((len(terms), len(couplings)))
+        self._sums[np.arange(len(terms)), self.rows] = self.factors
+
+    def sums(self, q: FloatArray) -> FloatArray:
+        """Return Σ f q_other (..., size)."""
+        return np.asarray(_angles(q, self._q, self._circles) @ self._sums) if len(self.rows) else np.zeros(())
+
+
+def _angles(q: FloatArray, indices: IndexArray, circles: IndexArray) -> FloatArray:
+    """Return values of joints, for continuous ones their angles within half a turn."""
+    values = q[..., indices]
+    if len(circles):
+        cosine = indices[circles]
+        values[..., circles] = np.arctan2(q[..., cosine + 1], q[..., cosine])
+    return values
 
 
 def _ends(model: pin.Model, coupling: Coupling) -> tuple[int, int]:
@@ -97,20 +135,24 @@ def _ends(model: pin.Model, coupling: Coupling) -> tuple[int, int]:
     return joint, 0 if coupling.on is None else single_joint(model, coupling.on, what)
 
 
-def _period(coupling: Coupling, circle: bool, on_circle: bool) -> float:
+def _period(coupling: Coupling, circle: bool, on_circle: bool, others: FloatArray) -> float:
     """Return up to multiples of what the coupling holds: what whole turns of continuous joints leave open."""
     ratio = coupling.coefficients[1] if len(coupling.coefficients) > 1 else 0.0
-    if not on_circle or not any(coupling.coefficients[1:]):
-        return 2.0 * np.pi if circle else 0.0
     help_ = "the turns of a continuous joint are not counted: make it revolute"
-    if any(coupling.coefficients[2:]):
+    if on_circle and any(coupling.coefficients[2:]):
         raise ModelError(f"coupling {coupling.title}: {coupling.on!r} enters in a higher power; {help_}")
-    if not circle:
-        return float(2.0 * np.pi * abs(ratio))
-    fraction = Fraction(ratio).limit_denominator(_LARGEST_DENOMINATOR)
-    if abs(float(fraction) - ratio) > _EXACT * abs(ratio):
-        raise ModelError(
-            f"coupling {coupling.title}: the ratio {ratio:.12g} of two continuous joints is no fraction with "
-            f"a denominator of at most {_LARGEST_DENOMINATOR}; {help_}"
-        )
-    return float(2.0 * np.pi / fraction.denominator)
+    turns = [1.0 if circle else 0.0, ratio if on_circle else 0.0, *others.tolist()]
+    factors = [abs(factor) for factor in turns if factor]
+    if not factors:
+        return 0.0
+    shares = [Fraction(factor / factors[0]).limit_denominator(_LARGEST_DENOMINATOR) for factor in factors]
+    for factor, share in zip(factors, shares, strict=True):
+        if abs(float(share) * factors[0] - factor) > _EXACT * factor:
+            ratio = factor / factors[0]
+            raise ModelError(
+                f"coupling {coupling.title}: the ratio {ratio:.12g} of two continuous joints is no fraction "
+                f"with a denominator of at most {_LARGEST_DENOMINATOR}; {help_}"
+            )
+    common = math.lcm(*(share.denominator for share in shares))
+    divisor = math.gcd(*(int(share * common) for share in shares))
+    return float(2.0 * np.pi * factors[0] * divisor / common)

@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Mapping
-from typing import Any, cast
+from typing import Literal, cast
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 from typing_extensions import Self
 
-from p3dof.checks import FloatArray, frozen_array, positive
+from p3dof.checks import FloatArray, frozen_array, positive, shown
 from p3dof.closed_loop.assembly import TOLERANCE, Assembler, Assembly, State
 from p3dof.closed_loop.closures import ClosurePoint, LoopKinematics, max_abs
 from p3dof.closed_loop.dynamics import Dynamics, ForwardDynamics, InverseDynamics
 from p3dof.closed_loop.energy import energy_rate
+from p3dof.closed_loop.formats import urdf
 from p3dof.closed_loop.joints import configuration_of, single_joint
-from p3dof.closed_loop.open_ends import open_ends
-from p3dof.closed_loop.sidecar import Sidecar
+from p3dof.closed_loop.sidecar import Sidecar, SidecarLike, sidecar_of
 from p3dof.closed_loop.targets import BoundFrameTarget, FrameTarget, JointTarget, NoTarget, Target
 from p3dof.closed_loop.units import ScaledModel, scaled
-from p3dof.closed_loop.urdf import build_tree
-from p3dof.errors import InputError, ModelError, ModelWarning
+from p3dof.errors import InputError, ModelError
 
 CLOSED = 1e-5
 """Largest gap at which inverse dynamics has a meaning [m or rad]."""
@@ -91,14 +89,16 @@ class LoopModel:
     def from_urdf(
         cls,
         path_or_xml: str | os.PathLike[str],
-        closures: Sidecar | Mapping[str, Any] | str | os.PathLike[str] | tuple[()] | None = None,
+        closures: SidecarLike = None,
         root_joint: pin.JointModel | None = None,
+        mimic: bool = True,
+        on_unknown: Literal["raise", "ignore"] = "raise",
     ) -> Self:
-        """Build the model from a tree URDF and its sidecar.
+        """Build the model from a tree URDF and its sidecar; `p3dof.load_robot` reads more formats.
 
-        As in Pinocchio's own reader, ``<mimic>`` joints are independent (the closures must tie them), and the
-        damping and friction of ``<dynamics>`` exert no force. At most 1000 links and 200 degrees of freedom
-        are read.
+        Loops in the file itself are read too: those of URDF+ (``<loop>``, ``<coupling>``, ``independent``),
+        Drake's ball constraints, ``<mimic>``. As in Pinocchio's own reader, the damping and friction of
+        ``<dynamics>`` exert no force. At most 1000 links and 200 degrees of freedom are read.
 
         Parameters
         ----------
@@ -110,6 +110,10 @@ class LoopModel:
             is given for one that looks as if it had loops, unless an empty tuple says that this is meant.
         root_joint : pin.JointModel, optional
             The joint between the world and the root link; by default the root link is fixed.
+        mimic : bool
+            Whether ``<mimic>`` couples joints; else they are independent.
+        on_unknown : {"raise", "ignore"}
+            What to do with elements that look like loops and are not understood.
 
         Returns
         -------
@@ -118,31 +122,19 @@ class LoopModel:
         Raises
         ------
         ModelError
-            If a file is missing, malformed or too large, or names something that does not exist.
+            If a file is missing, malformed or too large, names something that does not exist, or has what
+            looks like a loop and is not understood.
         InputError
             If `root_joint` is not a joint model.
         """
-        sidecar: Sidecar | None
-        if isinstance(closures, str) and "\n" in closures:
-            sidecar = Sidecar.parse(closures)
-        elif isinstance(closures, str | os.PathLike):
-            sidecar = Sidecar.from_yaml(closures)
-        elif closures is None or closures == () or isinstance(closures, Sidecar):
-            sidecar = closures or None
-        else:
-            sidecar = Sidecar.from_mapping(closures)  # type: ignore[arg-type]  # it refuses a tuple
+        sidecar = sidecar_of(closures)
         if root_joint is not None and not hasattr(root_joint, "nq"):
             raise InputError(f"root_joint: expected a pinocchio joint model, got {type(root_joint).__name__}")
-        model = build_tree(path_or_xml, root_joint)
-        sign = open_ends(path_or_xml, model) if closures is None else ""
-        if sign:
-            warnings.warn(
-                f"the URDF is read as an open tree, but {sign}: give them as closures, "
-                "or closures=() if it is a tree",
-                ModelWarning,
-                stacklevel=2,
-            )
-        return cls(model, Sidecar.serial(model) if sidecar is None else sidecar)
+        if on_unknown not in ("raise", "ignore"):
+            raise InputError(f"on_unknown: expected 'raise' or 'ignore', got {shown(on_unknown)}")
+        is_tree = isinstance(closures, tuple) and not closures
+        model, whole = urdf.read(path_or_xml, sidecar, root_joint, mimic, on_unknown == "ignore", is_tree)
+        return cls(model, whole)
 
     def copy(self) -> Self:
         """Return an independent copy, for another thread (processes: an instance can be pickled)."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from contextlib import suppress
 from itertools import combinations
 from pathlib import Path
@@ -11,7 +10,6 @@ from xml.etree import ElementTree as Xml
 import numpy as np
 import pinocchio as pin
 
-from p3dof.closed_loop.urdf import read_urdf
 from p3dof.errors import FileError
 from p3dof.files import read_text
 
@@ -21,7 +19,7 @@ NEAR = 1e-6
 _SIDECAR_KEY = "closed_loop:"
 
 
-def open_ends(source: str | os.PathLike[str], model: pin.Model) -> str:
+def open_ends(path: str | None, robot: Xml.Element, model: pin.Model) -> str:
     """Say what in a URDF looks like a loop that is left open.
 
     That is a sidecar beside the file (``robot.yaml`` beside ``robot.urdf``), or two ends of different
@@ -29,8 +27,10 @@ def open_ends(source: str | os.PathLike[str], model: pin.Model) -> str:
 
     Parameters
     ----------
-    source : str or path-like
-        XML text or the path of a file.
+    path : str, optional
+        Of the file; None for text.
+    robot : xml.etree.ElementTree.Element
+        What the file says.
     model : pin.Model
         The tree that it makes.
 
@@ -39,23 +39,20 @@ def open_ends(source: str | os.PathLike[str], model: pin.Model) -> str:
     str
         The sign in words; empty if there is none.
     """
-    text, name = read_urdf(source)
-    if name == os.fspath(source):
-        for ending in (".yaml", ".yml"):
-            beside = Path(name).with_suffix(ending)
-            with suppress(FileError):
-                if _SIDECAR_KEY in read_text(beside):
-                    return f"{beside} beside it holds loop closures"
-    pairs = _coinciding(model, _bare_ends(text))
+    for ending in (".yaml", ".yml") if path else ():
+        beside = Path(str(path)).with_suffix(ending)
+        with suppress(FileError):
+            if _SIDECAR_KEY in read_text(beside):
+                return f"{beside} beside it holds loop closures"
+    pairs = _coinciding(model, _bare_ends(robot))
     if not pairs:
         return ""
     more = f" and {len(pairs) - 1} more such pairs" if len(pairs) > 1 else ""
     return f"its frames {pairs[0][0]} and {pairs[0][1]} coincide{more}"
 
 
-def _bare_ends(text: str) -> list[str]:
+def _bare_ends(robot: Xml.Element) -> list[str]:
     """Return the links without shape and children that hang at fixed joints."""
-    robot = Xml.fromstring(text.encode())  # noqa: S314 - read_urdf and the tree's checks had it before
     parents = {tag.get("link") for tag in robot.iterfind("joint/parent")}
     fixed = {tag.get("link") for tag in robot.iterfind("joint[@type='fixed']/child")}
     return [

@@ -6,7 +6,7 @@ import difflib
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeAlias
 
 import pinocchio as pin
 import yaml
@@ -17,7 +17,7 @@ from p3dof.closed_loop.sidecar_file import content_of, distinct, pair_of, parts_
 from p3dof.errors import FileError, ModelError
 from p3dof.files import parse_yaml, read_text
 
-__all__ = ["Closure", "Coupling", "Sidecar", "suggestion"]
+__all__ = ["Closure", "Coupling", "Sidecar", "SidecarLike", "sidecar_of", "suggestion"]
 
 
 @dataclass(frozen=True)
@@ -176,6 +176,37 @@ class Sidecar:
             content_of(*parts), sort_keys=False, default_flow_style=None, allow_unicode=True
         )
         return text
+
+
+SidecarLike: TypeAlias = Sidecar | Mapping[str, Any] | str | os.PathLike[str] | tuple[()] | None
+"""A sidecar, a mapping with the keys of its file, the path of the file or its text; an empty tuple or None
+for none."""
+
+
+def sidecar_of(given: SidecarLike) -> Sidecar | None:
+    """Return what a user gives for a sidecar as one; None for none.
+
+    Parameters
+    ----------
+    given : Sidecar, mapping, str or path-like, optional
+        See `SidecarLike`.
+
+    Returns
+    -------
+    Sidecar, optional
+
+    Raises
+    ------
+    ModelError
+        If a file cannot be read, or something is malformed.
+    """
+    if given is None or (isinstance(given, tuple) and not given) or isinstance(given, Sidecar):
+        return given or None
+    if isinstance(given, str) and "\n" in given:
+        return Sidecar.parse(given)
+    if isinstance(given, str | os.PathLike):
+        return Sidecar.from_yaml(given)
+    return Sidecar.from_mapping(given)
 
 
 def suggestion(name: str, known: Iterable[str]) -> str:

@@ -12,7 +12,7 @@ from p3dof.errors import ModelError
 
 _REQUIRED = ("closed_loop", "type", "name_mot")
 _OPTIONAL = ("length", "coupling", "reference", "joint_name", "joint_type")
-_COUPLING = ("joint", "coefficients", "on", "name")
+_COUPLING = ("joint", "coefficients", "on", "name", "others")
 
 
 def parts_of(content: Mapping[str, Any], source: str) -> tuple[Any, ...]:
@@ -230,14 +230,25 @@ def _coupling(where: str, entry: Any) -> Coupling:
     if isinstance(numbers, list | tuple):
         numbers = tuple(_number(number) for number in numbers)
     try:
-        return Coupling(entry["joint"], entry.get("on"), numbers, entry.get("name"))
+        others = entry.get("others", ())
+        if isinstance(others, Mapping):
+            others = {name: _number(factor) for name, factor in others.items()}
+        return Coupling(entry["joint"], entry.get("on"), numbers, entry.get("name"), others)
     except ModelError as error:
         raise ModelError(f"{where}: {error}") from error
 
 
 def _fields(coupling: Coupling) -> dict[str, Any]:
-    content = {"joint": coupling.joint, "on": coupling.on, "coefficients": list(coupling.coefficients)}
-    return content if coupling.name is None else {**content, "name": coupling.name}
+    content: dict[str, Any] = {
+        "joint": coupling.joint,
+        "on": coupling.on,
+        "coefficients": list(coupling.coefficients),
+    }
+    if coupling.name is not None:
+        content["name"] = coupling.name
+    if coupling.others:
+        content["others"] = dict(coupling.others)
+    return content
 
 
 def _number(value: Any) -> Any:

@@ -100,10 +100,16 @@ class Units:
         )
 
     def _coupling(self, coupling: Coupling) -> Coupling:
-        ends = coupling.joint, coupling.on
-        unit, on = (self.length if name and self._slides[name] else 1.0 for name in ends)
+        def unit(name: str | None) -> float:
+            return self.length if name and self._slides[name] else 1.0
+
         powers = np.arange(len(coupling.coefficients))
-        return replace(coupling, coefficients=tuple(np.array(coupling.coefficients) * on**powers / unit))
+        one = unit(coupling.joint)
+        return replace(
+            coupling,
+            coefficients=tuple(np.array(coupling.coefficients) * unit(coupling.on) ** powers / one),
+            others=tuple((name, factor * unit(name) / one) for name, factor in coupling.others),
+        )
 
     def _placement(self, M: pin.SE3) -> pin.SE3:
         return pin.SE3(M.rotation, M.translation / self.length)

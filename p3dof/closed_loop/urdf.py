@@ -7,28 +7,21 @@ empty model and a link with two parents as a missing body. Here each of these is
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Collection
-from dataclasses import dataclass, field
-from typing import NoReturn
-from xml.parsers import expat
+from dataclasses import dataclass
+from xml.etree import ElementTree as Xml
 
 import pinocchio as pin
 
 from p3dof.checks import one_line, shown
 from p3dof.closed_loop.sidecar import suggestion
-from p3dof.errors import FileError, ModelError
-from p3dof.files import MAX_BYTES, read_text
+from p3dof.closed_loop.xml_text import XmlReader
+from p3dof.errors import ModelError
 
 MAX_LINKS = 1000
 """Most links that are read: on a chain of a few thousand, Pinocchio's reader overflows the stack."""
 MAX_FREEDOMS = 200
 """Most degrees of freedom: Pinocchio's workspaces take the cube of their number, 256 MB each at this one."""
-MAX_DEPTH = 100
-"""Deepest nesting of XML elements that is read; a URDF needs six."""
-MAX_ATTRIBUTES = 100
-"""Most attributes of an element: urdfdom takes a time that grows with the square of their number."""
-
 _NUMBERS = {
     "origin": {"xyz": 3, "rpy": 3},
     "axis": {"xyz": 3},
@@ -38,67 +31,45 @@ _NUMBERS = {
 """Attributes that must be finite numbers, and how many; all of `mass` and `inertia` are required."""
 
 
-def read_urdf(source: str | os.PathLike[str]) -> tuple[str, str]:
-    """Return the XML text of a URDF and what to call it in an error.
-
-    Parameters
-    ----------
-    source : str or path-like
-        XML text (it starts with ``<``) or the path of a file.
-
-    Returns
-    -------
-    text : str
-    name : str
-        The path, or ``"URDF text"``.
-
-    Raises
-    ------
-    ModelError
-        If the file cannot be read, the text is longer than 20 MB, or `source` is neither text nor a path.
-    """
-    if isinstance(source, str) and source.lstrip("\ufeff \t\r\n").startswith("<"):
-        if len(source) > MAX_BYTES:
-            raise ModelError(f"URDF text: expected at most {MAX_BYTES} characters, got {len(source)}")
-        return source.lstrip("\ufeff"), "URDF text"
-    if not isinstance(source, str | os.PathLike) or not os.fspath(source):
-        raise ModelError(f"URDF: expected XML text or the path of a file, got {shown(source)}")
-    try:
-        return read_text(source), os.fspath(source)
-    except (FileError, ValueError) as error:
-        raise ModelError(str(error)) from error
-
-
-def build_tree(source: str | os.PathLike[str], root_joint: pin.JointModel | None = None) -> pin.Model:
+def build_tree(
+    text: str, source: str, root_joint: pin.JointModel | None = None
+) -> tuple[pin.Model, Xml.Element]:
     """Build the tree model of a URDF, of at most 1000 links and 200 degrees of freedom.
 
     Parameters
     ----------
-    source : str or path-like
-        XML text or the path of a file.
+    text : str
+        The URDF.
+    source : str
+        What to call it in an error: usually the file name.
     root_joint : pin.JointModel, optional
         The joint between the world and the root link; by default the root link is fixed.
 
     Returns
     -------
-    pin.Model
+    model : pin.Model
+    robot : xml.etree.ElementTree.Element
+        What the file says, for what Pinocchio does not read of it.
 
     Raises
     ------
     ModelError
-        If the file cannot be read, is not well-formed XML, is not one tree of links, or is too large.
+        If the text is not well-formed XML, is not one tree of links, or is too large.
     """
-    text, name = read_urdf(source)
-    _check(text, name)
+    reader = _Reader(source)
+    robot = reader.parse(text)
+    if not reader.links:
+        raise ModelError(f"{source}: the robot has no links")
+    _check_tree(reader)
     arguments = (text,) if root_joint is None else (text, root_joint)
     try:
         model = pin.buildModelFromXML(*arguments)
     except Exception as error:  # Boost.Python raises its own types
         message = one_line(str(error)) or type(error).__name__
-        raise ModelError(f"{name}: Pinocchio cannot read it: {message}") from error
+        raise ModelError(f"{source}: Pinocchio cannot read it: {message}") from error
     if model.nv > MAX_FREEDOMS:
-        raise ModelError(f"{name}: expected at most {MAX_FREEDOMS} degrees of freedom, got {model.nv}")
-    return model
+        raise ModelError(f"{source}: expected at most {MAX_FREEDOMS} degrees of freedom, got {model.nv}")
+    return model, robot
 
 
 @dataclass
@@ -110,43 +81,31 @@ class _Joint:
     child: str | None = None
 
 
-@dataclass
-class _Reader:
-    """Collects links and joints from the events of an expat parser."""
+class _Reader(XmlReader):
+    """Collects links and joints."""
 
-    source: str
-    parser: expat.XMLParserType
-    links: dict[str, int] = field(default_factory=dict)
-    joints: dict[str, _Joint] = field(default_factory=dict)
-    path: list[str] = field(default_factory=list)
-    joint: _Joint | None = None
+    def __init__(self, source: str) -> None:
+        super().__init__(source)
+        self.links: dict[str, int] = {}
+        self.joints: dict[str, _Joint] = {}
+        self._joint: _Joint | None = None
 
-    def fail(self, message: str, line: int | None = None) -> NoReturn:
-        raise ModelError(f"{self.source}, line {line or self.parser.CurrentLineNumber}: {one_line(message)}")
-
-    def start(self, tag: str, attributes: dict[str, str]) -> None:
-        self.path.append(tag)
-        if len(self.path) > MAX_DEPTH:
-            self.fail(f"expected elements nested at most {MAX_DEPTH} deep")
-        if len(attributes) > MAX_ATTRIBUTES:
-            self.fail(f"expected at most {MAX_ATTRIBUTES} attributes, <{tag:.80}> has {len(attributes)}")
+    def visit(self, tag: str, attributes: dict[str, str]) -> None:
+        """Enter a link, a joint or a part of one."""
         if len(self.path) == 1 and tag != "robot":
             self.fail(f"expected the element <robot>, got <{tag}>")
         if self.path[1:] == ["link"]:
             self._new(tag, attributes, self.links)
-            self.links[attributes["name"]] = self.parser.CurrentLineNumber
+            self.links[attributes["name"]] = self.line
         elif self.path[1:] == ["joint"]:
             self._new(tag, attributes, self.joints)
             name = attributes["name"]
-            self.joint = _Joint(name, self.parser.CurrentLineNumber, attributes.get("type", ""))
-            self.joints[name] = self.joint
-        elif self.joint is not None and self.path[1:-1] == ["joint"] and tag in ("parent", "child"):
-            setattr(self.joint, tag, attributes.get("link"))
+            self._joint = _Joint(name, self.line, attributes.get("type", ""))
+            self.joints[name] = self._joint
+        elif self._joint is not None and self.path[1:-1] == ["joint"] and tag in ("parent", "child"):
+            setattr(self._joint, tag, attributes.get("link"))
         if len(self.path) > 2 and self.path[1] in ("link", "joint"):
             self._numbers(tag, attributes)
-
-    def end(self, _tag: str) -> None:
-        self.path.pop()
 
     def _new(self, tag: str, attributes: dict[str, str], known: Collection[str]) -> None:
         name = attributes.get("name", "")
@@ -171,8 +130,12 @@ class _Reader:
                 self.fail(f"<{tag}> {name}: expected {wanted}, got {shown(attributes.get(name))}")
             if tag == "mass" and values[0] < 0:
                 self.fail(f"<mass> value: expected no negative mass, got {values[0]:g}")
-            if tag == "axis" and not any(values):
+            if tag == "axis" and not any(values) and self._turns():
                 self.fail("<axis> xyz: expected a direction, got zero")
+
+    def _turns(self) -> bool:
+        """Whether the joint needs an axis: CAD exporters give fixed ones a zero axis."""
+        return self._joint is None or self._joint.kind not in ("fixed", "floating")
 
 
 def _number(word: str) -> float:
@@ -180,25 +143,6 @@ def _number(word: str) -> float:
         return float(word) if word.isascii() and "_" not in word else math.nan  # as urdfdom does
     except ValueError:
         return math.nan
-
-
-def _check(text: str, source: str) -> None:
-    """Raise ModelError unless the text is well-formed XML that describes one tree of links."""
-    parser = expat.ParserCreate("utf-8")
-    reader = _Reader(source, parser)
-    parser.StartElementHandler = reader.start
-    parser.EndElementHandler = reader.end
-    # A URDF has no use for entities; refusing the document type stops expansion attacks.
-    parser.StartDoctypeDeclHandler = lambda *_: reader.fail("a document type declaration is not allowed")
-    try:
-        parser.Parse(text.encode("utf-8"), True)
-    except expat.ExpatError as error:
-        raise ModelError(f"{source}, line {error.lineno}: not well-formed XML: {error}") from error
-    except UnicodeEncodeError as error:
-        raise ModelError(f"{source}: not Unicode text: {error}") from error
-    if not reader.links:
-        raise ModelError(f"{source}: the robot has no links")
-    _check_tree(reader)
 
 
 def _check_tree(reader: _Reader) -> None:

@@ -81,7 +81,7 @@ class ManipulatorModel:
     @cached_property
     def loop(self) -> ClosedLoopModel:
         """The mechanism as a general closed-loop model on Pinocchio."""
-        loop = ClosedLoopModel.from_urdf(self.exact_urdf, self.sidecar)
+        loop = ClosedLoopModel.from_urdf(self.exact_urdf, self.sidecar, mimic=False)
         loop.model.gravity.linear = self.parameters.gravity  # a URDF has no place for it
         return loop
 

@@ -1,0 +1,87 @@
+"""URDF and what goes with it: the tree by Pinocchio, its loops from the file itself and from a sidecar."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from dataclasses import replace
+
+import pinocchio as pin
+
+from p3dof.closed_loop.formats.joint_types import with_types
+from p3dof.closed_loop.formats.urdf_tags import Declared, declared
+from p3dof.closed_loop.open_ends import open_ends
+from p3dof.closed_loop.sidecar import Sidecar
+from p3dof.closed_loop.urdf import build_tree
+from p3dof.closed_loop.xml_text import is_text, read_xml
+from p3dof.errors import ModelWarning
+
+
+def read(
+    source: str | os.PathLike[str],
+    sidecar: Sidecar | None = None,
+    root_joint: pin.JointModel | None = None,
+    mimic: bool = True,
+    ignore_unknown: bool = False,
+    is_tree: bool = False,
+) -> tuple[pin.Model, Sidecar]:
+    """Return the tree of a URDF and its loops.
+
+    Parameters
+    ----------
+    source : str or path-like
+        XML text or the path of a file.
+    sidecar : Sidecar, optional
+        Loops and actuated joints that the file does not hold.
+    root_joint : pin.JointModel, optional
+        The joint between the world and the root link; by default the root link is fixed.
+    mimic : bool
+        Whether ``<mimic>`` couples joints.
+    ignore_unknown : bool
+        Leave out what looks like a loop and is not understood.
+    is_tree : bool
+        Do not warn of an open tree that looks as if it had loops.
+
+    Returns
+    -------
+    model : pin.Model
+    sidecar : Sidecar
+        Of the given one and of the file: closures and couplings together. Actuated are those joints that the
+        sidecar names; else all that have one degree of freedom and that the file does not call dependent.
+
+    Raises
+    ------
+    ModelError
+        If a file is malformed or too large, or a loop in it is not understood.
+    """
+    text, name = read_xml(source)
+    model, robot = build_tree(text, name, root_joint)
+    found = declared(robot, model, name, mimic, ignore_unknown)
+    if sidecar is None:
+        sign = "" if is_tree or found.closures else open_ends(None if is_text(source) else name, robot, model)
+        if sign:
+            warnings.warn(
+                f"the URDF is read as an open tree, but {sign}: give them as closures, "
+                "or closures=() if it is a tree",
+                ModelWarning,
+                stacklevel=4,
+            )
+        return model, _completed(Sidecar.serial(model), found)
+    if sidecar.joints:
+        model = with_types(model, sidecar.joints, "sidecar")
+    return model, replace(
+        sidecar,
+        closures=(*sidecar.closures, *found.closures),
+        couplings=(*sidecar.couplings, *_new(found, sidecar)),
+    )
+
+
+def _completed(serial: Sidecar, found: Declared) -> Sidecar:
+    actuated = tuple(name for name in serial.actuated if name not in found.dependent)
+    return Sidecar(tuple(found.closures), actuated, tuple(found.couplings))
+
+
+def _new(found: Declared, sidecar: Sidecar) -> list:
+    """Return the couplings of the file for joints that the sidecar does not couple itself."""
+    coupled = {coupling.joint for coupling in sidecar.couplings}
+    return [coupling for coupling in found.couplings if coupling.joint not in coupled]
