@@ -9,6 +9,7 @@ import closed_loop_robots as robots
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.integrate import solve_ivp
 
 from p3dof.closed_loop import ClosedLoopModel, Closure, Coupling, Sidecar
 from p3dof.closed_loop.batch.closures import ClosureRows
@@ -339,6 +340,26 @@ def test_gaps_follow_their_equation(kind):
     np.testing.assert_allclose(e_ddot, -2 * beta * e_dot - beta**2 * e, rtol=0, atol=1e-8)
 
 
+@pytest.mark.parametrize("kind", MASSLESS)
+def test_a_machine_let_go_keeps_its_energy_and_its_closure(kind):
+    loop, twin, q2 = built_otherwise(kind, 0)
+    free = ClosedLoopModel(loop.model, Sidecar(loop.sidecar.closures, ()))
+    model, data, n = free.model, loop.model.createData(), loop.model.nv
+    q = q2[common(twin.model)]
+    start = np.concatenate((q, 0.3 * motion_of(free, q, 0)[0]))
+
+    def rate(_t: float, state: np.ndarray) -> np.ndarray:
+        found = free.forward_dynamics(state[:n], state[n:], [], stabilisation=20.0)
+        return np.concatenate((state[n:], found.a))
+
+    run = solve_ivp(rate, (0, 0.3), start, method="DOP853", rtol=1e-9, atol=1e-10)
+    kinetic = np.array([pin.computeKineticEnergy(model, data, x[:n], x[n:]) for x in run.y.T])
+    total = kinetic + [pin.computePotentialEnergy(model, data, x[:n]) for x in run.y.T]
+    assert np.ptp(kinetic) > 1.0
+    assert np.ptp(total) < 1e-9 * kinetic.max()
+    assert max(np.abs(free.closure_error(x[:n])).max() for x in run.y.T) < 1e-10
+
+
 @pytest.mark.parametrize("kind", ["hinge", "cylindrical", "planar"])
 def test_parallel_axes_have_the_same_sense(kind):
     """A body that hangs upside down at its hinge is not assembled, and is turned round."""
@@ -418,3 +439,20 @@ def test_a_rod_whose_ends_coincide_finds_its_way():
     assert np.linalg.norm(found.q) == pytest.approx(ROD, abs=1e-12)
     with pytest.raises(InputError, match="q: the closure universe/two is open by"):
         loop.inverse_dynamics([0.5, 0, 0], np.zeros(3), np.zeros(3))
+
+
+def test_each_closure_and_coupling_has_one_gap():
+    loop, q = all_kinds(0)
+    error, gaps = loop.closure_error(q), loop.closure_gaps(q)
+    parts = [(3,), (3, 3), (3, 2), (2, 3), (3, 1), (2, 2), (1, 2), (1,), *[(1,)] * 5]
+    start, expected = 0, []
+    for sizes in parts:
+        sums = []
+        for size in sizes:
+            sums.append(np.linalg.norm(error[start : start + size]))
+            start += size
+        expected.append(max(sums))
+    assert start == len(error)
+    assert gaps == pytest.approx(expected, rel=1e-14)
+    model = robots.arm_model()
+    assert ClosedLoopModel(model, Sidecar.serial(model)).closure_gaps(pin.neutral(model)).shape == (0,)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from itertools import chain, groupby, pairwise
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from p3dof.checks import FloatArray
-from p3dof.closed_loop.closure_kinds import PARTS, KindRows
+from p3dof.closed_loop.closure_kinds import PARTS, KindRows, lengths_of
 from p3dof.closed_loop.coordinates import length_coordinates
 from p3dof.closed_loop.couplings import CouplingRows
 from p3dof.closed_loop.linear import RANK_TOLERANCE, Decomposition
@@ -93,6 +93,10 @@ class LoopKinematics:
         self.size: int = stops[-1]
         self.coupled = slice(self.size - len(titles), self.size)
         """Rows of all couplings."""
+        sizes = [[len(list(part)) for _, part in groupby(lengths_of(c.kind))] for c in self.closures]
+        parts = [*sizes, *([1] for _ in titles)]
+        self._parts = np.cumsum([0, *chain.from_iterable(parts)])[:-1]
+        self._first_parts = np.cumsum([0, *map(len, parts)])[:-1]
         self.ends = [self._ends(closure) for closure in self.closures]
         """Joint and placement in its body of frame 1, then of frame 2, by closure."""
         own = [i for i, closure in enumerate(self.closures) if closure.kind in PARTS]
@@ -223,6 +227,13 @@ class LoopKinematics:
         except (KeyError, TypeError) as problem:
             help_ = suggestion(str(name), self.frames)
             raise error(f"{what}: the frame {name!r} does not exist; {help_}") from problem
+
+    def gaps(self, error: FloatArray) -> FloatArray:
+        """Return how far each closure and coupling is open: the longer of distance and rotation vector."""
+        if not self.size:
+            return np.zeros(0)
+        sizes = np.sqrt(np.add.reduceat(error * error, self._parts))
+        return np.asarray(np.maximum.reduceat(sizes, self._first_parts))
 
     def worst(self, error: FloatArray) -> str:
         """Return what is open the most: ``closure`` or ``coupling``, and its name."""

@@ -192,6 +192,27 @@ class LoopModel:
         """
         return self._at(q).error.copy()
 
+    def closure_gaps(self, q: ArrayLike) -> FloatArray:
+        """Return one number for each closure, then coupling: how far it is open.
+
+        Parameters
+        ----------
+        q : (nq,) array
+            Configuration.
+
+        Returns
+        -------
+        (closures + couplings,) array
+            The distance by which the closure's positions are off [m] or the angle by which its rotations are
+            [rad], whichever is the larger number; the absolute error of a coupling.
+
+        Raises
+        ------
+        InputError
+            If `q` has the wrong shape, is not finite or not normalised.
+        """
+        return self._kinematics.gaps(self._at(q).error)
+
     def closure_jacobian(self, q: ArrayLike) -> FloatArray:
         """Return the Jacobian J of closures and couplings.
 

@@ -147,6 +147,5 @@ class ConstrainedPlant:
         pairs = [self.split(state) for state in states]
         q = np.array([pair[0] for pair in pairs]).reshape(-1, self._nq)
         v = np.array([pair[1] for pair in pairs]).reshape(-1, self._nv)
-        errors = [self.loop.closure_error(row).reshape(-1, 3) for row in q]
-        gaps = [np.linalg.norm(error, axis=-1).max(initial=0.0) for error in errors]
+        gaps = [self.loop.closure_gaps(row).max(initial=0.0) for row in q]
         return q, v, rates[:, self._nq :], np.array(gaps)
