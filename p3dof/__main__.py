@@ -17,7 +17,7 @@ INTERRUPTED = 130
 UNUSED = ("trimesh", "viser")
 """What Pinocchio imports, where it is there, for a visualizer that no command uses: it takes .4 s."""
 
-GARBAGE = 100_000
+GARBAGE = 400_000
 """New objects after which Python looks for garbage; 700 by its own choice, a tenth of a short run's time."""
 
 
