@@ -443,6 +443,20 @@ def test_what_one_pair_of_actuators_leaves_open_stays_determined_elsewhere(four_
     np.testing.assert_allclose(two.tau, np.tile(one.tau, 2), rtol=1e-11)
 
 
+def test_of_a_joint_and_a_link_of_one_name_the_link_is_meant():
+    xml = robots.robot(
+        robots.link("base"),
+        robots.link("part", BAR),
+        robots.link("same", robots.ROD),
+        robots.joint("same", "base", "part"),
+        robots.joint("next", "part", "same", (0.3, 0, 0)),
+    )
+    loop = ClosedLoopModel.from_urdf(xml)
+    place = pin.SE3(pin.exp3(np.array([0, 0.9, 0])), np.array([0.3 * np.cos(0.4), 0, -0.3 * np.sin(0.4)]))
+    found = loop.assemble(FrameTarget("same", place, (True, False, True, False, True, False)), [0.4, 0.5])
+    np.testing.assert_allclose(found.q, [0.4, 0.5], atol=1e-12)
+
+
 def test_a_structure_needs_no_actuator_forces():
     xml, sidecar = robots.pendulum("6d")
     loop = ClosedLoopModel.from_urdf(xml, sidecar)

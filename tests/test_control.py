@@ -332,6 +332,34 @@ def test_computed_torque_gives_the_errors_the_dynamics_it_was_designed_for():
         np.testing.assert_allclose(found, designed, rtol=0, atol=1e-10)
 
 
+def test_feedforward_adds_the_feedback_of_errors():
+    robot, t, none = p3dof.load(), 0.6, np.zeros(3, dtype=bool)
+    pose, velocity, _ = Reference(ENTERED).at(t)
+    sliders = robot.inverse_kinematics(pose).sliders
+    found = {}
+    for off in (0.0, 0.003):
+        measured = Measurement(t, 0.0, sliders - off, robot.jacobian(pose) @ velocity, none, PAPER.geometry)
+        found[off] = Feedforward(PAPER, ENTERED)(measured)
+    more = found[0.003] - found[0.0]
+    assert np.all(more > 0)  # sliders that are too low are pushed up
+    controller = PD(PAPER, ENTERED)
+    np.testing.assert_allclose(more, controller.moved * controller.omega**2 * 0.003, rtol=1e-9)
+
+
+def test_the_integral_of_computed_torque_adds_to_the_error():
+    """At rest, off by e: after n calls every h the wanted acceleration is ω² e (1 + n h / T)."""
+    robot, none, period, within = p3dof.load(), np.zeros(3, dtype=bool), 1e-6, 1e-5
+    pose, off = np.array([0.02, 0.03, 0.1]), np.array([0.001, -0.002, 0.01])
+    still = p3dof.Motion([0.0, 1.0], [pose, pose], np.zeros((2, 3)), np.zeros((2, 3)))
+    controller = ComputedTorque(PAPER, still, integral_time=within)
+    sliders = robot.inverse_kinematics(pose - off).sliders
+    measured = Measurement(0.5, period, sliders, np.zeros(3), none, PAPER.geometry)
+    for calls in (1, 2, 3):
+        acceleration = robot.forward_dynamics(pose - off, HOME, controller(measured), method="compiled")
+        expected = OMEGA**2 * off * (1 + calls * period / within)
+        np.testing.assert_allclose(acceleration, expected, rtol=1e-6)
+
+
 def test_a_reference_rests_before_and_after():
     motion = p3dof.paper_motion(101)
     reference = Reference(motion)

@@ -304,6 +304,22 @@ def test_a_plant_has_no_rate_where_no_dynamics_is():
         assert np.isnan(rate).all()
 
 
+def test_of_samples_that_are_not_valid_no_number_is_told(robot):
+    far = p3dof.Motion(
+        MOTION.time,
+        MOTION.pose + np.array([0.5, 0.0, 0.0]),
+        MOTION.velocity,
+        MOTION.acceleration,
+        check=False,
+    )
+    result = robot.inverse_dynamics(far, on_invalid="nan")
+    assert not result.valid.any()
+    assert repr(result).endswith(f"not possible: {len(far)} samples are invalid)")
+    np.testing.assert_array_equal(result.force_scale, np.zeros(3))
+    told = {one.quantity for one in result.exceedances(PAPER.limits)}
+    assert told == set()
+
+
 def test_the_rms_force_is_a_mean_over_the_time_of_the_motion(robot):
     slow = p3dof.Motion(
         2.5 * MOTION.time, MOTION.pose, MOTION.velocity / 2.5, MOTION.acceleration / 2.5**2, check=False
