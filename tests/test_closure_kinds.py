@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
 
-from p3dof.closed_loop import ClosedLoopModel, Closure, Coupling, Sidecar
+from p3dof.closed_loop import ClosedLoopModel, Closure, Coupling, FrameTargets, Sidecar
 from p3dof.closed_loop.batch.closures import ClosureRows
 from p3dof.closed_loop.batch.kinematics import Sweep
 from p3dof.closed_loop.constraints import KINDS
@@ -183,6 +183,8 @@ def spatial_loop(seed: int, massless: list[pin.JointModel], rod: float = 0.0) ->
     parent = 0
     for i, kind in enumerate(["hinge", "hinge", "slide", "hinge", "hinge", "slide", "hinge"]):
         parent = add(parent, kind, f"arm_{i}")
+    inner = model.getJointId("arm_5")
+    model.addFrame(pin.Frame("inner", inner, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
     M2 = place(generator)
     model.addFrame(pin.Frame("two", parent, M2, pin.FrameType.OP_FRAME))
     model.addFrame(
@@ -324,6 +326,42 @@ def test_many_motions_are_each(kind, monkeypatch):
         one = loop.inverse_dynamics(states.q[i], states.v[i], states.a[i])
         np.testing.assert_allclose(forces.tau[i], one.tau, rtol=0, atol=1e-12 * np.abs(one.tau).max() * 10)
         assert forces.conditioning[i] == pytest.approx(one.conditioning, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_many_placements_of_a_frame_are_each(seed, monkeypatch):
+    loop, twin, q2 = built_otherwise("planar", seed)  # the placement of one body tells all joints
+    q = q2[common(twin.model)]
+    generator, data = np.random.default_rng(0), loop.model.createData()
+    moved = [loop.assemble(guess=q + 0.02 * dq).q for dq in generator.normal(size=(10, loop.model.nq))]
+    places = []
+    for row in moved:
+        pin.framesForwardKinematics(loop.model, data, row)
+        places.append(pin.SE3(data.oMf[loop.model.getFrameId("inner")]))
+    target = FrameTargets("inner", [M.translation for M in places], [M.rotation for M in places])
+    velocity, acceleration = generator.normal(size=(2, 10, 6))
+    with monkeypatch.context() as alone:
+        alone.setattr(ClosedLoopModel, "complete", None)
+        states = loop.complete_batch(target, velocity, acceleration, guess=q)
+    assert not states.errors
+    np.testing.assert_allclose(states.q, moved, rtol=0, atol=1e-9)
+    for i in range(10):
+        state = loop.complete(target[i], velocity[i], acceleration[i], guess=q)
+        for name in ("q", "v", "a"):
+            value = getattr(state, name)
+            np.testing.assert_allclose(
+                getattr(states, name)[i], value, rtol=0, atol=1e-9 * np.abs(value).max()
+            )
+
+
+def test_many_powers_are_each_with_joints_of_all_kinds():
+    """A universal joint's own axes turn within it, which is in no matrix of Pinocchio's."""
+    loop, q = all_kinds(0)
+    generator, nv = np.random.default_rng(0), loop.model.nv
+    moved = np.array([pin.integrate(loop.model, q, dq) for dq in generator.normal(size=(9, nv))])
+    v, a = generator.normal(size=(2, 9, nv))
+    expected = [loop.power(*row) for row in zip(moved, v, a, strict=True)]
+    np.testing.assert_allclose(loop.power_batch(moved, v, a), expected, rtol=1e-11)
 
 
 @pytest.mark.parametrize("kind", MASSLESS)
