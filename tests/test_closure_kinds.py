@@ -77,7 +77,7 @@ def all_kinds(seed: int) -> tuple[ClosedLoopModel, np.ndarray]:
         Coupling(slides[0], circles[0], (0.1, -0.03)),
         Coupling(circles[1], circles[0], (0.3, -2 / 3)),
         Coupling(circles[2], slides[1], (0.2, 3.0, 0.5)),
-        Coupling(slides[1], None, (0.15,)),
+        Coupling(slides[1], None, (0.15,), others=[(hinges[1], -0.3), (circles[0], 0.02)]),
     )
     for _ in range(100):
         pairs = [generator.choice(11, 2, replace=False) for _ in KINDS]
@@ -88,7 +88,7 @@ def all_kinds(seed: int) -> tuple[ClosedLoopModel, np.ndarray]:
         loop = ClosedLoopModel(model, Sidecar(closures, (), couplings))
         q = pin.integrate(model, pin.neutral(model), generator.normal(size=model.nv))
         turns = [open_turn(loop, c, q) for c in closures]
-        away = np.abs(loop.closure_error(q)[-4:-1]) / (2 * np.pi * np.array([0.03, 1 / 3, 1]))
+        away = np.abs(loop.closure_error(q)[-4:]) / (2 * np.pi * np.array([0.03, 1 / 3, 1, 0.02]))
         if max(turns) < 2.9 and away.max() < 0.45:  # jumps at half a turn and between two are no rates
             return loop, q
     raise AssertionError("no configuration to test at")
@@ -411,7 +411,10 @@ def test_parallel_axes_have_the_same_sense(kind):
     found = loop.assemble(guess=down)
     assert pin.XYZQUATToSE3(found.q).rotation[:, 2] == pytest.approx([0, 0, 1], abs=1e-12)
     exactly = pin.SE3ToXYZQUAT(pin.SE3(np.diag([1.0, -1, -1]), np.zeros(3)))
-    assert np.abs(loop.closure_error(exactly)).max() == pytest.approx(np.pi)  # open, and it goes some way
+    assert np.abs(loop.closure_error(exactly)).max() == pytest.approx(np.pi)  # open, and it goes some way:
+    assert loop.closure_jacobian(exactly)[-2:, 3:] == pytest.approx(
+        np.array([[1, 0, 0], [0, -1, 0]]), abs=1e-12
+    )
     found = loop.assemble(guess=exactly)
     assert pin.XYZQUATToSE3(found.q).rotation[:, 2] == pytest.approx([0, 0, 1], abs=1e-12)
 

@@ -124,6 +124,32 @@ def test_errors_of_continuous_joints_are_continuous(first, second, coefficients,
     assert loop.closure_error(half) == pytest.approx([wrapped], abs=1e-10)
 
 
+def test_a_differential_has_its_closed_form():
+    """ring = (left + right)/2: its force goes half and half into both; turns of all three are not counted."""
+    model, inertias = pin.Model(), (0.03, 0.05, 0.2)
+    for i, (name, joint) in enumerate(zip(("left", "right", "ring"), [pin.JointModelRUBX] * 3, strict=True)):
+        model.addJoint(0, joint(), pin.SE3.Identity(), name)
+        model.appendBodyToJoint(
+            i + 1, pin.Inertia(1.0, np.zeros(3), inertias[i] * np.eye(3)), pin.SE3.Identity()
+        )
+    coupling = Coupling("ring", "left", (0, 0.5), "differential", [("right", 0.5)])
+    loop = ClosedLoopModel(model, Sidecar((), ("left", "right"), (coupling,)))
+    for left, right in ((0.3, 0.4), (3.0, 3.3), (-7.0, 20.0)):
+        q = configuration(loop, left, right, (left + right) / 2 + 0.01)
+        assert loop.closure_error(q) == pytest.approx([0.01], abs=1e-13)
+    q = configuration(loop, 0.3, 3.3, 1.8)
+    M = np.diag(inertias[:2]) + inertias[2] / 4 * np.ones((2, 2))
+    expected = np.linalg.solve(M, [0.7, -0.2])
+    found = loop.forward_dynamics(q, np.array([1.0, 3.0, 2.0]), [0.7, -0.2])
+    assert found.a == pytest.approx([*expected, expected.mean()], rel=1e-12)
+    assert found.lambda_ == pytest.approx([inertias[2] * expected.mean()], rel=1e-11)
+    result = loop.inverse_dynamics(q, np.array([1.0, 3.0, 2.0]), found.a)
+    assert result.tau == pytest.approx([0.7, -0.2], rel=1e-11)
+    fine = Coupling("ring", "left", (0, 1 / 999), "fine", [("right", 1 / 998)])
+    with pytest.raises(ModelError, match=r"coupling fine: the ratios .* common denominator 997002, expected"):
+        ClosedLoopModel(model, Sidecar((), (), (fine,)))
+
+
 @pytest.mark.parametrize(
     ("first", "second", "coefficients", "message"),
     [
@@ -341,7 +367,7 @@ def machine(size: float) -> ClosedLoopModel:
     couplings = (
         Coupling("PX_1", "RY_0", (size * 0.1, size * 0.2, size * 0.03)),
         Coupling("RX_3", "PX_1", (0.1, 0.4 / size, -0.2 / size**2)),
-        Coupling("PY_4", "RUBY_5", (size * 0.1, size * 0.02)),
+        Coupling("PY_4", "RUBY_5", (size * 0.1, size * 0.02), others={"RY_0": size * 0.03, "PX_1": 0.1}),
     )
     closures = (Closure("a", "b", "distance", size * 1.5),)
     reference = {"RY_0": 0.3, "PX_1": size * 0.16, "PY_4": size * 0.1, "RUBY_5": 0.2}

@@ -154,5 +154,10 @@ def _period(coupling: Coupling, circle: bool, on_circle: bool, others: FloatArra
                 f"with a denominator of at most {_LARGEST_DENOMINATOR}; {help_}"
             )
     common = math.lcm(*(share.denominator for share in shares))
+    if common > _LARGEST_DENOMINATOR:
+        raise ModelError(
+            f"coupling {coupling.title}: the ratios of its continuous joints have the common denominator "
+            f"{common}, expected at most {_LARGEST_DENOMINATOR}; {help_}"
+        )
     divisor = math.gcd(*(int(share * common) for share in shares))
     return float(2.0 * np.pi * factors[0] * divisor / common)

@@ -51,8 +51,8 @@ class InverseDynamics:
         [N m], that the closure exerts on the body of `frame2`, in the axes of `frame1` at their common
         origin; the body of `frame1` gets the opposite. The same for those rows of the other kinds that
         prescribe a position or a rotation, see `p3dof.closed_loop.closure_kinds`; the force acts at the
-        origin of `frame2`. A coupling: the force [N or N m] that it exerts in the joint that follows; the
-        other joint gets that times -p'(q_on). The smallest possible where not unique.
+        origin of `frame2`. A coupling: the force [N or N m] that it exerts in the joint that follows; `on`
+        gets that times -p'(q_on), each of `others` times -f. The smallest possible where not unique.
     unique : (rows,) array of bool
         Which multipliers are determined.
     tau_unique : bool
