@@ -35,8 +35,8 @@ from p3dof.closed_loop.rotations import cross, shortest_turn, skew, turned_rates
 
 IndexArray: TypeAlias = NDArray[np.int_]
 
-_HALF_TURN = 1e-6
-"""Sine of an angle that counts as half a turn [rad]."""
+_HALF_TURN = 1.0 - 5e-13
+"""Cosine of an angle from half a turn that still counts as half a turn, 1e-6 rad."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,10 +67,10 @@ class Relative:
         return g[..., None], slope[..., None], curvature[..., None]
 
     @cached_property
-    def opposite(self) -> NDArray[np.bool_]:
+    def opposite(self) -> NDArray[np.bool_] | None:
         """Whether z2 is -z1 (...): half a turn, which may be about any axis; that about x1 is taken."""
-        u = self.E[..., 2]
-        return np.asarray((u[..., 2] < 0.0) & (np.hypot(u[..., 0], u[..., 1]) < _HALF_TURN))
+        found: NDArray[np.bool_] = self.E[..., 2, 2] < -_HALF_TURN
+        return found if found.any() else None
 
     @cached_property
     def rod(self) -> tuple[FloatArray, FloatArray]:
@@ -130,7 +130,8 @@ class _Tilt:
 
     def error(self, at: Relative) -> FloatArray:
         error = at.shortest[0] * _across(at.E[..., 2])
-        error[at.opposite] = np.pi, 0.0
+        if at.opposite is not None:
+            error[at.opposite] = np.pi, 0.0
         return np.asarray(error)
 
     def matrix(self, at: Relative, A: FloatArray) -> None:
@@ -139,7 +140,8 @@ class _Tilt:
         gradient[..., 0, 1], gradient[..., 1, 0] = -g[..., 0], g[..., 0]
         gradient[..., 2] = slope * _across(u)
         A[..., 3:] = gradient @ -skew(u)
-        A[at.opposite] = np.eye(2, 6, 3)
+        if at.opposite is not None:
+            A[at.opposite] = np.eye(2, 6, 3)
 
     def bias(self, at: Relative, _d_dot: FloatArray, omega: FloatArray) -> FloatArray:
         u, (g, slope, curvature) = at.E[..., 2], at.shortest
@@ -300,4 +302,6 @@ class _Group:
 
 def _across(u: FloatArray) -> FloatArray:
     """Return x and y of z × u."""
-    return np.stack((-u[..., 1], u[..., 0]), axis=-1)
+    result = np.empty((*u.shape[:-1], 2))
+    result[..., 0], result[..., 1] = -u[..., 1], u[..., 0]
+    return result

@@ -172,8 +172,9 @@ class LoopKinematics:
         J[self._anchored] = anchored
         if len(self.own):
             self._others.evaluate(self.data, error, J)
-        error[self.coupled] = self.couplings.errors(q)
-        J[self.coupled] = self.couplings.jacobian(q)
+        if self.couplings.size:
+            error[self.coupled] = self.couplings.errors(q)
+            J[self.coupled] = self.couplings.jacobian(q)
         return J
 
     def move(self, q: FloatArray, v: FloatArray, a: FloatArray | None = None) -> None:

@@ -88,11 +88,11 @@ def shortest_turn(cosine: FloatArray) -> tuple[FloatArray, FloatArray, FloatArra
     -----
     (1 - c²) g' = c g - 1. Around zero g = Σ aₖ yᵏ with y = (1 - c)/2, a₀ = 1, aₖ = aₖ₋₁ 2k/(2k + 1).
     """
-    c = np.clip(np.asarray(cosine), -1.0, 1.0)
+    c = np.maximum(np.minimum(cosine, 1.0), -1.0)
     y = 0.5 * (1.0 - c)
     near = y < _NEAR
     series = np.minimum(y, _NEAR)[..., None] ** _k @ _SERIES
-    if np.all(near):
+    if near.all():
         return series[..., 0], series[..., 1], series[..., 2]
     square = np.where(near, 1.0, np.maximum(1.0 - c * c, 1e-12))
     g = np.arccos(c) / np.sqrt(square)
@@ -113,9 +113,12 @@ def skew(a: FloatArray) -> FloatArray:
 
 def cross(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return a × b (..., 3)."""
-    x, y, z = (a[..., i] for i in range(3))
-    u, v, w = (b[..., i] for i in range(3))
-    return np.stack((y * w - z * v, z * u - x * w, x * v - y * u), axis=-1)
+    x, y, z = a[..., 0], a[..., 1], a[..., 2]
+    u, v, w = b[..., 0], b[..., 1], b[..., 2]
+    first = y * w - z * v
+    result = np.empty((*first.shape, 3))
+    result[..., 0], result[..., 1], result[..., 2] = first, z * u - x * w, x * v - y * u
+    return result
 
 
 def _factors(square: FloatArray) -> tuple[FloatArray, FloatArray]:
