@@ -262,6 +262,20 @@ def test_many_motions_with_couplings_are_each(monkeypatch):
         np.testing.assert_allclose(forces.tau[i], tau, rtol=1e-12)
 
 
+def test_errors_of_couplings_follow_their_equation():
+    """With β, couplings that are a little off obey ë + 2β ė + β² e = 0."""
+    loop, beta, generator = train(*CHAIN), 30.0, np.random.default_rng(0)
+    state = loop.complete([0.4], [1.3], [0.0])
+    q, v = state.q + 1e-4 * generator.normal(size=4), state.v + 1e-3 * generator.normal(size=4)
+    a = loop.forward_dynamics(q, v, [0.5], stabilisation=beta).a
+    e, (e_dot, e_ddot) = (
+        loop.closure_error(q),
+        robots.differences(lambda t: loop.closure_error(q + t * v + t**2 / 2 * a)),
+    )
+    assert np.abs(e).min() > 1e-5
+    np.testing.assert_allclose(e_ddot, -2 * beta * e_dot - beta**2 * e, rtol=0, atol=1e-8)
+
+
 def test_what_is_off_is_named():
     loop = train(*CHAIN[:2], Coupling("j3", "j2", (0, 0.5), "belt"))
     q = loop.complete([0.4], [0], [0]).q
