@@ -12,6 +12,7 @@ from p3dof.closed_loop.batch.energy import BodyEnergies
 from p3dof.closed_loop.batch.states import BatchStates
 from p3dof.closed_loop.batch.targets import FrameTargets
 from p3dof.closed_loop.dynamics import ForwardDynamics, InverseDynamics
+from p3dof.closed_loop.hybrid import HybridDynamics
 from p3dof.closed_loop.model import ClosedLoopModel
 from p3dof.closed_loop.reactions import ClosureJoint, JointReactions, ReactionSolver
 from p3dof.closed_loop.reactions_batch import BatchReactions, reactions_batch, reactions_by_each
@@ -32,6 +33,7 @@ __all__ = [
     "ForwardDynamics",
     "FrameTarget",
     "FrameTargets",
+    "HybridDynamics",
     "InverseDynamics",
     "JointReactions",
     "ReactionSolver",

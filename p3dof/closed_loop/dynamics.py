@@ -160,7 +160,7 @@ class Dynamics:
         tau = actuation.solve(free) if point.J.size else f[self.actuated_v]  # (2); exact in an open tree
         rounding = 100 * np.finfo(float).eps * max_abs(A) * max_abs(tau)  # large forces near a singularity
         missing = max(0.0, max_abs(free - A @ tau) - rounding)
-        fits = missing <= _ACCURACY * max_abs(f) or missing <= _ACCURACY * self._scale(q, v, a, f)
+        fits = missing <= _ACCURACY * max_abs(f) or missing <= _ACCURACY * self.scale(q, v, a, f)
         near_singular = not fits and conditioning < _NEAR_SINGULAR
         if mobility <= count and (actuation.rank < mobility or near_singular):
             raise SingularityError(
@@ -170,15 +170,15 @@ class Dynamics:
         if not fits:  # also when something is not a number
             raise DynamicsError(
                 f"the motion needs a force that no actuator gives: {missing:.3g} N or N m is missing "
-                f"({count} actuators, {mobility} free motions)"
+                f"({count} actuators, {mobility} free motions){self._other_way(count, mobility)}"
             )
         constraint = f.copy()
         constraint[self.actuated_v] -= tau
         lambda_ = point.svd.solve_transpose(constraint)
         return InverseDynamics(
-            tau=_read_only(tau),
-            lambda_=_read_only(lambda_),
-            unique=_read_only(self._determined(point.svd, actuation)),
+            tau=read_only(tau),
+            lambda_=read_only(lambda_),
+            unique=read_only(self.determined(point.svd, actuation)),
             tau_unique=actuation.rank == count,
             rank=point.svd.rank,
             mobility=mobility,
@@ -263,7 +263,7 @@ class Dynamics:
         residual = max_abs(constraint - point.J.T @ lambda_)
         opening = max_abs(point.J @ a + drift)
         good = (
-            residual <= _ACCURACY * self._scale(q, v, a, force)
+            residual <= _ACCURACY * self.scale(q, v, a, force)
             and opening <= max(_ACCURACY, point.rank_tolerance) * max(1.0, max_abs(drift), max_abs(a))
         )  # fmt: skip
         if not good:  # also when something is not a number
@@ -271,7 +271,7 @@ class Dynamics:
                 f"the forward dynamics did not reach its accuracy: {residual:.3g} N or N m is left in the "
                 f"equation of motion, {opening:.3g} m/s² or rad/s² at the closures"
             )
-        return ForwardDynamics(_read_only(a), _read_only(lambda_), residual, opening, point.gap)
+        return ForwardDynamics(read_only(a), read_only(lambda_), residual, opening, point.gap)
 
     def external(self, wrenches: list[tuple[pin.Frame, FloatArray]]) -> FloatArray:
         """Return the generalised force (nv,) of wrenches at frames, at the last configuration evaluated.
@@ -308,8 +308,7 @@ class Dynamics:
             a = np.zeros(self.model.nv)  # the step below is exact from anywhere, only better from nearby
         N = point.svd.null_space
         a = a - point.svd.solve(point.J @ a + drift)
-        M = np.array(pin.crba(self.model, self._data, point.q))
-        M = np.where(self._upper, M, M.T)
+        M = self.mass_matrix(point.q)
         missing = force - pin.rnea(self.model, self._data, point.q, v, a)
         try:
             refined: FloatArray = a + N @ np.linalg.solve(N.T @ M @ N, N.T @ missing)
@@ -317,8 +316,24 @@ class Dynamics:
             raise DynamicsError("the mechanism has a free motion without inertia") from error
         return refined
 
-    def _determined(self, svd: Decomposition, actuation: Decomposition) -> np.ndarray:
-        """Which multipliers keep their value in every solution of (1)."""
+    def _other_way(self, count: int, mobility: int) -> str:
+        way = "; hybrid_dynamics() lets idle freedoms move as they must"
+        return way if count < mobility else ""
+
+    def determined(self, svd: Decomposition, actuation: Decomposition) -> np.ndarray:
+        """Tell which multipliers keep their value in every solution of (1).
+
+        Parameters
+        ----------
+        svd : Decomposition
+            Of the closures' Jacobian.
+        actuation : Decomposition
+            Of a matrix that maps forces of the actuators to their effect.
+
+        Returns
+        -------
+        (rows,) array of bool
+        """
         open_ = np.abs(svd.U[:, svd.rank :])
         fixed = np.all(open_ <= _UNIQUE, axis=1)
         if actuation.rank < len(self.actuated_v):
@@ -328,8 +343,44 @@ class Dynamics:
             fixed = fixed & np.all(effect <= _UNIQUE * effect.max(initial=0.0), axis=1)
         return np.asarray(fixed)
 
-    def _scale(self, q: FloatArray, v: FloatArray, a: FloatArray, force: FloatArray) -> float:
-        """Size of the forces that cancel in the equation of motion [N or N m]."""
+    def tree_force(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        """Return M a + h (nv,), what the motion of the tree takes [N or N m].
+
+        Parameters
+        ----------
+        q : (nq,) array
+            Configuration.
+        v, a : (nv,) array
+            Velocity and acceleration.
+
+        Returns
+        -------
+        (nv,) array
+        """
+        return np.array(pin.rnea(self.model, self._data, q, v, a))
+
+    def mass_matrix(self, q: FloatArray) -> FloatArray:
+        """Return M (nv, nv), that of the tree, at a configuration (nq,)."""
+        M = np.array(pin.crba(self.model, self._data, q))
+        return np.where(self._upper, M, M.T)
+
+    def scale(self, q: FloatArray, v: FloatArray, a: FloatArray, force: FloatArray) -> float:
+        """Return the size of the forces that cancel in the equation of motion.
+
+        Parameters
+        ----------
+        q : (nq,) array
+            Configuration.
+        v, a : (nv,) array
+            Velocity and acceleration.
+        force : (nv,) array
+            Generalised force of actuators and external wrenches.
+
+        Returns
+        -------
+        float
+            [N or N m]
+        """
         h = np.array(pin.nle(self.model, self._data, q, v))
         inertial = pin.rnea(self.model, self._data, q, v, a) - h
         gravity = pin.computeGeneralizedGravity(self.model, self._data, q)
@@ -357,6 +408,7 @@ class _ForwardSolver:
         return np.array(pin.constraintDynamics(*arguments))
 
 
-def _read_only(array: np.ndarray) -> np.ndarray:
+def read_only(array: np.ndarray) -> np.ndarray:
+    """Return an array that nobody can write to any more."""
     array.setflags(write=False)
     return array

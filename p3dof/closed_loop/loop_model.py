@@ -448,12 +448,10 @@ class LoopModel:
         if beta < 0:
             raise InputError(f"stabilisation: expected zero or more, got {beta:g}")
         tau = frozen_array("tau", tau, (len(self.actuated),))
-        point = self._at(q, NEARLY_CLOSED if self._scaled is None else np.inf)
+        point = self._closed_at(q, v)
         force = self._external(external, joint_forces)
         if self._scaled is not None:
             return self._scaled.forward_dynamics(point.q, v, tau, external, joint_forces, beta)
-        if point.J.size:
-            self._check_opening("v", point.J @ v, NEARLY_CONSISTENT * max(1.0, max_abs(v)))
         force[self.actuated_v] += tau
         return self._dynamics.forward(point, v, force, beta)
 
@@ -500,6 +498,13 @@ class LoopModel:
                 f"q: the {self._kinematics.worst(point.error)} is open by {point.gap:.3g} m or rad, "
                 f"expected at most {largest_gap:g}; assemble(None, guess=q) closes it"
             )
+        return point
+
+    def _closed_at(self, q: ArrayLike, v: FloatArray) -> ClosurePoint:
+        """Return the closures at a state that nearly keeps them closed; a scaled core checks for itself."""
+        point = self._at(q, NEARLY_CLOSED if self._scaled is None else np.inf)
+        if self._scaled is None and point.J.size:
+            self._check_opening("v", point.J @ v, NEARLY_CONSISTENT * max(1.0, max_abs(v)))
         return point
 
     def _target(self, target: TargetLike) -> Target:

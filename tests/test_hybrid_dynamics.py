@@ -1,0 +1,360 @@
+"""Hybrid dynamics: prescribed accelerations and idle freedoms, against forward dynamics called many times."""
+
+from __future__ import annotations
+
+import time
+
+import closed_loop_robots as robots
+import numpy as np
+import pinocchio as pin
+import pytest
+from documents import ROOT
+
+import p3dof
+from p3dof.closed_loop import ClosedLoopModel, Closure, Coupling, Sidecar
+from p3dof.errors import DynamicsError, InputError, SingularityError
+
+SHARED = ROOT.parent / "shared" / "robots"
+PUBLIC = [
+    "5bar_linkage",
+    "5bar_linkage_iso3d",
+    "5bar_linkage_iso6d",
+    "digit_like",
+    "digit_like_2legs",
+    "robot_delta",
+]
+SIDES = {"left": 0.1, "right": -0.1}
+
+
+def biped() -> ClosedLoopModel:
+    """A floating torso with two legs, whose knees are moved by four-bars; a rod swings idly at each shank."""
+    parts = [robots.link("world"), robots.link("torso", robots.ARM)]
+    parts.append(robots.joint("base", "world", "torso", kind="floating"))
+    closures = []
+    for side, y in SIDES.items():
+        parts += [
+            robots.link(f"{side}_hip", robots.ROD),
+            robots.joint(f"{side}_yaw", "torso", f"{side}_hip", (0, y, -0.1), (0, 0, 1)),
+            robots.link(f"{side}_thigh", robots.ROD),
+            robots.joint(f"{side}_pitch", f"{side}_hip", f"{side}_thigh", axis=(0, -1, 0)),
+            robots.link(f"{side}_rod", robots.BAR),
+            robots.joint(f"{side}_rod_joint", f"{side}_thigh", f"{side}_rod", (0.2, 0, 0), (0, -1, 0)),
+            robots.link(f"{side}_shank", robots.ARM),
+            robots.joint(f"{side}_knee", f"{side}_hip", f"{side}_shank", (0.5, 0, 0), (0, -1, 0)),
+            robots.link(f"{side}_tail", robots.BAR),
+            robots.joint(f"{side}_swing", f"{side}_shank", f"{side}_tail", (0.4, 0, 0), (1, 0, 0)),
+            robots.link(f"{side}_rod_tip"),
+            robots.joint(f"{side}_a", f"{side}_rod", f"{side}_rod_tip", (0.45, 0, 0), kind="fixed"),
+            robots.link(f"{side}_lever"),
+            robots.joint(f"{side}_b", f"{side}_shank", f"{side}_lever", (0.35, 0, 0), kind="fixed"),
+        ]
+        closures.append(Closure(f"{side}_rod_tip", f"{side}_lever"))
+    actuated = tuple(f"{side}_{name}" for side in SIDES for name in ("yaw", "pitch"))
+    return ClosedLoopModel.from_urdf(robots.robot(*parts), Sidecar(tuple(closures), actuated))
+
+
+def geared() -> ClosedLoopModel:
+    """A floating torso with a tail that is geared to the yaw of a leg, by a coupling."""
+    plain = biped()
+    sidecar = Sidecar(
+        plain.sidecar.closures, plain.actuated, (Coupling("left_swing", "left_yaw", (0.1, 2.0, 0.3)),)
+    )
+    return ClosedLoopModel(plain.model.copy(), sidecar)
+
+
+def moving(
+    loop: ClosedLoopModel, seed: int, guess: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """An assembled configuration near the one given, and a velocity that its closures allow."""
+    rng = np.random.default_rng(seed)
+    home = loop.assemble(None, guess).q
+    q = loop.assemble(None, pin.integrate(loop.model, home, 0.1 * rng.normal(size=loop.model.nv))).q
+    J = loop.closure_jacobian(q)
+    v = rng.normal(size=loop.model.nv)
+    return q, v - np.linalg.pinv(J, rcond=1e-9) @ (J @ v)
+
+
+def by_forward_dynamics(loop, q, v, prescribed, *loads):
+    """The forces for accelerations of the actuated joints, by one call more than there are of them."""
+    act, count = loop.actuated_v, len(loop.actuated)
+    rest = loop.forward_dynamics(q, v, np.zeros(count), *loads).a
+    by_force = [loop.forward_dynamics(q, v, unit, *loads).a[act] - rest[act] for unit in np.eye(count)]
+    return np.linalg.solve(np.transpose(by_force), prescribed - rest[act])
+
+
+def check(loop, q, v, seed, *loads):
+    prescribed = np.random.default_rng(seed).normal(size=len(loop.actuated))
+    found = loop.hybrid_dynamics(q, v, prescribed, None, *loads)
+    expected = by_forward_dynamics(loop, q, v, prescribed, *loads)
+    assert np.abs(found.tau - expected).max() <= 1e-8 * max(1.0, np.abs(expected).max())
+    assert np.abs(found.a[loop.actuated_v] - prescribed).max() <= 1e-9
+    assert found.prescribed_residual <= 1e-9
+    moved = loop.forward_dynamics(q, v, found.tau, *loads)
+    assert np.abs(moved.a - found.a).max() <= 1e-8 * max(1.0, np.abs(found.a).max())
+    assert found.closure_residual <= 1e-9 * max(1.0, np.abs(found.a).max())
+    assert found.residual <= 1e-9 * max(1.0, np.abs(found.tau).max())
+    assert found.tau_unique
+    assert found.mobility == loop.mobility(q)
+    return found
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_public_robots_against_forward_dynamics(name):
+    if not (SHARED / name).exists():
+        pytest.skip("the collection of public robots is not at hand")
+    loop = p3dof.load_robot(SHARED / name / "robot.urdf")
+    q = loop.assemble().q
+    J = loop.closure_jacobian(q)
+    v = np.random.default_rng(1).normal(size=loop.model.nv)
+    v -= np.linalg.pinv(J, rcond=1e-9) @ (J @ v)
+    check(loop, q, v, 5)
+
+
+@pytest.mark.parametrize("build", [biped, geared])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_floating_biped_against_forward_dynamics(build, seed):
+    loop = build()
+    q, v = moving(loop, seed, standing(loop))
+    rng = np.random.default_rng(seed)
+    loads = (
+        {"torso": 10 * rng.normal(size=6), "left_tail": rng.normal(size=6)},
+        rng.normal(size=loop.model.nv),
+    )
+    found = check(loop, q, v, seed, *loads)
+    assert found.mobility > len(loop.actuated)  # the base and the tails are idle
+    assert 0.0 < found.conditioning <= 1.0
+    with pytest.raises(DynamicsError, match=r"no actuator gives: .*; hybrid_dynamics\(\) lets idle freedoms"):
+        loop.inverse_dynamics(q, v, np.zeros(len(v)) + check_drift(loop, q, v))
+
+
+def standing(loop: ClosedLoopModel) -> np.ndarray:
+    q, model = pin.neutral(loop.model), loop.model
+    crank, coupler, rocker = robots.four_bar_q(0.9, *robots.FOUR_BAR)
+    for side in SIDES:
+        for name, value in zip(("pitch", "rod_joint", "knee"), (crank, coupler, rocker), strict=True):
+            q[model.idx_qs[model.getJointId(f"{side}_{name}")]] = value
+    return q
+
+
+def check_drift(loop, q, v):
+    """The shortest acceleration that keeps the loops closed: M a + h of it needs forces in the base."""
+    J, h = loop.closure_jacobian(q), 1e-5
+    there, here = (loop.closure_jacobian(pin.integrate(loop.model, q, s * h * v)) for s in (1, -1))
+    return -np.linalg.pinv(J, rcond=1e-9) @ ((there - here) @ v / (2 * h))
+
+
+def test_without_idle_freedoms_it_is_inverse_dynamics():
+    for xml, sidecar, guess in (
+        (robots.five_bar(), robots.FIVE_BAR_SIDECAR, robots.five_bar_q(2.0, 1.2)),
+        (robots.sarrus(), robots.SARRUS_SIDECAR, 0.2 * np.array([1, -2, 1] * 2)),
+    ):
+        loop = ClosedLoopModel.from_urdf(xml, sidecar)
+        count = len(loop.actuated)
+        rates = np.linspace(1.0, -2.0, 2 * count).reshape(2, count)
+        start = guess[loop.actuated_v]
+        state = loop.complete(start, *rates, guess=guess)
+        expected = loop.inverse_dynamics(state.q, state.v, state.a)
+        found = loop.hybrid_dynamics(state.q, state.v, rates[1])
+        np.testing.assert_allclose(found.tau, expected.tau, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(found.a, state.a, rtol=0, atol=1e-11)
+        np.testing.assert_allclose(found.lambda_, expected.lambda_, rtol=0, atol=1e-10)
+        assert np.array_equal(found.unique, expected.unique)
+        assert (found.rank, found.mobility) == (expected.rank, expected.mobility)
+
+
+def test_an_open_tree_that_floats_and_one_that_does_not():
+    arm = robots.arm_model()
+    loop = ClosedLoopModel(arm, Sidecar.serial(arm))
+    q, v, a = np.random.default_rng(0).normal(size=(3, 7))
+    np.testing.assert_allclose(
+        loop.hybrid_dynamics(q, v, a).tau, pin.rnea(arm, arm.createData(), q, v, a), atol=1e-11
+    )
+    tree = ClosedLoopModel(biped().model, Sidecar((), biped().actuated))
+    check(tree, *moving(tree, 4), 4)
+
+
+def test_other_joints_and_frames_may_be_prescribed():
+    """The base and frames with as many actuators: what follows has these accelerations, and forces agree."""
+    loop = biped()
+    q, v = moving(loop, 1, standing(loop))
+    wanted = {"left_pitch": 1.0, "right_yaw": np.array([-2.0])}
+    lift = np.array([np.nan, np.nan, 3.0, np.nan, -1.0, np.nan])
+    found = loop.hybrid_dynamics(q, v, wanted, {"torso": lift})
+    model, data = loop.model, loop.model.createData()
+    pin.forwardKinematics(model, data, q, v, found.a)
+    frame = model.getFrameId("torso")
+    moved = pin.getFrameClassicalAcceleration(model, data, frame, pin.LOCAL_WORLD_ALIGNED).vector
+    np.testing.assert_allclose(moved[[2, 4]], [3.0, -1.0], rtol=0, atol=1e-9)
+    at = {name: found.a[model.idx_vs[model.getJointId(name)]] for name in wanted}
+    assert at == pytest.approx({"left_pitch": 1.0, "right_yaw": -2.0}, abs=1e-9)
+    again = loop.forward_dynamics(q, v, found.tau)
+    np.testing.assert_allclose(again.a, found.a, rtol=0, atol=1e-8 * np.abs(found.a).max())
+    of_base = found.a[:6]
+    few = {"base": of_base}
+    with pytest.raises(DynamicsError, match="6 prescribed accelerations"):
+        loop.hybrid_dynamics(q, v, {"base": of_base + 1.0})  # four motors cannot hold six
+    np.testing.assert_allclose(loop.hybrid_dynamics(q, v, wanted | few).tau, found.tau, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("feet", "kind"), [(("left",), "6d"), (("left", "right"), "3d")])
+def test_feet_on_the_ground_carry_the_weight(feet, kind):
+    """A floating robot on its feet: the closures' forces are the ground's, and carry all masses."""
+    loop = biped()
+    q, _ = moving(loop, 3, standing(loop))
+    data = loop.model.createData()
+    pin.framesForwardKinematics(loop.model, data, q)
+    model = loop.model.copy()
+    for side in feet:
+        shank = model.getFrameId(f"{side}_shank")
+        place = pin.SE3(np.eye(3), data.oMf[shank].act(np.array([0.5, 0.0, 0.0])))
+        joint = model.frames[shank].parentJoint
+        sole = data.oMi[joint].actInv(place)
+        model.addFrame(pin.Frame(f"{side}_ground", 0, place, pin.OP_FRAME))
+        model.addFrame(pin.Frame(f"{side}_sole", joint, sole, pin.OP_FRAME))
+    ground = tuple(Closure(f"{side}_ground", f"{side}_sole", kind) for side in feet)
+    stands = ClosedLoopModel(model, Sidecar((*ground, *loop.sidecar.closures), loop.actuated))
+    # The distance of two feet is a function of the motors: one of them follows, and they can work against it.
+    wanted = dict.fromkeys(loop.actuated[: 5 - len(feet)], 0.5)
+    found = stands.hybrid_dynamics(q, np.zeros(model.nv), wanted)
+    assert found.tau_unique == (len(feet) == 1)
+    assert found.prescribed_residual < 1e-9
+    pin.centerOfMass(model, data := model.createData(), q, np.zeros(model.nv), found.a)
+    weight = pin.computeTotalMass(model) * (data.acom[0] - model.gravity.linear)
+    carried = sum(found.lambda_[stands.constraint_rows[i]][:3] for i in range(len(feet)))
+    np.testing.assert_allclose(carried, weight, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("s", [1e-4, 1e3])
+def test_models_of_every_size(s):
+    one = biped()
+    model = one.model.copy()
+    for i in range(model.njoints):
+        body, place = model.inertias[i], model.jointPlacements[i]
+        model.jointPlacements[i] = pin.SE3(place.rotation, s * place.translation)
+        model.inertias[i] = pin.Inertia(body.mass, s * body.lever, s**2 * body.inertia)
+    for frame in model.frames:
+        frame.placement = pin.SE3(frame.placement.rotation, s * frame.placement.translation)
+    model.gravity.linear = s * model.gravity.linear
+    other = ClosedLoopModel(model, one.sidecar)
+    q, v = moving(one, 2, standing(one))
+    by_q, by_v = np.ones(model.nq), np.ones(model.nv)
+    by_q[:3], by_v[:3] = s, s
+    lift = np.array([1.0, np.nan, 2.0, 3.0, np.nan, np.nan])
+    load = np.arange(6.0)
+    first = one.hybrid_dynamics(
+        q, v, {"left_yaw": 0.5}, {"torso": lift}, {"torso": load}, load.repeat(3)[: len(v)]
+    )
+    lengths = np.where(np.arange(6) < 3, s, 1.0)
+    force = load.repeat(3)[: len(v)] * np.where(np.arange(len(v)) < 3, s, s**2)
+    wrench = {"torso": load * lengths[::1] * np.where(np.arange(6) < 3, 1.0, s**2)}
+    second = other.hybrid_dynamics(
+        q * by_q, v * by_v, {"left_yaw": [0.5]}, {"torso": lift * lengths}, wrench, force
+    )
+    np.testing.assert_allclose(second.tau / s**2, first.tau, rtol=1e-8)
+    np.testing.assert_allclose(second.a / by_v, first.a, rtol=0, atol=1e-8 * np.abs(first.a).max())
+    assert second.gap <= 1e-10 * max(1.0, s)
+
+
+def test_what_is_not_determined_or_not_possible_is_refused():
+    loop = biped()
+    q, v = moving(loop, 0, standing(loop))
+    crank = {"left_pitch": 1.0, "left_knee": 1.0}
+    everything = dict.fromkeys([*loop.actuated, "left_swing", "right_swing"], 3.0)
+    with pytest.raises(
+        DynamicsError, match=r"depend on each other: 2 are prescribed, .* can choose 1 of them"
+    ):
+        loop.hybrid_dynamics(q, v, crank)
+    with pytest.raises(
+        DynamicsError, match="1 prescribed accelerations leave 3 of the 4 actuators' forces open"
+    ):
+        loop.hybrid_dynamics(q, v, {"left_pitch": 1.0})
+    with pytest.raises(DynamicsError, match="0 prescribed accelerations leave 4 of the 4"):
+        loop.hybrid_dynamics(q, v)
+    with pytest.raises(DynamicsError, match=r"need a force that no actuator gives: .* is missing"):
+        loop.hybrid_dynamics(q, v, everything)
+
+
+def test_actuators_without_effect_on_what_is_prescribed():
+    """A crank at its dead centre cannot be moved by the rocker."""
+    lengths = (0.5, 0.4, 0.35, 0.3)
+    sidecar = Sidecar(robots.FOUR_BAR_SIDECAR.closures, ("rocker_joint",))
+    loop = ClosedLoopModel.from_urdf(robots.four_bar(*lengths), sidecar)
+    reach = 0.4 + 0.35  # crank and coupler in line
+    angle = np.arccos((0.5**2 + reach**2 - 0.3**2) / (2 * 0.5 * reach))
+    end = reach * np.array([np.cos(angle), np.sin(angle)]) - [0.5, 0.0]
+    q = np.array([angle, 0.0, np.arctan2(end[1], end[0])])
+    assert np.abs(loop.closure_error(q)).max() < 1e-12
+    with pytest.raises(SingularityError, match="cannot produce the prescribed accelerations here"):
+        loop.hybrid_dynamics(q, np.zeros(3), {"crank_joint": 1.0})
+    massless = loop.copy()
+    for i in range(1, massless.model.njoints):
+        massless.model.inertias[i] = pin.Inertia.Zero()
+    tree = ClosedLoopModel(massless.model, Sidecar((), ("crank_joint",)))
+    with pytest.raises(DynamicsError, match="an idle freedom of the mechanism has no inertia"):
+        tree.hybrid_dynamics(q, np.zeros(3), [1.0])
+
+
+def test_opposing_actuators_share_a_force_without_changing_the_motion():
+    sidecar = Sidecar(robots.FOUR_BAR_SIDECAR.closures, ("crank_joint", "rocker_joint"))
+    loop = ClosedLoopModel.from_urdf(robots.four_bar(*robots.FOUR_BAR), sidecar)
+    q = robots.four_bar_q(0.9, *robots.FOUR_BAR)
+    found = loop.hybrid_dynamics(q, np.zeros(3), {"crank_joint": 2.0})
+    expected = loop.inverse_dynamics(q, np.zeros(3), found.a)
+    np.testing.assert_allclose(found.tau, expected.tau, atol=1e-12)
+    assert not found.tau_unique
+    assert np.array_equal(found.unique, expected.unique)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (([1.0],), r"prescribed: expected shape \(4,\)"),
+        (([1.0, 2.0, 3.0, np.nan],), "prescribed: expected finite"),
+        (({"left_yaw": [1.0, 2.0]},), r"prescribed left_yaw: expected shape \(1,\)"),
+        (({"base": 1.0},), r"prescribed base: expected shape \(6,\)"),
+        (({"left_yaw": np.inf},), "prescribed left_yaw: expected a finite"),
+        (({"left_yam": 1.0},), "the joint 'left_yam' does not exist; did you mean 'left_yaw'"),
+        (({"universe": 1.0},), "the joint 'universe' does not exist"),
+        (({3: 1.0},), "the joint 3 does not exist"),
+        (({}, {"nowhere": np.zeros(6)}), "frames: the frame 'nowhere' does not exist"),
+        (({}, {"torso": np.zeros(3)}), r"frames torso: expected shape \(6,\)"),
+        (({}, {"torso": np.full(6, np.nan)}), "frames torso: expected at least one prescribed"),
+        (({}, {"torso": [np.inf] * 6}), "frames torso: expected finite"),
+        (({}, [1.0]), "frames: expected a mapping of names to accelerations, got list"),
+    ],
+)
+def test_bad_prescriptions_are_refused(arguments, message):
+    loop = biped()
+    q = loop.assemble(None, standing(loop)).q
+    with pytest.raises(InputError, match=message):
+        loop.hybrid_dynamics(q, np.zeros(loop.model.nv), *arguments)
+
+
+def test_open_loops_are_refused():
+    loop = biped()
+    q = standing(loop)
+    q[loop.model.idx_qs[loop.model.getJointId("left_knee")]] += 0.1
+    with pytest.raises(InputError, match="q: the closure left_rod_tip/left_lever is open"):
+        loop.hybrid_dynamics(q, np.zeros(loop.model.nv), np.zeros(4))
+    v = np.zeros(loop.model.nv)
+    v[loop.model.idx_vs[loop.model.getJointId("left_knee")]] = 1.0
+    with pytest.raises(InputError, match="v: opens the closure left_rod_tip/left_lever"):
+        loop.hybrid_dynamics(standing(loop), v, np.zeros(4))
+
+
+def test_it_takes_at_most_the_time_of_two_forward_dynamics():
+    loop = biped()
+    states = [moving(loop, seed, standing(loop)) for seed in range(10)]
+    calls = {
+        "hybrid": lambda q, v: loop.hybrid_dynamics(q, v, np.ones(4)),
+        "forward": lambda q, v: loop.forward_dynamics(q, v, np.ones(4)),
+    }
+    times = {name: [] for name in calls}
+    for _ in range(8):
+        for state in states:
+            for name, call in calls.items():
+                loop.rank(states[0][0] if state is not states[0] else states[1][0])  # nothing is left over
+                begun = time.process_time()
+                call(*state)
+                times[name].append(time.process_time() - begun)
+    assert min(times["hybrid"]) <= 2.0 * min(times["forward"])
