@@ -17,12 +17,15 @@ from click.shell_completion import CompletionItem
 from p3dof import __version__
 from p3dof.checks import one_line
 from p3dof.cli.encoding import spelled, write_what_is_there
-from p3dof.errors import P3dofError, SampleError
+from p3dof.errors import AssemblyError, DynamicsError, P3dofError, SampleError
 
 FAILED, BAD_INPUT, INTERRUPTED, READER_LEFT = 1, 2, 130, 141
 """Exit codes: a check failed or the machine cannot make a motion; bad input; the last two as a shell has them
 for a program that SIGINT or SIGPIPE ended."""
 
+
+_CANNOT = (SampleError, AssemblyError, DynamicsError)
+"""What is no fault of the input: the machine cannot do it."""
 
 LONGEST = 1000
 """Longest message in an error's line [characters]."""
@@ -34,6 +37,7 @@ COMMANDS = {
     "energy": ("p3dof.cli.energy", "Say what moves most, and what the drives must do."),
     "export": ("p3dof.cli.export", "Write the model for other tools, with its loops."),
     "forces": ("p3dof.cli.forces", "Compute the forces over a motion by one method."),
+    "loop": ("p3dof.cli.loop", "Assemble, weigh and move any robot with closed loops."),
     "plots": ("p3dof.cli.plots", "Draw all figures of a motion."),
     "reactions": ("p3dof.cli.reactions", "Compute forces and moments in all joints."),
     "report": ("p3dof.cli.report", "Write one page that tells all about a motion."),
@@ -66,17 +70,18 @@ def _hidden_from_click() -> Iterator[None]:
         raise
 
 
-class _Command(click.Command):
+class Command(click.Command):
     """A command whose help any terminal can show: Click would write UTF-8 to one that knows ASCII only."""
 
     def get_help(self, ctx: click.Context) -> str:
+        """Return the help, in the characters that the terminal has."""
         return spelled(super().get_help(ctx), getattr(sys.stdout, "encoding", None) or "utf-8")
 
 
 class _Program(click.Group):
     """A group that imports a command when it is asked for, and whose interruptions are the program's."""
 
-    command_class = _Command
+    command_class = Command
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return sorted({*COMMANDS, *super().list_commands(ctx)})
@@ -140,9 +145,9 @@ def _run(arguments: Sequence[str] | None) -> int:
         code = app(
             args=None if arguments is None else list(arguments), standalone_mode=False, prog_name="p3dof"
         )
-    except P3dofError as error:  # a sample that the machine cannot make is no fault of the input
+    except P3dofError as error:
         told = str(error.args[0] if error.args else error)  # without hints for programs
-        return _fail(told, FAILED if isinstance(error, SampleError) else BAD_INPUT)
+        return _fail(told, FAILED if isinstance(error, _CANNOT) else BAD_INPUT)
     except click.exceptions.NoArgsIsHelpError as error:
         sys.stderr.write(f"{error.format_message()}\n")
         return BAD_INPUT

@@ -15,6 +15,8 @@ SUFFIXES: dict[str, tuple[str, ...]] = {
     "figure": (".png", ".svg", ".pdf"),
     "report": (".html", ".pdf"),
     "animation": (".html",),
+    "joints": (".csv", ".yaml", ".yml"),
+    "urdf": (".urdf",),
     "film": (".mp4", ".gif"),
     "picture": (".png",),
     "show": (".html", ".mp4", ".gif", ".png"),

@@ -11,7 +11,7 @@ from __future__ import annotations
 import csv
 import math
 from array import array
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import islice
 from typing import NoReturn
@@ -31,8 +31,8 @@ _DEGREE = math.pi / 180
 
 # Unit -> (multiply, divide): dividing by 1000 rounds correctly, multiplying by .001 does not.
 _TIME = {"s": (1.0, 1.0), "ms": (1.0, 1e3)}
-_LENGTH = {"m": (1.0, 1.0), "mm": (1.0, 1e3)}
-_ANGLE = {"rad": (1.0, 1.0), "deg": (_DEGREE, 1.0)}
+LENGTHS = {"m": (1.0, 1.0), "mm": (1.0, 1e3)}
+ANGLES = {"rad": (1.0, 1.0), "deg": (_DEGREE, 1.0)}
 _FORCE = {"N": (1.0, 1.0), "kN": (1e3, 1.0)}
 _MOMENT = {"N m": (1.0, 1.0), "Nm": (1.0, 1.0), "N mm": (1.0, 1e3)}
 
@@ -49,11 +49,14 @@ class Form:
         Its columns, the time first.
     counts : tuple of int
         How many of them there may be.
+    units : mapping of str to mapping, optional
+        The units that a column may be in, by its name; by default the name tells the kind.
     """
 
     what: str
     names: tuple[str, ...]
     counts: tuple[int, ...]
+    units: Mapping[str, Mapping[str, tuple[float, float]]] | None = None
 
     @property
     def rule(self) -> str:
@@ -130,6 +133,29 @@ def parse(text: str, source: str, form: Form = MOTION) -> tuple[FloatArray, Floa
     return data[:, 0], data[:, 1:]
 
 
+def header_of(text: str, source: str) -> list[str]:
+    """Return the names of a file's columns, without their units; none of an empty file.
+
+    Parameters
+    ----------
+    text : str
+        The file's text.
+    source : str
+        What to call it in an error: usually the file name.
+
+    Returns
+    -------
+    list of str
+
+    Raises
+    ------
+    MotionError
+        If the first line that counts is too long, or not CSV.
+    """
+    _, header = next(_rows(text, source), (0, []))
+    return [_name_and_unit(field)[0] for field in header]
+
+
 def dump(time: FloatArray, columns: FloatArray) -> str:
     """Return CSV text in SI units that `parse` reads back to the same bits.
 
@@ -196,19 +222,19 @@ def _header(header: list[str], where: str, form: Form) -> list[tuple[float, floa
             )
     if len(fields) not in form.counts:
         raise MotionError(f"{where}: expected {form.rule}, got only {','.join(name for name, _ in fields)}")
-    return [_factor(name, unit, where) for name, unit in fields]
+    return [_factor(name, unit, where, form) for name, unit in fields]
 
 
 def _name_and_unit(field: str) -> tuple[str, str | None]:
     """Split ``y [mm]`` into ``y`` and ``mm``."""
-    name, bracket, unit = field.strip().partition("[")
+    name, bracket, unit = field.strip().rpartition("[")
     if bracket and unit.endswith("]"):
         return name.rstrip(), unit[:-1].strip()
     return field.strip(), None
 
 
-def _factor(name: str, unit: str | None, where: str) -> tuple[float, float]:
-    units = _units(name)
+def _factor(name: str, unit: str | None, where: str, form: Form) -> tuple[float, float]:
+    units = _units(name) if form.units is None or name == "t" else form.units[name]
     if unit is None:
         return (1.0, 1.0)
     known = units.get(unit.replace("²", "^2"))
@@ -217,13 +243,13 @@ def _factor(name: str, unit: str | None, where: str) -> tuple[float, float]:
     return known
 
 
-def _units(name: str) -> dict[str, tuple[float, float]]:
+def _units(name: str) -> Mapping[str, tuple[float, float]]:
     """Return the units that a column may be in."""
     if name == "t":
         return _TIME
     if name[0] in "fm":
         return _FORCE if name[0] == "f" else _MOMENT
-    base = _ANGLE if name.startswith("theta") else _LENGTH
+    base = ANGLES if name.startswith("theta") else LENGTHS
     suffix = "/s^2" if name.endswith("ddot") else "/s" if name.endswith("dot") else ""
     return {unit + suffix: factor for unit, factor in base.items()}
 

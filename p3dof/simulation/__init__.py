@@ -6,6 +6,7 @@ from p3dof.simulation.controllers import PD, ComputedTorque, Feedforward, Spring
 from p3dof.simulation.limits import KINDS
 from p3dof.simulation.margins import Stop
 from p3dof.simulation.reference import Reference
+from p3dof.simulation.robots import RobotMeasurement, RobotRun, simulate_robot
 from p3dof.simulation.run import Simulation
 from p3dof.simulation.settings import ControlLoop, InitialState, Integration
 from p3dof.simulation.simulate import AT_HOME, CONTINUOUS, PRECISE, simulate
@@ -29,9 +30,12 @@ __all__ = [
     "Measurement",
     "Noise",
     "Reference",
+    "RobotMeasurement",
+    "RobotRun",
     "Simulation",
     "Springs",
     "Stop",
     "errors_table",
     "simulate",
+    "simulate_robot",
 ]

@@ -1,0 +1,47 @@
+"""`p3dof loop forces`: what the actuators of any robot must do along a motion."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, source, write_results
+from p3dof.cli.loop.group import loop, with_robot
+from p3dof.cli.loop.motion import Forces, forces_along
+from p3dof.cli.output import print_plain, show
+from p3dof.closed_loop import ClosedLoopModel
+from p3dof.closed_loop.tables import actuators_table
+
+MOTION = click.option(
+    "--motion",
+    "motion_file",
+    type=InputFile(),
+    required=True,
+    help="Motion of the actuated joints (CSV: t and the names of all of them, each perhaps with its unit, as "
+    "in 'crank [deg]').",
+)
+
+
+@loop.command()
+@with_robot
+@MOTION
+@click.option(
+    "--out",
+    type=OutputFile("table", stream=True),
+    help="CSV file, - for the standard output, for joints and forces at all samples.",
+)
+def forces(robot: ClosedLoopModel, inputs: list[Path], motion_file: Path, out: Path | None) -> int:
+    """Compute the forces of the actuated joints over a motion: peaks on the screen, all samples in a file.
+
+    Exit code 1 when the robot cannot make the motion.
+    """
+    protect([*inputs, motion_file], [out])
+    found: Forces = forces_along(robot, source(motion_file))
+    written = write_results(found.to_csv, out)
+    console = console_beside(out)
+    show(console, actuators_table(robot, found.time, found.tau, found.v))
+    print_plain(console, f"Largest gap {found.gap:.1e} m or rad, residual {found.residual:.1e} N or N m.")
+    for path in written:
+        print_plain(console, f"wrote {path}")
+    return 0

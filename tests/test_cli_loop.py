@@ -1,0 +1,363 @@
+"""`p3dof loop`: any robot with closed loops, from the command line."""
+
+from __future__ import annotations
+
+import closed_loop_robots as robots
+import numpy as np
+import pinocchio as pin
+import pytest
+import yaml
+from test_cli import run
+
+import p3dof
+from p3dof.closed_loop import ClosedLoopModel, Closure, Coupling, Sidecar
+from p3dof.closed_loop.overview import overview
+from p3dof.closed_loop.write_urdf import texts
+from p3dof.errors import InputError, ModelError
+from p3dof.simulation import Integration, simulate_robot
+
+ONE_LINE = 1
+
+
+def loop(capsys, command, *arguments):
+    return run(capsys, "loop", command, *arguments)
+
+
+@pytest.fixture
+def five_bar(tmp_path):
+    """A five-bar in a file, its sidecar beside it."""
+    path = tmp_path / "five_bar.urdf"
+    path.write_text(robots.five_bar())
+    path.with_suffix(".yaml").write_text(robots.FIVE_BAR_SIDECAR.to_yaml())
+    return path
+
+
+@pytest.fixture
+def motion(tmp_path):
+    """Two motors in time, the second one first and in degrees."""
+    path, time = tmp_path / "motion.csv", np.linspace(0, 1, 201)
+    right, left = 1.2 + 0.1 * np.sin(3 * time), 1.9 + 0.1 * np.cos(3 * time)
+    rows = np.column_stack([time * 1e3, np.rad2deg(right), left])
+    text = "\n".join(",".join(map(repr, row)) for row in rows.tolist())
+    path.write_text(f"t [ms],right_joint [deg],left_joint\n{text}\n")
+    return path
+
+
+def columns(path):
+    with path.open(encoding="utf-8") as lines:
+        header = lines.readline().strip().split(",")
+    return dict(zip(header, np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2).T, strict=True))
+
+
+def test_info_tells_mobility_and_what_is_left_open(capsys, five_bar):
+    code, out, err = loop(capsys, "info", five_bar)
+    assert (code, err) == (0, "")
+    for words in ("left_tip/right_tip", "2 of 3", "mobility", "left_elbow", "actuated", "revolute"):
+        assert words in out
+    code, short, _ = loop(capsys, "info", five_bar, "--no-joints")
+    assert code == 0
+    assert "left_elbow" not in short
+
+
+def test_idle_joints_and_redundant_closures_are_found():
+    model = ClosedLoopModel.from_urdf(robots.five_bar(), robots.FIVE_BAR_SIDECAR)
+    seen = overview(model, robots.five_bar_q(1.9, 1.2))
+    assert (seen.rank, seen.mobility, seen.held, seen.idle) == (2, 2, 2, ())
+    assert seen.undetermined.tolist() == [False, True, False]  # across the plane
+    one = Sidecar(robots.FIVE_BAR_SIDECAR.closures, ("left_joint",))
+    seen = overview(ClosedLoopModel(model.model, one), robots.five_bar_q(1.9, 1.2))
+    assert (seen.mobility, seen.held) == (2, 1)
+    assert seen.idle == ("left_elbow", "right_joint", "right_elbow")
+
+
+def test_info_of_what_does_not_close(capsys, tmp_path):
+    path, sidecar = tmp_path / "open.urdf", tmp_path / "loops.yaml"
+    path.write_text(robots.four_bar(2.0, 0.2, 0.45, 0.35))
+    sidecar.write_text(robots.FOUR_BAR_SIDECAR.to_yaml())
+    code, out, _ = loop(capsys, "info", path, sidecar)
+    assert code == 1
+    assert "the loops do not close" in out
+    code, _, err = loop(capsys, "assemble", path, sidecar)
+    assert code == 1
+    assert err.startswith("p3dof: error: the loops do not close")
+    assert len(err.splitlines()) == ONE_LINE
+
+
+def test_assemble_takes_units_and_writes_a_reference(capsys, tmp_path, five_bar):
+    values = ("--set", "left_joint=1.9", "--set", "right_joint=70 deg")
+    code, out, _ = loop(capsys, "assemble", five_bar, *values, "--out", tmp_path / "q.csv")
+    assert code == 0
+    assert "mobility 2" in out
+    expected = robots.five_bar_q(1.9, np.deg2rad(70))
+    found = columns(tmp_path / "q.csv")
+    assert list(found) == ["left_joint", "left_elbow", "right_joint", "right_elbow"]
+    np.testing.assert_allclose([value[0] for value in found.values()], expected, atol=1e-12)
+    assert loop(capsys, "assemble", five_bar, *values, "--out", tmp_path / "q.yaml")[0] == 0
+    reference = yaml.safe_load((tmp_path / "q.yaml").read_text())["reference"]
+    again = p3dof.load_robot(five_bar, reference=reference)
+    np.testing.assert_allclose(again.reference, expected, atol=1e-12)
+    code, out, err = loop(capsys, "assemble", five_bar, "--set", "right_joint=1.2", "--out", "-")
+    assert code == 0
+    assert out.startswith("left_joint,")
+    assert "Assembly" in err
+
+
+def test_forces_are_those_of_the_package(capsys, tmp_path, five_bar, motion):
+    code, out, _ = loop(capsys, "forces", five_bar, "--motion", motion, "--out", tmp_path / "f.csv")
+    assert code == 0
+    assert "Forces of the actuators" in out
+    found, model = columns(tmp_path / "f.csv"), p3dof.load_robot(five_bar)
+    assert found["t [s]"][-1] == 1.0
+    for i in (0, 60, 200):
+        t = found["t [s]"][i]
+        turn = np.array([np.cos(3 * t), np.sin(3 * t)])
+        state = model.complete(
+            np.array([1.9, 1.2]) + 0.1 * turn,
+            0.3 * np.array([-turn[1], turn[0]]),
+            -0.9 * turn,
+            robots.five_bar_q(1.9, 1.2),
+        )
+        tau = model.inverse_dynamics(state.q, state.v, state.a).tau
+        names = [f"force {name} [N m]" for name in model.actuated]
+        np.testing.assert_allclose([found[name][i] for name in names], tau, rtol=0, atol=1e-8)
+    forces = np.array([found[f"force {name} [N m]"] for name in model.actuated])
+    for row in forces:
+        peak, rms = row[np.argmax(np.abs(row))], np.sqrt(np.trapezoid(row**2, found["t [s]"]))
+        assert f"{peak:.4f}" in out
+        assert f"{rms:.4f}" in out
+
+
+def test_a_motion_that_the_robot_cannot_make(capsys, tmp_path):
+    urdf, path = tmp_path / "short.urdf", tmp_path / "far.csv"
+    urdf.write_text(robots.four_bar(0.5, 0.45, 0.3, 0.35))
+    urdf.with_suffix(".yaml").write_text(robots.FOUR_BAR_SIDECAR.to_yaml())
+    path.write_text("t,crank_joint\n0,0.7\n0.5,1.0\n1,3.0\n")
+    code, _, err = loop(capsys, "forces", urdf, "--motion", path, "--out", tmp_path / "f.csv")
+    assert code == 1
+    assert err.startswith("p3dof: error: at t = 1 s: the loops do not close at the target")
+    assert len(err.splitlines()) == ONE_LINE
+    assert not (tmp_path / "f.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("t,left_joint\n0,1\n", "expected the columns t,left_joint,right_joint"),
+        ("t,left_joint,other\n0,1,2\n", "column 3: expected right_joint, got 'other'"),
+        ("t,left_joint [mm],right_joint\n0,1,2\n", "expected a unit of rad, deg, got [mm]"),
+        ("t,left_joint,right_joint\n0,1,x\n", "column right_joint: expected a number, got 'x'"),
+        ("t,left_joint,right_joint\n0,1,1\n0,1,1\n", "column t: expected a time after 0, got 0"),
+        ("", "expected a motion of joints"),
+    ],
+)
+def test_bad_motions_of_joints(capsys, tmp_path, five_bar, text, words):
+    path = tmp_path / "bad.csv"
+    path.write_text(text)
+    code, _, err = loop(capsys, "forces", five_bar, "--motion", path)
+    assert code == 2
+    assert words in err
+    assert len(err.splitlines()) == ONE_LINE
+
+
+def test_simulate_keeps_energy_and_loops(capsys, tmp_path, five_bar):
+    start = ("--set", "left_joint=1.9", "--set", "right_joint=1.2")
+    options = ("--force", "left_joint=2000 N mm", "--duration", 0.2, "--samples", 201)
+    code, out, _ = loop(capsys, "simulate", five_bar, *start, *options, "--out", tmp_path / "run.csv")
+    assert code == 0
+    assert "work of the actuators" in out
+    found = columns(tmp_path / "run.csv")
+    np.testing.assert_array_equal(found["force left_joint [N m]"], 2.0)
+    np.testing.assert_array_equal(found["force right_joint [N m]"], 0.0)
+    angles = np.column_stack([found[name] for name in ("left_joint", "right_joint")])
+    np.testing.assert_allclose(angles[0], [1.9, 1.2], atol=1e-12)
+    work = 2.0 * (angles[-1, 0] - angles[0, 0])  # a constant torque
+    assert abs(work) > 0.1
+    assert found["energy [J]"][-1] - found["energy [J]"][0] == pytest.approx(work, abs=1e-7)
+    elbow = robots.five_bar_q(*angles[-1])[1]
+    assert found["left_elbow"][-1] == pytest.approx(elbow, abs=1e-7)
+    assert found["gap"].max() < 1e-8
+
+
+def test_a_controller_of_any_robot_brings_it_to_rest():
+    model, goal = p3dof.ClosedLoopModel.from_urdf(robots.five_bar(), robots.FIVE_BAR_SIDECAR), (2.0, 1.1)
+    q = robots.five_bar_q(*goal)
+    hold = model.inverse_dynamics(q, np.zeros(4), np.zeros(4)).tau
+    start = robots.five_bar_q(1.95, 1.15)
+
+    def controller(seen):
+        return hold + 150 * (np.array(goal) - seen.positions) - 15 * seen.velocities
+
+    found = simulate_robot(model, 1.5, start, None, controller, samples=21)
+    assert found.finished
+    np.testing.assert_allclose(found.q[-1], q, atol=2e-3)
+    np.testing.assert_allclose(found.v[-1], 0, atol=2e-2)
+    assert found.forces.shape == (21, 2)
+    assert found.gap.max() < 1e-9
+
+
+def test_runs_that_cannot_be(five_bar):
+    model = p3dof.load_robot(five_bar)
+    q = robots.five_bar_q(1.9, 1.2)
+    for arguments, words in (
+        ((model, 0.0), "duration"),
+        ((model, 1.0, np.zeros(4)), "q: the loops are open"),
+        ((model, 1.0, q, [1.0, 0, 0, 0]), "v: opens the loops"),
+        ((model, 1.0, q, None, [1.0]), "controller: expected shape"),
+        ((object(), 1.0), "loop: expected a ClosedLoopModel"),
+    ):
+        with pytest.raises(InputError, match=words):
+            simulate_robot(*arguments)
+    with pytest.raises(InputError, match="allow it by time_limit"):
+        simulate_robot(model, 1e6, q, integration=Integration(time_limit=1.0))
+    with pytest.raises(InputError, match="integration: expected Integration"):
+        simulate_robot(model, 1.0, q, integration=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("assemble", "FILE", "--set", "left_joint"), "--set: expected JOINT=VALUE, got 'left_joint'"),
+        (
+            ("assemble", "FILE", "--set", "left_elbow=1"),
+            "the joint 'left_elbow' is not actuated; did you mean",
+        ),
+        (("assemble", "FILE", "--set", "left_joint=1 kg"), "--set left_joint: expected an angle"),
+        (("assemble", "FILE", "--set", "left_joint=nan"), "--set left_joint: expected a finite number"),
+        (
+            ("assemble", "FILE", "--set", "left_joint=1", "--set", "left_joint=1"),
+            "the joint 'left_joint' is set twice",
+        ),
+        (("simulate", "FILE", "--force", "left_joint=1 N"), "--force left_joint: expected a moment"),
+        (("simulate", "FILE", "--duration", "0"), "Invalid value for '--duration'"),
+        (("info", "nowhere.urdf"), "nowhere.urdf"),
+        (("info", "FILE", "nowhere.yaml"), "nowhere.yaml"),
+        (("info", "FILE", "--reference", "home"), "needs an SRDF"),
+        (("forces", "FILE"), "Missing option '--motion'"),
+        (("forces", "FILE", "--motion", "nowhere.csv"), "nowhere.csv: cannot be read"),
+        (("export", "FILE", "--out", "robot.xml"), "expected a file name that ends in .urdf"),
+        (("export", "FILE", "--out", "FILE"), "would be overwritten"),
+        (("assemble", "FILE", "--out", "q.txt"), "expected a file name that ends in .csv, .yaml or .yml"),
+        (
+            ("show", "FILE", "--out", "p.html", "--set", "left_joint=1", "--motion", "FILE"),
+            "exclude each other",
+        ),
+    ],
+)
+def test_bad_input_is_one_line(capsys, tmp_path, monkeypatch, five_bar, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    before = {path.name for path in tmp_path.iterdir()}
+    code, _, err = loop(capsys, *(five_bar if word == "FILE" else word for word in arguments))
+    assert code == 2
+    assert words in err
+    assert len(err.splitlines()) == ONE_LINE
+    assert {path.name for path in tmp_path.iterdir()} == before
+
+
+def test_a_doubtful_file_is_told_in_one_line(capsys, five_bar):
+    sidecar = five_bar.with_suffix(".yaml")
+    sidecar.write_text(sidecar.read_text() + "joint_name: [left_elbo]\njoint_type: [SPHERICAL]\n")
+    code, _, err = loop(capsys, "info", five_bar)
+    assert code == 0
+    assert err.startswith("p3dof: sidecar: joint_name[0]: the joint 'left_elbo' does not exist; did you mean")
+    assert len(err.splitlines()) == ONE_LINE
+
+
+# --- written files ------------------------------------------------------------------------------------------
+
+
+def hexapod():
+    return ClosedLoopModel.from_urdf(robots.hexapod(), robots.HEXAPOD_SIDECAR)
+
+
+def geared():
+    sidecar = Sidecar(
+        (),
+        ("crank_joint",),
+        (Coupling("rocker_joint", "crank_joint", (0.1, -2.0)), Coupling("coupler_joint", None, (0.3,))),
+        reference={"crank_joint": 0.2},
+    )
+    return ClosedLoopModel.from_urdf(robots.four_bar(*robots.FOUR_BAR), sidecar)
+
+
+def odd_axes():
+    """A free base, a ball, a continuous joint, a slide along one, frames in between."""
+    rng = np.random.default_rng(4)
+    model = pin.Model()
+    skew = np.array([0.6, 0.0, -0.8])
+    kinds = (
+        pin.JointModelFreeFlyer(),
+        pin.JointModelSpherical(),
+        pin.JointModelRUBY(),
+        pin.JointModelPrismaticUnaligned(skew),
+        pin.JointModelRevoluteUnaligned(skew),
+    )
+    for i, kind in enumerate(kinds):
+        place = pin.SE3(pin.rpy.rpyToMatrix(rng.normal(size=3)), rng.normal(size=3))
+        model.addJointFrame(model.addJoint(i, kind, place, f"joint{i}"))
+        model.appendBodyToJoint(i + 1, pin.Inertia.Random(), pin.SE3.Random())
+        model.addFrame(pin.Frame(f"mark{i}", i + 1, 0, pin.SE3.Random(), pin.FrameType.OP_FRAME))
+    return ClosedLoopModel(model, Sidecar((Closure("mark2", "mark4", "hinge"),), ("joint3", "joint4")))
+
+
+def endless():
+    """Continuous joints about skew axes."""
+    text = robots.four_bar(*robots.FOUR_BAR, kind="continuous").replace('"0 1 0"', '"0.6 0 -0.8"')
+    return ClosedLoopModel.from_urdf(text, robots.FOUR_BAR_SIDECAR)
+
+
+@pytest.mark.parametrize("make", [hexapod, geared, odd_axes, endless])
+def test_a_robot_that_is_written_is_the_same_robot_when_it_is_read(make):
+    pin.seed(3)
+    one = make()
+    other = p3dof.load_robot(*texts(one))
+    kinds = [[str(joint.shortname()) for joint in m.model.joints] for m in (one, other)]
+    assert kinds[0] == kinds[1]
+    assert list(one.model.names) == list(other.model.names)
+    assert (one.actuated, one.constraint_rows) == (other.actuated, other.constraint_rows)
+    rng, nv = np.random.default_rng(1), one.model.nv
+    q = pin.integrate(one.model, pin.neutral(one.model), rng.normal(size=nv))
+    v, a = rng.normal(size=(2, nv))
+    data = one.model.createData(), other.model.createData()
+    forces = [np.array(pin.rnea(m.model, d, q, v, a)) for m, d in zip((one, other), data, strict=True)]
+    np.testing.assert_allclose(forces[1], forces[0], rtol=0, atol=1e-12 * np.abs(forces[0]).max())
+    np.testing.assert_allclose(other.closure_error(q), one.closure_error(q), rtol=0, atol=1e-13)
+    np.testing.assert_array_equal(other.reference, one.reference)
+
+
+def test_what_no_urdf_can_hold_is_refused():
+    five = ClosedLoopModel.from_urdf(robots.five_bar(), robots.FIVE_BAR_SIDECAR)
+    five.model.gravity.linear = np.zeros(3)
+    with pytest.raises(ModelError, match="the gravity of the robot is not"):
+        texts(five)
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelTranslation(), pin.SE3.Identity(), "slides")
+    with pytest.raises(ModelError, match="'slides' is a JointModelTranslation, which no URDF knows"):
+        texts(ClosedLoopModel(model, Sidecar((), ())))
+
+
+def test_export_writes_both_files_or_none(capsys, tmp_path, five_bar, motion):
+    target = tmp_path / "new" / "robot.urdf"
+    code, out, _ = loop(capsys, "export", five_bar, "--out", target)
+    assert code == 0
+    assert f"wrote {target}" in out
+    args = ("--motion", motion, "--out")
+    assert loop(capsys, "forces", five_bar, *args, tmp_path / "1.csv")[0] == 0
+    assert loop(capsys, "forces", target, *args, tmp_path / "2.csv")[0] == 0
+    one, other = columns(tmp_path / "1.csv"), columns(tmp_path / "2.csv")
+    for name, values in one.items():
+        np.testing.assert_allclose(other[name], values, rtol=0, atol=1e-11)
+    (tmp_path / "blocked.yaml").mkdir()
+    code, _, err = loop(capsys, "export", five_bar, "--out", tmp_path / "blocked.urdf")
+    assert code == 2
+    assert "blocked.yaml" in err
+    assert not (tmp_path / "blocked.urdf").exists()
+
+
+def test_show_writes_a_page_with_every_joint(capsys, tmp_path, five_bar, motion):
+    pytest.importorskip("meshcat", reason="meshcat is not installed")
+    code, out, _ = loop(capsys, "show", five_bar, "--motion", motion, "--out", tmp_path / "page.html")
+    assert code == 0
+    assert f"wrote {tmp_path / 'page.html'}" in out
+    assert "<html" in (tmp_path / "page.html").read_text(encoding="utf-8")
+    code, _, _ = loop(capsys, "show", five_bar, "--set", "left_joint=1.9", "--out", tmp_path / "still.html")
+    assert code == 0
