@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property, partial
 
 import numpy as np
 import pinocchio as pin
@@ -13,7 +14,7 @@ from p3dof.checks import FloatArray
 from p3dof.closed_loop.closures import LoopKinematics, max_abs
 from p3dof.closed_loop.linear import Decomposition
 from p3dof.closed_loop.solver import Path, System, follow, least_squares
-from p3dof.closed_loop.targets import NoTarget, Target
+from p3dof.closed_loop.targets import ChartTarget, NoTarget, Target
 from p3dof.errors import AssemblyError
 
 TOLERANCE = 1e-12
@@ -32,6 +33,30 @@ _FEASIBLE = 1e-9
 """Largest relative error of the velocity and acceleration that are asked for."""
 
 
+class Evidence:
+    """Whether an assembly was kept, found out when it is asked for, and once.
+
+    Parameters
+    ----------
+    find : callable
+        Finds it out.
+    """
+
+    def __init__(self, find: Callable[[], bool]) -> None:
+        self._find = find
+
+    def __call__(self) -> bool:
+        """Return whether it was kept."""
+        return self._known
+
+    @cached_property
+    def _known(self) -> bool:
+        return self._find()
+
+    def __reduce__(self) -> tuple[type[Evidence], tuple[partial[bool]]]:
+        return Evidence, (partial(bool, self._known),)  # results can be sent to other processes
+
+
 @dataclass(frozen=True, eq=False)
 class Assembly:
     """A configuration that closes the loops at the target.
@@ -47,12 +72,9 @@ class Assembly:
     mobility : int
         Free motions of the closed mechanism: nv - rank.
     iterations : int
-        Newton steps taken in all.
-    same_assembly : bool
-        True if the configuration was reached from the guess without leaving its assembly, and its closures
-        have the rank that is usual for the mechanism. False if this could not be established, as behind a
-        pose in which assemblies meet. A guess whose own loops are open by more than 1e-3 has no assembly;
-        that of the reference configuration is meant then.
+        Steps taken in all to find it, those of attempts that failed included.
+    evidence : Evidence
+        What `same_assembly` asks.
     """
 
     q: FloatArray
@@ -60,7 +82,19 @@ class Assembly:
     rank: int
     mobility: int
     iterations: int
-    same_assembly: bool
+    evidence: Evidence = field(repr=False)
+
+    @property
+    def same_assembly(self) -> bool:
+        """Whether the configuration was reached from the guess without leaving its assembly.
+
+        Its closures then have the rank that is usual for the mechanism, too. False if this could not be
+        established, as behind a pose in which assemblies meet. A guess whose own loops are open by more than
+        1e-3 has no assembly; that of the reference configuration is meant then: what closing its loops, if
+        they are open, leads to. That may take a while when it is asked for the first time, in the
+        workspace of the model.
+        """
+        return self.evidence()
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,15 +159,22 @@ class Assembler:
         start = self.reference if guess is None else guess
         system = System(self.kinematics, target)
         was_open = self.kinematics.at(start).gap > _OPEN
-        path, same = self._solve(system, start, tolerance)
-        if same and guess is not None and was_open:
-            same = self._equals_from_reference(system, path.point.q, tolerance)
-        closures = self.kinematics.at(path.point.q)
-        rank = closures.svd.rank if self.kinematics.size else 0
-        same = same and self.generic_rank in (rank, None)
+        path, kept = self._solve(system, start, tolerance)
         q = path.point.q
         q.setflags(write=False)
-        return Assembly(q, path.point.gap, rank, self.model.nv - rank, path.iterations, same)
+        rank = self.kinematics.at(q).svd.rank if self.kinematics.size else 0
+        lost = guess is not None and was_open
+
+        def same() -> bool:
+            found = kept and (not lost or self._on_home(system, q, tolerance))
+            return found and self.generic_rank in (rank, None)
+
+        return Assembly(q, path.point.gap, rank, self.model.nv - rank, path.iterations, Evidence(same))
+
+    @cached_property
+    def _home(self) -> Path:
+        """What closing the loops of the reference configuration leads to."""
+        return self._close(self._loops, self.reference, TOLERANCE)[0]
 
     @cached_property
     def generic_rank(self) -> int | None:
@@ -144,10 +185,9 @@ class Assembler:
         """
         if not self.kinematics.size:
             return 0
-        path, _ = self._close(self._loops, self.reference, TOLERANCE)
-        if not path.complete:
+        if not self._home.complete:
             return None
-        home = self.kinematics.at(path.point.q)
+        home = self.kinematics.at(self._home.point.q)
         free = home.svd.null_space
         generator = np.random.default_rng(0)
         ranks = Counter([home.svd.rank])
@@ -167,9 +207,10 @@ class Assembler:
             if not closed.complete:
                 raise self._failure(closed, system)
             path, kept_too = self._close(system, closed.point.q, tolerance)
-            kept = kept and kept_too
+            kept = (kept or start is self.reference) and kept_too
         else:
             path, kept = self._close(system, start, tolerance)
+            kept = kept or (start is self.reference and not system.target.size)
         if not path.complete:
             raise self._failure(path, system)
         return Path(path.point, True, count + path.iterations), kept
@@ -193,12 +234,21 @@ class Assembler:
         moved = max_abs(pin.difference(self.model, path.point.q, best.point.q))
         return Path(best.point, best.complete, count), moved < _NEAR and path.point.same_branch(best.point)
 
-    def _equals_from_reference(self, system: System, q: FloatArray, tolerance: float) -> bool:
-        try:
-            path, kept = self._solve(system, self.reference, tolerance)
-        except AssemblyError:
+    def _on_home(self, system: System, q: FloatArray, tolerance: float) -> bool:
+        """Whether a path leads from the reference configuration's assembly to a configuration."""
+        if not self._home.complete:
             return False
-        return kept and max_abs(pin.difference(self.model, q, path.point.q)) < _SAME
+        home = self._home.point
+        closures = self.kinematics.at(home.q)
+        determined = Decomposition.of(system.at(q).J, closures.rank_tolerance).rank == self.model.nv
+        if determined:
+            path, kept = self._close(system, home.q, tolerance)
+        else:
+            free = Decomposition.of(home.J, closures.rank_tolerance).null_space
+            chart = System(self.kinematics, ChartTarget(self.model, home.q, free, q))
+            path, kept = follow(chart, home.q, tolerance), True
+        near = max_abs(pin.difference(self.model, q, path.point.q)) < _SAME
+        return path.complete and kept and near
 
     def _failure(self, path: Path, system: System) -> AssemblyError:
         k = self.kinematics

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
-from typing import Literal, cast
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Literal, TypeAlias, TypeGuard, cast
 
 import numpy as np
 import pinocchio as pin
@@ -19,7 +19,14 @@ from p3dof.closed_loop.energy import energy_rate
 from p3dof.closed_loop.formats import urdf
 from p3dof.closed_loop.joints import configuration_of, single_joint
 from p3dof.closed_loop.sidecar import Sidecar, SidecarLike, sidecar_of
-from p3dof.closed_loop.targets import BoundFrameTarget, FrameTarget, JointTarget, NoTarget, Target
+from p3dof.closed_loop.targets import (
+    BoundFrameTarget,
+    CombinedTarget,
+    FrameTarget,
+    JointTarget,
+    NoTarget,
+    Target,
+)
 from p3dof.closed_loop.units import ScaledModel, scaled
 from p3dof.errors import InputError, ModelError
 
@@ -32,8 +39,10 @@ CONSISTENT = 1e-6
 NEARLY_CONSISTENT = 1e-2
 """Largest relative error of velocities at the closures, for forward dynamics: likewise."""
 
-TargetLike = FrameTarget | ArrayLike | None
-"""A frame's placement, the values of the actuated joints, or nothing but closed loops."""
+OneTarget: TypeAlias = FrameTarget | ArrayLike | Mapping[str, float]
+"""A frame's placement, the values of the actuated joints, or values of joints by name."""
+TargetLike: TypeAlias = OneTarget | Sequence[OneTarget] | None
+"""One target, several at once, or nothing but closed loops."""
 External = Mapping[str, ArrayLike]
 """Frame name → wrench (6,): force [N], moment [N m], in world axes at the frame's origin."""
 
@@ -252,9 +261,11 @@ class LoopModel:
 
         Parameters
         ----------
-        target : FrameTarget or (n_actuated,) array, optional
+        target : FrameTarget, (n_actuated,) array, mapping of str to float, or a list of these, optional
             A frame's placement, or the values of the actuated joints [m or rad; an angle for a continuous
-            joint]; without one the loops are only closed, by the shortest way.
+            joint], or those of other joints by name; or several of them at once, such as the placement of a
+            floating base, motors by name and a hand. Without one the loops are only closed, by the shortest
+            way.
         guess : (nq,) array, optional
             Where to start; by default the reference configuration. Others can fall into a wrong assembly,
             which `same_assembly` of the result then tells.
@@ -276,7 +287,7 @@ class LoopModel:
         start = None if guess is None else self._configuration("guess", guess)
         bound, tolerance = self._target(target), positive("tolerance", tolerance, InputError)
         if self._scaled is not None:
-            return self._scaled.assemble(_goal(target, bound), start, tolerance)
+            return self._scaled.assemble(_goal(target), start, tolerance)
         return self._assembler.assemble(bound, start, tolerance)
 
     def complete(
@@ -286,11 +297,12 @@ class LoopModel:
 
         Parameters
         ----------
-        target : FrameTarget or (n_actuated,) array
+        target : FrameTarget, (n_actuated,) array, mapping of str to float, or a list of these
             As in `assemble`.
         velocity, acceleration : (n,) array
-            Velocity and acceleration of the actuated joints, or the prescribed components, in the order of
-            the mask, of the frame's ``LOCAL_WORLD_ALIGNED`` velocity and classical acceleration.
+            Velocity and acceleration of the joints, or the prescribed components, in the order of the mask,
+            of the frame's ``LOCAL_WORLD_ALIGNED`` velocity and classical acceleration. Of several targets one
+            after the other.
         guess : (nq,) array, optional
             As in `assemble`.
 
@@ -310,7 +322,7 @@ class LoopModel:
         a = frozen_array("acceleration", acceleration, (bound.size,))
         start = None if guess is None else self._configuration("guess", guess)
         if self._scaled is not None:
-            return self._scaled.complete(_goal(target, bound), v, a, start)
+            return self._scaled.complete(_goal(target), v, a, start)
         return self._assembler.complete(bound, self._assembler.assemble(bound, start, TOLERANCE), v, a)
 
     def inverse_dynamics(
@@ -512,7 +524,17 @@ class LoopModel:
             return NoTarget(self.model.nv)
         if isinstance(target, FrameTarget):
             return BoundFrameTarget(self._kinematics, target)
-        return JointTarget(self._kinematics, self._joints, target)
+        if isinstance(target, Mapping):
+            return JointTarget(self._kinematics, self._named_joints(target), list(target.values()))
+        if _are_several(target):
+            return CombinedTarget([self._target(part) for part in target])
+        return JointTarget(self._kinematics, self._joints, cast("ArrayLike", target))
+
+    def _named_joints(self, names: Iterable[str]) -> list[int]:
+        try:
+            return [single_joint(self.model, name, "target") for name in names]
+        except ModelError as error:
+            raise InputError(str(error)) from error
 
     def _check_motion(self, point: ClosurePoint, v: FloatArray, a: FloatArray) -> None:
         if not point.J.size:
@@ -547,8 +569,19 @@ class LoopModel:
         return force
 
 
-def _goal(target: TargetLike, bound: Target) -> FrameTarget | FloatArray | None:
-    """Return a target that was checked: values of joints as an array."""
-    if isinstance(bound, JointTarget):
-        return bound.values
-    return target if isinstance(target, FrameTarget) else None
+def _are_several(target: TargetLike) -> TypeGuard[Sequence[OneTarget]]:
+    """Whether a target is a sequence of targets, and not of numbers."""
+    return isinstance(target, list | tuple) and any(
+        isinstance(part, FrameTarget | Mapping) for part in target
+    )
+
+
+def _goal(target: TargetLike) -> Any:
+    """Return a target that was checked, with arrays where numbers are meant."""
+    if target is None or isinstance(target, FrameTarget):
+        return target
+    if isinstance(target, Mapping):
+        return {name: float(value) for name, value in target.items()}
+    if _are_several(target):
+        return [_goal(part) for part in target]
+    return np.asarray(target, dtype=float)

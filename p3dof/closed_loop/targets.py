@@ -181,6 +181,67 @@ class BoundFrameTarget:
         return np.array(pin.getFrameJacobian(*arguments))
 
 
+class CombinedTarget:
+    """Several targets at once, their components one after the other.
+
+    Parameters
+    ----------
+    parts : sequence of Target
+        The targets.
+    """
+
+    def __init__(self, parts: Sequence[Target]) -> None:
+        self._parts = tuple(parts)
+        self.size = sum(part.size for part in self._parts)
+
+    def evaluate(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return all errors (size,) and their Jacobian (size, nv)."""
+        errors, matrices = zip(*(part.evaluate(q) for part in self._parts), strict=True)
+        return np.concatenate(errors), np.concatenate(matrices)
+
+    def jacobian(self, q: FloatArray) -> FloatArray:
+        """Return the matrix (size, nv) from v to the velocities of all."""
+        return np.concatenate([part.jacobian(q) for part in self._parts])
+
+    def drift(self) -> FloatArray:
+        """Return the accelerations (size,) of all."""
+        return np.concatenate([part.drift() for part in self._parts])
+
+
+class ChartTarget:
+    """Where a configuration is, seen along the free motions of another one.
+
+    Parameters
+    ----------
+    model : pin.Model
+        The tree.
+    home : (nq,) array
+        The other one.
+    free : (nv, n) array
+        Its free motions.
+    q : (nq,) array
+        The configuration; its difference from `home` along them is prescribed.
+    """
+
+    def __init__(self, model: pin.Model, home: FloatArray, free: FloatArray, q: FloatArray) -> None:
+        self._model, self._home, self._free = model, home, free
+        self.size = free.shape[1]
+        self._values = free.T @ pin.difference(model, home, q)
+
+    def evaluate(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the error (size,) and its Jacobian (size, nv)."""
+        return self._free.T @ pin.difference(self._model, self._home, q) - self._values, self.jacobian(q)
+
+    def jacobian(self, q: FloatArray) -> FloatArray:
+        """Return the matrix (size, nv) from v to the rates of the components."""
+        rates = pin.dDifference(self._model, self._home, q, pin.ARG1)
+        return np.asarray(self._free.T @ rates)
+
+    def drift(self) -> FloatArray:
+        """Not meant to be moved."""
+        raise NotImplementedError
+
+
 class NoTarget:
     """No target: only the loops are closed.
 

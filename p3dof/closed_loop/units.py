@@ -185,10 +185,19 @@ class ScaledModel(Generic[CoreT_co]):
         factors = self.units.force(np.arange(6) < 3)
         return {name: np.asarray(wrench) / factors for name, wrench in (external or {}).items()}
 
-    def target(self, target: FrameTarget | FloatArray | None) -> tuple[Any, FloatArray]:
+    def target(self, target: Any) -> tuple[Any, FloatArray]:
         """Return a target in these units, and the units [m, rad] of its components."""
         if target is None:
             return None, np.ones(0)
+        if isinstance(target, list):
+            goals, parts = zip(*(self.target(part) for part in target), strict=True)
+            return list(goals), np.concatenate(parts)
+        if isinstance(target, Mapping):
+            at = [self._model.idx_vs[self._model.getJointId(name)] for name in target]
+            factors = self.units.motion(self.units.v[at])
+            return {
+                name: value / u for (name, value), u in zip(target.items(), factors, strict=True)
+            }, factors
         if isinstance(target, FrameTarget):
             place = pin.SE3(target.placement.rotation, target.placement.translation / self._u)
             return FrameTarget(target.frame, place, target.mask), self.of_mask(target.mask)
