@@ -68,7 +68,9 @@ def single_joint(model: pin.Model, name: str, what: str) -> int:
     return index
 
 
-def configuration_of(model: pin.Model, values: Mapping[str, Any] | None) -> FloatArray:
+def configuration_of(
+    model: pin.Model, values: Mapping[str, Any] | None, what: str = "reference"
+) -> FloatArray:
     """Return the configuration in which some joints have given values.
 
     Parameters
@@ -77,6 +79,8 @@ def configuration_of(model: pin.Model, values: Mapping[str, Any] | None) -> Floa
         The tree.
     values : mapping of str to float or tuple of float, optional
         Values by joint, as of `Sidecar.reference`; the other joints are neutral.
+    what : str
+        What to call the values in an error.
 
     Returns
     -------
@@ -89,13 +93,13 @@ def configuration_of(model: pin.Model, values: Mapping[str, Any] | None) -> Floa
     """
     q = np.array(pin.neutral(model), dtype=float)
     for name, value in (values or {}).items():
-        index = joint_named(model, name, "reference")
+        index = joint_named(model, name, what)
         numbers, size = np.atleast_1d(np.asarray(value, dtype=float)), int(model.nqs[index])
         if len(numbers) == 1 and size == 2 and model.nvs[index] == 1:  # a continuous joint
             numbers = np.array([np.cos(numbers[0]), np.sin(numbers[0])])
         if len(numbers) != size:
-            raise ModelError(f"reference: {shown(name)}: expected {size} values, got {len(numbers)}")
+            raise ModelError(f"{what}: {shown(name)}: expected {size} values, got {len(numbers)}")
         q[model.idx_qs[index] : model.idx_qs[index] + size] = numbers
         if not pin.isNormalized(model, q, 1e-6):
-            raise ModelError(f"reference: {shown(name)}: its values are not normalised")
+            raise ModelError(f"{what}: {shown(name)}: its values are not normalised")
     return np.array(pin.normalize(model, q)) if model.nq != model.nv else q

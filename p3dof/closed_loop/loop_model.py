@@ -17,7 +17,8 @@ from p3dof.closed_loop.closures import ClosurePoint, LoopKinematics, max_abs
 from p3dof.closed_loop.dynamics import Dynamics, ForwardDynamics, InverseDynamics
 from p3dof.closed_loop.energy import energy_rate
 from p3dof.closed_loop.formats import urdf
-from p3dof.closed_loop.joints import configuration_of, single_joint
+from p3dof.closed_loop.joints import configuration_of, joint_named, single_joint
+from p3dof.closed_loop.locks import locked_at, without
 from p3dof.closed_loop.sidecar import Sidecar, SidecarLike, sidecar_of
 from p3dof.closed_loop.targets import (
     BoundFrameTarget,
@@ -148,6 +149,51 @@ class LoopModel:
     def copy(self) -> Self:
         """Return an independent copy, for another thread (processes: an instance can be pickled)."""
         return type(self)(self.model.copy(), self.sidecar)
+
+    def lock(self, joints: Mapping[str, Any] | Iterable[str] | str) -> Self:
+        """Return the robot with some joints locked; its closures, couplings and other joints stay.
+
+        Locked joints are no joints any more: what hung on them is part of the body before them. A model that
+        keeps the joint, and the force that locks it, has a coupling ``Coupling(joint, None, (value,))``.
+
+        Parameters
+        ----------
+        joints : mapping of str to float or sequence of float, or names
+            Values by joint, as in `Sidecar.reference`; names alone for the values of the reference
+            configuration.
+
+        Returns
+        -------
+        ClosedLoopModel
+
+        Raises
+        ------
+        ModelError
+            If a joint does not exist, its values do not fit, no joint would be left, or a closure or coupling
+            is broken that the joints left over cannot restore.
+        """
+        names, q = locked_at(self.model, joints, self.reference)
+        return type(self)(*without(self.model, self.sidecar, names, q))
+
+    def reduced(self, joints: Iterable[str]) -> Self:
+        """Return the robot with only some of its joints; the others are locked as in the reference.
+
+        Parameters
+        ----------
+        joints : iterable of str
+            The joints to keep. They should close the loops: assemble a reference configuration first.
+
+        Returns
+        -------
+        ClosedLoopModel
+
+        Raises
+        ------
+        ModelError
+            As `lock`; if no joint is kept.
+        """
+        kept = {joint_named(self.model, str(name), "reduced") for name in list(joints)}
+        return self.lock([str(self.model.names[i]) for i in range(1, self.model.njoints) if i not in kept])
 
     def __reduce__(self) -> tuple[type[Self], tuple[pin.Model, Sidecar]]:
         return type(self), (self.model, self.sidecar)  # so that it can be sent to another process
