@@ -110,7 +110,7 @@ def _path(source: object) -> str | None:
     if not isinstance(source, str | os.PathLike) or not os.fspath(source):
         raise ModelError(f"robot: expected a path, XML text or a name, got {shown(source)}")
     path = os.fspath(source)
-    if not isinstance(path, str):
+    if not isinstance(path, str) or "<" in path:
         raise ModelError(f"robot: expected a path, XML text or a name, got {shown(source)}")
     plain = Path(path).name == path and not path.lower().endswith(_SUFFIXES)
     return None if plain and not isinstance(source, os.PathLike) and not Path(path).exists() else path

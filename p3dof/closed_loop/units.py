@@ -18,14 +18,14 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from p3dof.checks import FloatArray
+from p3dof.checks import LARGEST, FloatArray
 from p3dof.closed_loop.assembly import Assembly, State
 from p3dof.closed_loop.closure_kinds import lengths_of
 from p3dof.closed_loop.coordinates import length_coordinates
 from p3dof.closed_loop.dynamics import ForwardDynamics, InverseDynamics
 from p3dof.closed_loop.sidecar import Coupling, Sidecar
 from p3dof.closed_loop.targets import FrameTarget
-from p3dof.errors import AssemblyError, DynamicsError, InputError, P3dofError
+from p3dof.errors import AssemblyError, DynamicsError, InputError, ModelError, P3dofError
 
 _STEP = 6
 """Units are powers of 2**6 m."""
@@ -45,6 +45,8 @@ class Units:
     def __init__(self, model: pin.Model, sidecar: Sidecar) -> None:
         self.q, self.v, known = length_coordinates(model)
         size = _size(model, sidecar)
+        if not size < LARGEST:  # also what is not a number
+            raise ModelError(f"model: expected placements of less than {LARGEST:g} m, got {size:g} m")
         power = round(math.log2(size) / _STEP) if known and size > 0 else 0
         self.length = 2.0 ** (_STEP * power)
         """The unit of length [m]."""

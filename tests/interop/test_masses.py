@@ -18,7 +18,9 @@ from p3dof.parameters import PAPER, SOLIDS, Bodies, Body, Geometry
 
 def loop_of(parameters, exact=False):
     texts = description.texts(parameters, exact=exact)
-    loop = ClosedLoopModel.from_urdf(texts["p3dof.urdf"], Sidecar.parse(texts["p3dof.yaml"], "sidecar"))
+    loop = ClosedLoopModel.from_urdf(
+        texts["p3dof.urdf"], Sidecar.parse(texts["p3dof.yaml"], "sidecar"), mimic=False
+    )
     loop.model.gravity.linear = parameters.gravity
     return loop
 
@@ -55,7 +57,7 @@ def assert_physical(links):
 
 
 def test_the_committed_file_has_the_papers_forces():
-    loop = ClosedLoopModel.from_urdf(URDF, FILES / "p3dof.yaml")
+    loop = ClosedLoopModel.from_urdf(URDF, FILES / "p3dof.yaml", mimic=False)
     loop.model.gravity.linear = PAPER.gravity  # a URDF has no place for it
     assert difference(PAPER, p3dof.paper_motion(1001), loop) < 1e-12
 

@@ -15,11 +15,12 @@ from __future__ import annotations
 import os
 from typing import Any
 from warnings import warn
+from xml.etree import ElementTree as Xml
 
 import numpy as np
 import pinocchio as pin
 
-from p3dof.checks import FloatArray, one_line, shown
+from p3dof.checks import LARGEST, FloatArray, one_line, shown
 from p3dof.closed_loop.sidecar import Closure, Coupling, Sidecar, suggestion
 from p3dof.closed_loop.trees import add_frame
 from p3dof.closed_loop.urdf import MAX_FREEDOMS, MAX_LINKS
@@ -69,12 +70,31 @@ def _compiled(source: str | os.PathLike[str]) -> Any:
     if robot.tag != "mujoco":
         raise ModelError(f"{name}: expected the element <mujoco>, got <{robot.tag:.80}>")
     check_includes(robot, source, name)
+    _check_numbers(robot, name)
     try:
         spec = mujoco.MjSpec.from_string(text) if is_text(source) else mujoco.MjSpec.from_file(name)
         _without_files(mujoco, spec)
-        return spec.compile()
+        compiled = spec.compile()
     except Exception as error:  # ValueError, and what MuJoCo's bindings raise beside it
         raise ModelError(f"{name}: MuJoCo cannot compile it: {one_line(str(error))}") from error
+    for field in ("body_mass", "body_inertia", "body_pos", "body_ipos", "jnt_pos", "dof_armature", "eq_data"):
+        numbers = getattr(compiled, field)
+        if not np.all(np.abs(numbers) < LARGEST):  # also what is not a number
+            raise ModelError(f"{name}: MuJoCo compiles numbers that are too large, or none, into {field}")
+    return compiled
+
+
+def _check_numbers(robot: Xml.Element, name: str) -> None:
+    """Refuse NaN: MuJoCo only warns of it, and in MuJoCo 4.0 such a warning can go on for ever."""
+    for element in robot.iter():
+        for attribute, text in element.attrib.items():
+            if (
+                any(word.lower().lstrip("+-").startswith("nan") for word in text.split())
+                and attribute != "name"
+            ):
+                raise ModelError(
+                    f"{name}: <{element.tag:.80}> {attribute:.80}: expected numbers, got {shown(text)}"
+                )
 
 
 def _without_files(mujoco: Any, spec: Any) -> None:

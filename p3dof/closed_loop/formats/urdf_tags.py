@@ -249,7 +249,10 @@ class _Reader:
         while name in self._names:
             name += "_"
         self._names.add(name)
-        add_frame(self._model, name, self._model.getFrameId(link, pin.FrameType.BODY), placement)
+        on = self._model.getFrameId(link, pin.FrameType.BODY)
+        if on >= self._model.nframes:
+            raise ModelError(f"{self._source}: Pinocchio has left out the link {shown(link)} of a loop")
+        add_frame(self._model, name, on, placement)
         return name
 
     def _number(self, joint: Xml.Element, element: Xml.Element, name: str, default: float) -> float:
