@@ -253,6 +253,12 @@ def test_models_of_every_size(s):
     np.testing.assert_allclose(second.tau / s**2, first.tau, rtol=1e-8)
     np.testing.assert_allclose(second.a / by_v, first.a, rtol=0, atol=1e-8 * np.abs(first.a).max())
     assert second.gap <= 1e-10 * max(1.0, s)
+    rows = [np.tile(value, (9, 1)) for value in (q, v, [1.0, -0.5, 2.0, 3.0])]
+    small = one.hybrid_dynamics_batch(*rows, None, {"torso": load}, load.repeat(3)[: len(v)])
+    large = other.hybrid_dynamics_batch(rows[0] * by_q, rows[1] * by_v, rows[2], None, wrench, force)
+    assert not large.errors
+    np.testing.assert_allclose(large.tau / s**2, small.tau, rtol=1e-8)
+    np.testing.assert_allclose(large.a / by_v, small.a, rtol=0, atol=1e-8 * np.abs(small.a).max())
 
 
 def test_what_is_not_determined_or_not_possible_is_refused():
@@ -358,3 +364,103 @@ def test_it_takes_at_most_the_time_of_two_forward_dynamics():
                 call(*state)
                 times[name].append(time.process_time() - begun)
     assert min(times["hybrid"]) <= 2.0 * min(times["forward"])
+
+
+# --- many samples at once -----------------------------------------------------------------------------------
+
+
+def many(loop: ClosedLoopModel, count: int, guess: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return configurations and velocities near a guess."""
+    return tuple(np.array(rows) for rows in zip(*(moving(loop, k, guess) for k in range(count)), strict=True))
+
+
+@pytest.mark.parametrize("build", [biped, geared])
+def test_a_batch_equals_single_samples(build):
+    loop, count = build(), 12
+    q, v = many(loop, count, standing(loop))
+    rng = np.random.default_rng(0)
+    prescribed = rng.normal(size=(count, 4))
+    loads = {"torso": rng.normal(size=(count, 6)), "left_tail": rng.normal(size=6)}
+    forces = rng.normal(size=(count, loop.model.nv))
+    found = loop.hybrid_dynamics_batch(q, v, prescribed, None, loads, forces)
+    assert not found.errors
+    for i in range(count):
+        acting = {"torso": loads["torso"][i], "left_tail": loads["left_tail"]}
+        one = loop.hybrid_dynamics(q[i], v[i], prescribed[i], None, acting, forces[i])
+        np.testing.assert_allclose(found.tau[i], one.tau, rtol=0, atol=1e-10 * np.abs(one.tau).max())
+        np.testing.assert_allclose(found.a[i], one.a, rtol=0, atol=1e-10 * np.abs(one.a).max())
+        assert found.conditioning[i] == pytest.approx(one.conditioning, rel=1e-8)
+        assert np.abs(found.closure_error[i]).max() < 1e-12
+    assert found.residual.max() < 1e-10
+    rest = {"left_pitch": prescribed[:, 2:3], "right_pitch": [0.5]}
+    by_name = loop.hybrid_dynamics_batch(q, v, {"left_yaw": 1.0, "right_yaw": prescribed[:, 1]} | rest)
+    assert not by_name.errors
+    at = [
+        loop.model.idx_vs[loop.model.getJointId(name)] for name in ("left_yaw", "left_pitch", "right_pitch")
+    ]
+    expected = [np.ones(count), prescribed[:, 2], np.full(count, 0.5)]
+    np.testing.assert_allclose(by_name.a[:, at].T, expected, rtol=0, atol=1e-9)
+
+
+def test_a_batch_is_done_by_arrays_and_fast(monkeypatch):
+    loop, count = biped(), 400
+    q, v = many(loop, 20, standing(loop))
+    q, v = np.tile(q, (count // 20, 1)), np.tile(v, (count // 20, 1))
+    prescribed = np.ones((count, 4))
+    alone = []
+    for i in range(20):
+        begun = time.process_time()
+        loop.hybrid_dynamics(q[i], v[i], prescribed[i])
+        alone.append(time.process_time() - begun)
+    monkeypatch.setattr(loop, "hybrid_dynamics", None)  # all samples are done without it
+    together = []
+    for _ in range(4):
+        begun = time.process_time()
+        assert not loop.hybrid_dynamics_batch(q, v, prescribed).errors
+        together.append((time.process_time() - begun) / count)
+    assert min(together) <= np.median(alone) / 5
+
+
+def test_samples_that_fail_are_told_and_the_others_are_there():
+    loop, count = biped(), 10
+    q, v = many(loop, count, standing(loop))
+    q = q.copy()
+    q[3, loop.model.idx_qs[loop.model.getJointId("left_swing")]] += 1.0
+    q[6, loop.model.idx_qs[loop.model.getJointId("left_knee")]] += 0.5
+    found = loop.hybrid_dynamics_batch(q, v, np.ones((count, 4)))
+    assert set(found.errors) == {6}
+    assert isinstance(found.errors[6], InputError)
+    assert np.isnan(found.tau).all(axis=1).nonzero()[0].tolist() == [6]
+    expected = loop.hybrid_dynamics(q[3], v[3], np.ones(4)).tau
+    np.testing.assert_allclose(found.tau[3], expected, rtol=1e-10)
+    early = loop.hybrid_dynamics_batch(q, v, {"left_pitch": 1.0}, stop=True)
+    assert set(early.errors) == {0}
+    assert isinstance(early.errors[0], DynamicsError)
+
+
+def test_a_batch_with_frames_and_of_other_sizes():
+    loop, count = biped(), 9
+    q, v = many(loop, count, standing(loop))
+    lift = np.array([np.nan, np.nan, 3.0, np.nan, -1.0, np.nan])
+    wanted = {"left_pitch": np.arange(9.0), "right_yaw": -2.0}
+    found = loop.hybrid_dynamics_batch(q, v, wanted, {"torso": lift})
+    assert not found.errors
+    one = loop.hybrid_dynamics(q[4], v[4], {"left_pitch": 4.0, "right_yaw": -2.0}, {"torso": lift})
+    np.testing.assert_allclose(found.tau[4], one.tau, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("prescribed", "message"),
+    [
+        (np.ones((3, 4)), r"prescribed: expected|prescribed left_yaw: expected shape \(2,"),
+        (np.ones(4), r"prescribed: expected shape \(N, 4\)"),
+        ({"left_yaw": [1.0, 2.0, 3.0]}, r"prescribed left_yaw: expected shape \(2,\)"),
+        ({"base": np.ones((3, 6))}, r"prescribed base: expected shape \(2, 6\)"),
+        ({"left_yam": 1.0}, "the joint 'left_yam' does not exist"),
+    ],
+)
+def test_bad_prescriptions_of_a_batch_are_refused(prescribed, message):
+    loop = biped()
+    q, v = many(loop, 2, standing(loop))
+    with pytest.raises(InputError, match=message):
+        loop.hybrid_dynamics_batch(q, v, prescribed)

@@ -9,6 +9,7 @@ This layer knows no particular mechanism.
 from p3dof.closed_loop.assembly import Assembly, State
 from p3dof.closed_loop.batch.dynamics import BatchInverseDynamics
 from p3dof.closed_loop.batch.energy import BodyEnergies
+from p3dof.closed_loop.batch.hybrid import BatchHybridDynamics
 from p3dof.closed_loop.batch.states import BatchStates
 from p3dof.closed_loop.batch.targets import FrameTargets
 from p3dof.closed_loop.dynamics import ForwardDynamics, InverseDynamics
@@ -22,6 +23,7 @@ from p3dof.closed_loop.targets import FrameTarget
 
 __all__ = [
     "Assembly",
+    "BatchHybridDynamics",
     "BatchInverseDynamics",
     "BatchReactions",
     "BatchStates",

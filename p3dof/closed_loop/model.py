@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from p3dof.checks import FloatArray, as_floats, frozen_array
+from p3dof.checks import FloatArray, frozen_array
 from p3dof.closed_loop.batch.dynamics import BatchDynamics, BatchInverseDynamics
 from p3dof.closed_loop.batch.energy import BodyEnergies, body_energies
 from p3dof.closed_loop.batch.states import BatchAssembler, BatchStates
 from p3dof.closed_loop.batch.targets import FrameGoals, FrameTargets, JointGoals
-from p3dof.closed_loop.dynamics import read_only
-from p3dof.closed_loop.hybrid import ByName, HybridDynamics, Prescription, hybrid_dynamics, joint_freedoms
-from p3dof.closed_loop.loop_model import External, LoopModel
+from p3dof.closed_loop.hybrid_model import HybridModel, rows_of
+from p3dof.closed_loop.loop_model import External
 from p3dof.closed_loop.units import ScaledModel
 from p3dof.errors import InputError
 
 
-class ClosedLoopModel(LoopModel):
+class ClosedLoopModel(HybridModel):
     """Kinematics and dynamics of any robot with (or without) loop closures, for one sample and for many.
 
     Parameters
@@ -133,77 +131,15 @@ class ClosedLoopModel(LoopModel):
                 f"external: expected a mapping of frame names to wrenches, got {type(external).__name__}"
             )
         loads = {
-            name: _rows(f"external {name}", wrench, count, 6) for name, wrench in (external or {}).items()
+            name: rows_of(f"external {name}", wrench, count, 6) for name, wrench in (external or {}).items()
         }
         nothing = np.zeros(self.model.nv)
-        forces = _rows("joint_forces", nothing if joint_forces is None else joint_forces, count, len(nothing))
+        forces = rows_of(
+            "joint_forces", nothing if joint_forces is None else joint_forces, count, len(nothing)
+        )
         if self._scaled is not None:
             return _inverse_dynamics_scaled(self._scaled, states, loads, forces, stop)
         return self._batch_dynamics.inverse_dynamics(*states, loads, forces, stop)
-
-    def hybrid_dynamics(
-        self,
-        q: ArrayLike,
-        v: ArrayLike,
-        prescribed: ArrayLike | ByName | None = None,
-        frames: ByName | None = None,
-        external: External | None = None,
-        joint_forces: ArrayLike | None = None,
-    ) -> HybridDynamics:
-        """Return the forces that produce prescribed accelerations, while idle freedoms move as they must.
-
-        Idle is what is neither prescribed nor determined by the closures: a floating base, wheels, rods that
-        spin about themselves. Where everything is prescribed it is `inverse_dynamics`.
-
-        Parameters
-        ----------
-        q : (nq,) array
-            Configuration, with closed loops.
-        v : (nv,) array
-            Velocity, which keeps the loops closed.
-        prescribed : (n_actuated,) array or mapping of str to float or array
-            Accelerations of the actuated joints [m/s² or rad/s²], or those of other joints by name: a number,
-            or an array of as many as the joint has freedoms (a floating base: linear, angular, in its own
-            axes, as in `v`).
-        frames : mapping of str to (6,) array, optional
-            Prescribed ``LOCAL_WORLD_ALIGNED`` classical accelerations of frames, linear, then angular; NaN
-            where one is left free.
-        external : mapping of str to (6,) array, optional
-            As in `inverse_dynamics`.
-        joint_forces : (nv,) array, optional
-            As in `inverse_dynamics`.
-
-        Returns
-        -------
-        HybridDynamics
-
-        Raises
-        ------
-        SingularityError
-            If the actuators cannot produce such accelerations at this configuration.
-        DynamicsError
-            If the prescribed accelerations depend on each other, leave forces open, or need a force that no
-            actuator gives.
-        InputError
-            If an argument has the wrong shape or is not finite, a name does not exist, the loops are open by
-            more than 1e-3, or the velocity opens them by more than 1e-2 of itself.
-        """
-        joints, frames = self._prescribed(prescribed, 1), _by_name("frames", frames or {})
-        given = Prescription(self._kinematics, joints, frames)
-        v = frozen_array("v", v, (self.model.nv,))
-        point = self._closed_at(q, v)
-        force = self._external(external, joint_forces)
-        if self._scaled is not None:
-            return _hybrid_scaled(self._scaled, (point.q, v), joints, frames, external, joint_forces)
-        return hybrid_dynamics(self._dynamics, point, v, given, force)
-
-    def _prescribed(self, prescribed: ArrayLike | ByName | None, dimensions: int) -> dict[str, FloatArray]:
-        """Return the prescribed accelerations by joint; an array is that of the actuated joints."""
-        if isinstance(prescribed, Mapping) or prescribed is None:
-            return _by_name("prescribed", prescribed or {})
-        shape = ("N", len(self.actuated))[2 - dimensions :]
-        values = frozen_array("prescribed", prescribed, shape)
-        return {name: values[..., i] for i, name in enumerate(self.actuated)}
 
     def power_batch(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> FloatArray:
         """Return the rate of change of the mechanical energy (N,) at many samples [W]; see `power`.
@@ -324,54 +260,4 @@ def _inverse_dynamics_scaled(
         found.residual * max(units.length, units.length**2),
         found.closure_error * units.motion(units.rows),
         {i: scaled.told(error) for i, error in found.errors.items()},
-    )
-
-
-def _by_name(what: str, values: ByName) -> dict[str, FloatArray]:
-    """Return a mapping whose values are arrays of numbers."""
-    if not isinstance(values, Mapping):
-        raise InputError(f"{what}: expected a mapping of names to accelerations, got {type(values).__name__}")
-    return {name: as_floats(f"{what} {name}", value) for name, value in values.items()}
-
-
-def _hybrid_scaled(
-    scaled: ScaledModel[ClosedLoopModel],
-    state: tuple[FloatArray, FloatArray],
-    joints: Mapping[str, FloatArray],
-    frames: Mapping[str, FloatArray],
-    external: External | None,
-    joint_forces: ArrayLike | None,
-) -> HybridDynamics:
-    """`ClosedLoopModel.hybrid_dynamics` in the model's own unit of length."""
-    core, units = scaled.core, scaled.units
-    parts = {name: list(joint_freedoms(core.model, name)) for name in joints}
-    given = {name: value / units.motion(units.v[parts[name]]) for name, value in joints.items()}
-    given = {name: value.reshape(len(parts[name])) for name, value in given.items()}
-    places = {name: value / units.motion(np.arange(6) < 3) for name, value in frames.items()}
-    with scaled.in_words():
-        found = core.hybrid_dynamics(
-            scaled.q(state[0]),
-            scaled.v(state[1]),
-            given,
-            places,
-            scaled.wrenches(external),
-            scaled.forces(joint_forces),
-        )
-    return replace(
-        found,
-        tau=read_only(found.tau * units.force(units.v[core.actuated_v])),
-        a=read_only(found.a * units.motion(units.v)),
-        lambda_=read_only(found.lambda_ * units.force(units.rows)),
-        residual=found.residual * max(units.length, units.length**2),
-        prescribed_residual=found.prescribed_residual * max(units.length, 1.0),
-        closure_residual=found.closure_residual * max(units.length, 1.0),
-        gap=found.gap * units.length,
-    )
-
-
-def _rows(name: str, value: ArrayLike, count: int, width: int) -> FloatArray:
-    """Return (count, width) rows of a value that may be the same for all."""
-    array = as_floats(name, value)
-    return frozen_array(
-        name, np.tile(array, (count, 1)) if array.shape == (width,) else array, (count, width)
     )

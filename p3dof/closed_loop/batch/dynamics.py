@@ -42,7 +42,7 @@ CONSISTENT = 1e-9
 """Largest relative error of velocities and accelerations in a batch."""
 _HELD = 1e-5
 """Least conditioning of the actuation in a batch."""
-_TIGHT = 1e-10
+TIGHT = 1e-10
 """Largest gap of a configuration in a batch [m or rad]."""
 _CHOICES = 3
 """How many times the independent rows are chosen before the rest is left to the single samples."""
@@ -191,7 +191,7 @@ class BatchDynamics:
         J, errors, fits = self._closed(samples, q, v, a)
         pool = pin.ModelPool(self._loop.model, 1)  # with a copy of the model as it is now
         f = np.array(pin.rneaInParallel(1, pool, q.T, v.T, a.T)).T
-        f -= joint_forces + self._generalised(samples, external)
+        f -= joint_forces + generalised(self._kinematics, self._sweep, samples, external)
         tau, conditioning, residual, good = self._project(J, f, fits)
         return good, tau, conditioning, residual, errors
 
@@ -204,7 +204,7 @@ class BatchDynamics:
         opening = apply(J, v)
         faster = apply(J, a) + self._closures.drift(q, samples, frames, v)
         size = largest(v)
-        fits = largest(errors) <= np.maximum(_TIGHT, rounding(q))
+        fits = largest(errors) <= np.maximum(TIGHT, rounding(q))
         fits &= largest(opening) <= CONSISTENT * np.maximum(1.0, size)
         fits &= largest(faster) <= CONSISTENT * np.maximum(np.maximum(1.0, largest(a)), size**2)
         return J, errors, fits
@@ -240,17 +240,34 @@ class BatchDynamics:
             conditioning[todo], residual[todo], good[todo] = held, largest(left), well
         return tau, conditioning, residual, good
 
-    def _generalised(self, samples: Samples, external: Mapping[str, FloatArray]) -> FloatArray:
-        """Return the generalised forces (n, nv) of wrenches on frames."""
-        force = np.zeros((len(samples.p), self._loop.model.nv))
-        for name, wrench in external.items():
-            frame = self._kinematics.frame(name, "external", InputError)
-            joint = frame.parentJoint
-            place = samples.p[:, joint] + samples.R[:, joint] @ frame.placement.translation
-            moment = wrench[:, 3:] + cross(place, wrench[:, :3])
-            at_origin = np.concatenate((wrench[:, :3], moment), axis=1)
-            force += apply(np.swapaxes(samples.J, -1, -2), at_origin) * self._sweep.behind[joint]
-        return force
+
+def generalised(
+    kinematics: LoopKinematics, sweep: Sweep, samples: Samples, external: Mapping[str, FloatArray]
+) -> FloatArray:
+    """Return the generalised forces of wrenches on frames.
+
+    Parameters
+    ----------
+    kinematics : LoopKinematics
+        The model.
+    sweep, samples
+        Where its bodies are.
+    external : mapping of str to (n, 6) array
+        The wrenches.
+
+    Returns
+    -------
+    (n, nv) array
+    """
+    force = np.zeros((len(samples.p), kinematics.model.nv))
+    for name, wrench in external.items():
+        frame = kinematics.frame(name, "external", InputError)
+        joint = frame.parentJoint
+        place = samples.p[:, joint] + samples.R[:, joint] @ frame.placement.translation
+        moment = wrench[:, 3:] + cross(place, wrench[:, :3])
+        at_origin = np.concatenate((wrench[:, :3], moment), axis=1)
+        force += apply(np.swapaxes(samples.J, -1, -2), at_origin) * sweep.behind[joint]
+    return force
 
 
 def redundant(J: FloatArray, N: FloatArray, scale: FloatArray | float = 1.0) -> BoolArray:

@@ -74,6 +74,6 @@ def largest(values: FloatArray) -> FloatArray:
     return np.asarray(np.abs(values).max(axis=1, initial=0.0))
 
 
-def blocks(count: int) -> Iterator[IndexArray]:
-    """Return the samples in blocks of at most `BLOCK`."""
-    return (np.arange(i, min(i + BLOCK, count)) for i in range(0, count, BLOCK))
+def blocks(count: int, size: int = BLOCK) -> Iterator[IndexArray]:
+    """Return the samples in blocks of at most `size`."""
+    return (np.arange(i, min(i + size, count)) for i in range(0, count, size))
