@@ -52,7 +52,7 @@ from .simulation import (
 from .compiled import BoundInverseDynamics, MachineKernels
 
 # Any robot with closed loops
-from .closed_loop import ClosedLoopModel, Closure, Coupling, FrameTarget, Sidecar, load_robot
+from .closed_loop import ClosedLoopModel, Closure, Coupling, FrameTarget, JointData, Sidecar, load_robot
 
 # Errors
 from .errors import (
@@ -112,6 +112,7 @@ __all__ = [
     "Integration",
     "InverseDynamics",
     "InverseKinematics",
+    "JointData",
     "JointLoad",
     "JointStates",
     "Limits",

@@ -27,6 +27,10 @@ FULL = {
     "reference": {"motor": 0.25, "ball": [0, 0, 0, 1]},
     "joint_name": ["hip"],
     "joint_type": ["SPHERICAL"],
+    "joint_data": [
+        {"joint": "hip", "stiffness": 2, "rest": -0.5, "damping": "1e-3"},
+        {"joint": "knee", "friction": 0.1, "armature": 0.01},
+    ],
 }
 
 
@@ -41,6 +45,10 @@ def changed(key, value):
 
 def coupling(**fields):
     return changed("coupling", [{**GEARS, **fields}])
+
+
+def joint_data(**fields):
+    return changed("joint_data", [{"joint": "hip", **fields}])
 
 
 ALL = [*KINDS, *SYNONYMS]
@@ -63,8 +71,16 @@ ACCEPTED = {
     "a coupling without a name": coupling(name=None),
     "a locked joint": coupling(on=None, coefficients=[1]),
     "an empty reference": changed("reference", {}),
+    "a joint of which nothing is said": joint_data(),
 }
 REFUSED = {
+    "joint data of no joint": changed("joint_data", [{"stiffness": 1}]),
+    "joint data that are no mapping": changed("joint_data", ["hip"]),
+    "joint data that are no list": changed("joint_data", {"hip": 1}),
+    "a negative stiffness": joint_data(stiffness=-1),
+    "a negative armature": joint_data(armature=-1e-3),
+    "damping in words": joint_data(damping="some"),
+    "an unknown datum": joint_data(mass=1),
     "nothing": None,
     "a list": [1],
     "no frames": changed("closed_loop", MISSING),

@@ -14,6 +14,7 @@ from p3dof.closed_loop.batch.states import BatchStates
 from p3dof.closed_loop.batch.targets import FrameTargets
 from p3dof.closed_loop.dynamics import ForwardDynamics, InverseDynamics
 from p3dof.closed_loop.hybrid import HybridDynamics
+from p3dof.closed_loop.joint_data import JointData
 from p3dof.closed_loop.model import ClosedLoopModel
 from p3dof.closed_loop.reactions import ClosureJoint, JointReactions, ReactionSolver
 from p3dof.closed_loop.reactions_batch import BatchReactions, reactions_batch, reactions_by_each
@@ -37,6 +38,7 @@ __all__ = [
     "FrameTargets",
     "HybridDynamics",
     "InverseDynamics",
+    "JointData",
     "JointReactions",
     "ReactionSolver",
     "Sidecar",

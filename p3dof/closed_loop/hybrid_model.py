@@ -74,6 +74,7 @@ class HybridModel(LoopModel):
         given = Prescription(self._kinematics, joints, frames)
         v = frozen_array("v", v, (self.model.nv,))
         point = self._closed_at(q, v)
+        joint_forces = self._acting(q, v, joint_forces)
         force = self._external(external, joint_forces)
         if self._scaled is not None:
             return _hybrid_scaled(self._scaled, (point.q, v), joints, frames, external, joint_forces)
@@ -141,15 +142,16 @@ class HybridModel(LoopModel):
         forces = rows_of(
             "joint_forces", np.zeros(model.nv) if joint_forces is None else joint_forces, count, model.nv
         )
+        acting = forces + self.passive.forces(q, v)
         at = np.array([k for part in freedoms.values() for k in part], dtype=int)
         values = np.concatenate([np.zeros((count, 0)), *joints.values()], axis=1)
         sizes = len(self.actuated), model.nv, self._kinematics.size
         result = BatchHybridDynamics.empty(count, *sizes)
         done: BoolArray = np.zeros(count, dtype=bool)
         if self._scaled is not None and not frames:
-            result, done = _solved_scaled(self._scaled, (q, v), (at, values), loads, forces)
+            result, done = _solved_scaled(self._scaled, (q, v), (at, values), loads, acting)
         elif not frames:
-            result, done = self._batch_hybrid.solve(q, v, (at, values), loads, forces)
+            result, done = self._batch_hybrid.solve(q, v, (at, values), loads, acting)
         for i in np.flatnonzero(~done):
             mine, framed, loaded = (
                 {name: value[i] for name, value in part.items()} for part in (joints, places, loads)

@@ -107,6 +107,7 @@ def without(
         couplings=tuple(coupling for coupling in couplings if coupling is not None),
         reference=kept,
         joints=(),
+        joint_data=tuple(entry for entry in sidecar.joint_data if entry.joint not in locked),
     )
 
 

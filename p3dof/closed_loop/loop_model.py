@@ -19,6 +19,7 @@ from p3dof.closed_loop.energy import energy_rate
 from p3dof.closed_loop.formats import urdf
 from p3dof.closed_loop.joints import configuration_of, joint_named, single_joint
 from p3dof.closed_loop.locks import locked_at, without
+from p3dof.closed_loop.passive import Passive
 from p3dof.closed_loop.sidecar import Sidecar, SidecarLike, sidecar_of
 from p3dof.closed_loop.targets import (
     BoundFrameTarget,
@@ -92,6 +93,8 @@ class LoopModel:
         self._assembler = Assembler(self._kinematics, self.reference)
         self._dynamics = Dynamics(self._kinematics, self.actuated_v)
         self._data = model.createData()
+        self.passive = Passive(model, sidecar.joint_data)
+        """Springs, damping and friction in the joints; see `Sidecar.joint_data`."""
         own = cast("type[Self]", type(self))
         self._scaled: ScaledModel[Self] | None = scaled(model, sidecar, own)
 
@@ -103,12 +106,12 @@ class LoopModel:
         root_joint: pin.JointModel | None = None,
         mimic: bool = True,
         on_unknown: Literal["raise", "ignore"] = "raise",
+        passive: bool = False,
     ) -> Self:
         """Build the model from a tree URDF and its sidecar; `p3dof.load_robot` reads more formats.
 
         Loops in the file itself are read too: those of URDF+ (``<loop>``, ``<coupling>``, ``independent``),
-        Drake's ball constraints, ``<mimic>``. As in Pinocchio's own reader, the damping and friction of
-        ``<dynamics>`` exert no force. At most 1000 links and 200 degrees of freedom are read.
+        Drake's ball constraints, ``<mimic>``. At most 1000 links and 200 degrees of freedom are read.
 
         Parameters
         ----------
@@ -124,6 +127,9 @@ class LoopModel:
             Whether ``<mimic>`` couples joints; else they are independent.
         on_unknown : {"raise", "ignore"}
             What to do with elements that look like loops and are not understood.
+        passive : bool
+            Whether the damping and friction of ``<dynamics>`` act; they are often guesses. What the sidecar
+            says of a joint always does, and goes before.
 
         Returns
         -------
@@ -143,7 +149,9 @@ class LoopModel:
         if on_unknown not in ("raise", "ignore"):
             raise InputError(f"on_unknown: expected 'raise' or 'ignore', got {shown(on_unknown)}")
         is_tree = isinstance(closures, tuple) and not closures
-        model, whole = urdf.read(path_or_xml, sidecar, root_joint, mimic, on_unknown == "ignore", is_tree)
+        model, whole = urdf.read(
+            path_or_xml, sidecar, root_joint, mimic, on_unknown == "ignore", is_tree, passive
+        )
         return cls(model, whole)
 
     def copy(self) -> Self:
@@ -408,6 +416,7 @@ class LoopModel:
         """
         v = frozen_array("v", v, (self.model.nv,))
         a = frozen_array("a", a, (self.model.nv,))
+        joint_forces = self._acting(q, v, joint_forces)
         if self._scaled is not None:
             q = self._at(q).q
             self._external(external, joint_forces)
@@ -458,6 +467,7 @@ class LoopModel:
         a = frozen_array("a", a, (self.model.nv,))
         tau = frozen_array("tau", tau, (len(self.actuated),))
         lambda_ = frozen_array("lambda_", lambda_, (self._kinematics.size,))
+        joint_forces = self._acting(q, v, joint_forces)
         return self._dynamics.residual(point, v, a, self._external(external, joint_forces), tau, lambda_)
 
     def forward_dynamics(
@@ -507,6 +517,7 @@ class LoopModel:
             raise InputError(f"stabilisation: expected zero or more, got {beta:g}")
         tau = frozen_array("tau", tau, (len(self.actuated),))
         point = self._closed_at(q, v)
+        joint_forces = self._acting(q, v, joint_forces)
         force = self._external(external, joint_forces)
         if self._scaled is not None:
             return self._scaled.forward_dynamics(point.q, v, tau, external, joint_forces, beta)
@@ -516,8 +527,9 @@ class LoopModel:
     def power(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> float:
         """Return the rate of change of the mechanical energy, summed body by body.
 
-        It equals the power of actuators and external wrenches if the dynamics is right, and shares nothing
-        with it: every body contributes m vc·(ac - g) + ω·(I α + ω × I ω).
+        It equals the power of actuators and external wrenches, less the `dissipation`, if the dynamics is
+        right, and shares nothing with it: every body contributes m vc·(ac - g) + ω·(I α + ω × I ω), every
+        spring its power.
 
         Parameters
         ----------
@@ -539,7 +551,28 @@ class LoopModel:
         q = self._configuration("q", q)
         v = frozen_array("v", v, (self.model.nv,))
         a = frozen_array("a", a, (self.model.nv,))
-        return energy_rate(self.model, self._data, q, v, a)
+        return energy_rate(self.model, self._data, q, v, a) + float(self.passive.power(q, v))
+
+    def dissipation(self, v: ArrayLike) -> FloatArray:
+        """Return the power that damping and friction in the joints take, see `Sidecar.joint_data`.
+
+        Parameters
+        ----------
+        v : (nv,) or (N, nv) array
+            Velocities.
+
+        Returns
+        -------
+        array, shape () or (N,)
+            [W]
+
+        Raises
+        ------
+        InputError
+            If `v` has the wrong shape or is not finite.
+        """
+        shape = (self.model.nv,) if np.ndim(v) == 1 else ("N", self.model.nv)
+        return self.passive.dissipation(frozen_array("v", v, shape))
 
     def _configuration(self, name: str, q: ArrayLike) -> FloatArray:
         array = frozen_array(name, q, (self.model.nq,))
@@ -598,6 +631,13 @@ class LoopModel:
                 f"{name}: opens the {self._kinematics.worst(opening)} by {worst:.3g} (SI units), "
                 f"expected at most {allowed:.1g}; complete() finds motions that keep the loops closed"
             )
+
+    def _acting(self, q: ArrayLike, v: FloatArray, joint_forces: ArrayLike | None) -> ArrayLike | None:
+        """Return what acts in the joints besides the actuators: what is given, springs, damping, friction."""
+        if not self.passive:
+            return joint_forces
+        own = self.passive.forces(self._configuration("q", q), v)
+        return own if joint_forces is None else own + frozen_array("joint_forces", joint_forces, own.shape)
 
     def _external(self, external: External | None, joint_forces: ArrayLike | None) -> FloatArray:
         """Return the generalised force (nv,) of everything that is not an actuator."""

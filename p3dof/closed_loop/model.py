@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -138,6 +139,7 @@ class ClosedLoopModel(HybridModel):
             "joint_forces", nothing if joint_forces is None else joint_forces, count, len(nothing)
         )
         if self._scaled is not None:
+            forces = forces + self.passive.forces(*states[:2])
             return _inverse_dynamics_scaled(self._scaled, states, loads, forces, stop)
         return self._batch_dynamics.inverse_dynamics(*states, loads, forces, stop)
 
@@ -183,12 +185,17 @@ class ClosedLoopModel(HybridModel):
         """
         if np.ndim(q) != 1:
             q, v, _ = self._states(q, v, v)
-            return body_energies(self.model, q, v)
+            return replace(body_energies(self.model, q, v), springs=self.passive.energy(q))
         q = self._configuration("q", q)
         v = frozen_array("v", v, (self.model.nv,))
         one = body_energies(self.model, q[None], v[None])
         return BodyEnergies(
-            one.names, one.kinetic[0], one.potential[0], one.momentum[0], one.angular_momentum[0]
+            one.names,
+            one.kinetic[0],
+            one.potential[0],
+            one.momentum[0],
+            one.angular_momentum[0],
+            self.passive.energy(q),
         )
 
     @cached_property

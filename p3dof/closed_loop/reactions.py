@@ -266,6 +266,8 @@ class ReactionSolver:
             given += frozen_array("joint_forces", joint_forces, (model.nv,))
         given[self.loop.actuated_v] += frozen_array("tau", tau, (len(self.loop.actuated),))
         point = self._closed(q, v)
+        if self.loop.passive:
+            given += self.loop.passive.forces(point.q, v)
         loads = self._loads(external) if external else self._no_loads
         missing = np.array(pin.rnea(model, self._data, point.q, v, a, loads)) - given
         tree = np.array([f.vector for f in self._data.f[1:]]).reshape(-1, 6)

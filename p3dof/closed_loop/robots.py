@@ -13,6 +13,7 @@ import pinocchio as pin
 from p3dof.checks import shown
 from p3dof.closed_loop.formats import mjcf, named, srdf
 from p3dof.closed_loop.model import ClosedLoopModel
+from p3dof.closed_loop.passive import with_armature
 from p3dof.closed_loop.sidecar import Sidecar, SidecarLike, sidecar_of
 from p3dof.closed_loop.xml_text import XmlReader, is_text, read_xml
 from p3dof.errors import FileError, InputError, ModelError
@@ -30,6 +31,7 @@ def load_robot(
     srdf_file: str | os.PathLike[str] | None = None,
     mimic: bool = True,
     on_unknown: Literal["raise", "ignore"] = "raise",
+    passive: bool | None = None,
 ) -> ClosedLoopModel:
     """Return a robot with (or without) closed loops.
 
@@ -57,6 +59,10 @@ def load_robot(
         Whether ``<mimic>`` couples joints; else they are independent.
     on_unknown : {"raise", "ignore"}
         What to do with elements of a URDF that look like loops and are not understood.
+    passive : bool, optional
+        Whether springs, damping and friction act that the robot's own file gives to its joints: by default
+        those of an MJCF, whose users mean them, and not those of a URDF, which are often guesses. They become
+        `Sidecar.joint_data`; what the sidecar says of a joint always acts, and goes before.
 
     Returns
     -------
@@ -89,10 +95,12 @@ def load_robot(
             if value is not None:
                 raise InputError(f"{what}: an MJCF file has its own, expected None")
         tree, found = mjcf.read(source, state)
+        if passive is False:
+            found = replace(found, joint_data=())
         found = _joined(found, sidecar_of(given))
-        loop = ClosedLoopModel(tree, found)
+        loop = ClosedLoopModel(tree, replace(found, joint_data=with_armature(tree, found.joint_data)))
     else:
-        loop = ClosedLoopModel.from_urdf(source, given, root_joint, mimic, on_unknown)
+        loop = ClosedLoopModel.from_urdf(source, given, root_joint, mimic, on_unknown, bool(passive))
         if srdf_file is not None or state is not None:
             if srdf_file is None:
                 raise InputError(f"reference: the name {shown(state)} needs an SRDF that has it: srdf_file")
@@ -134,11 +142,13 @@ def _joined(found: Sidecar, given: Sidecar | None) -> Sidecar:
         return found
     if given.joints:
         raise ModelError("sidecar: joint_type: only a URDF needs other types, not an MJCF")
+    said = {entry.joint for entry in given.joint_data}
     return Sidecar(
         (*found.closures, *given.closures),
         given.actuated,
         (*found.couplings, *given.couplings),
         found.reference if given.reference is None else given.reference,
+        joint_data=(*given.joint_data, *(entry for entry in found.joint_data if entry.joint not in said)),
     )
 
 

@@ -13,6 +13,7 @@ import yaml
 
 from p3dof.checks import shown
 from p3dof.closed_loop.constraints import Closure, Coupling, check_couplings
+from p3dof.closed_loop.joint_data import JointData, checked_data
 from p3dof.closed_loop.sidecar_file import content_of, distinct, pair_of, parts_of, reference_of
 from p3dof.errors import FileError, ModelError
 from p3dof.files import parse_yaml, read_text
@@ -26,9 +27,9 @@ class Sidecar:
 
     Its file is the YAML sidecar of the Gepetto team's example-parallel-robots: ``closed_loop`` lists pairs of
     frames, ``type`` says for each pair of which kind the closure is, ``name_mot`` lists the actuated joints.
-    Three keys may be added: ``length`` (for each pair the distance, or null), ``coupling`` (a list of
-    mappings with the fields of `Coupling`) and ``reference`` (a mapping). ``joint_name`` and ``joint_type``
-    list joints that are of another type than the URDF says.
+    Four keys may be added: ``length`` (for each pair the distance, or null), ``coupling`` and ``joint_data``
+    (lists of mappings with the fields of `Coupling` and `JointData`) and ``reference`` (a mapping).
+    ``joint_name`` and ``joint_type`` list joints that are of another type than the URDF says.
 
     Parameters
     ----------
@@ -45,6 +46,8 @@ class Sidecar:
     joints : tuple of (str, str)
         Names and types of joints that are of another type than the tree's file says; whoever reads that file
         applies them.
+    joint_data : tuple of JointData
+        Springs, damping and friction that act in joints, and their rotors.
 
     Raises
     ------
@@ -57,9 +60,10 @@ class Sidecar:
     couplings: tuple[Coupling, ...] = ()
     reference: Mapping[str, Any] | None = field(default=None, hash=False)
     joints: tuple[tuple[str, str], ...] = ()
+    joint_data: tuple[JointData, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("closures", "actuated", "couplings", "joints"):
+        for name in ("closures", "actuated", "couplings", "joints", "joint_data"):
             value = getattr(self, name)
             if isinstance(value, str) or not isinstance(value, Iterable):
                 raise ModelError(f"{name}: expected a sequence, got {shown(value)}")
@@ -74,10 +78,18 @@ class Sidecar:
         object.__setattr__(self, "reference", reference_of("reference", self.reference))
         object.__setattr__(self, "joints", tuple(pair_of("joints", pair) for pair in self.joints))
         distinct("joints", [name for name, _ in self.joints])
+        object.__setattr__(self, "joint_data", checked_data("joint_data", self.joint_data))
 
     def __reduce__(self) -> tuple[Any, ...]:
         reference = None if self.reference is None else dict(self.reference)
-        return Sidecar, (self.closures, self.actuated, self.couplings, reference, self.joints)
+        return Sidecar, (
+            self.closures,
+            self.actuated,
+            self.couplings,
+            reference,
+            self.joints,
+            self.joint_data,
+        )
 
     @classmethod
     def serial(cls, model: pin.Model) -> Sidecar:
@@ -171,7 +183,14 @@ class Sidecar:
         str
             YAML that `parse` reads back to an equal sidecar.
         """
-        parts = self.closures, self.actuated, self.couplings, self.reference, self.joints
+        parts = (
+            self.closures,
+            self.actuated,
+            self.couplings,
+            self.reference,
+            self.joints,
+            self.joint_data,
+        )
         text: str = yaml.safe_dump(
             content_of(*parts), sort_keys=False, default_flow_style=None, allow_unicode=True
         )

@@ -8,10 +8,12 @@ from typing import Any
 
 from p3dof.checks import frozen_array, shown
 from p3dof.closed_loop.constraints import Closure, Coupling, check_couplings, checked_name, known_kind
+from p3dof.closed_loop.joint_data import JointData, checked_data
 from p3dof.errors import ModelError
 
 _REQUIRED = ("closed_loop", "type", "name_mot")
-_OPTIONAL = ("length", "coupling", "reference", "joint_name", "joint_type")
+_OPTIONAL = ("length", "coupling", "reference", "joint_name", "joint_type", "joint_data")
+_JOINT_DATA = ("stiffness", "rest", "damping", "friction", "armature")
 _COUPLING = ("joint", "coefficients", "on", "name", "others")
 
 
@@ -28,7 +30,7 @@ def parts_of(content: Mapping[str, Any], source: str) -> tuple[Any, ...]:
     Returns
     -------
     tuple
-        Closures, actuated joints, couplings, reference, joints.
+        Closures, actuated joints, couplings, reference, joints, joint data.
 
     Raises
     ------
@@ -39,9 +41,9 @@ def parts_of(content: Mapping[str, Any], source: str) -> tuple[Any, ...]:
         raise ModelError(f"{source}: expected a mapping with {_listed(_REQUIRED)}, got {shown(content)}")
     _known_keys(source, content, _REQUIRED, _OPTIONAL)
     pairs, kinds, actuated = (_list(source, content, key) for key in _REQUIRED)
-    lengths, couplings, names, types = (
+    lengths, couplings, names, types, data = (
         [] if content.get(key) is None else _list(source, content, key)
-        for key in ("length", "coupling", "joint_name", "joint_type")
+        for key in ("length", "coupling", "joint_name", "joint_type", "joint_data")
     )
     _same_number(source, "type", len(kinds), len(pairs), "closure")
     if lengths:
@@ -59,6 +61,10 @@ def parts_of(content: Mapping[str, Any], source: str) -> tuple[Any, ...]:
         tuple(found),
         reference_of(f"{source}: reference", content.get("reference")),
         tuple(pair_of(f"{source}: joint_type", pair) for pair in zip(names, types, strict=True)),
+        checked_data(
+            f"{source}: joint_data",
+            [_joint_data(f"{source}: joint_data[{i}]", entry) for i, entry in enumerate(data)],
+        ),
     )
 
 
@@ -68,12 +74,13 @@ def content_of(
     couplings: tuple[Coupling, ...],
     reference: Mapping[str, Any] | None,
     joints: tuple[tuple[str, str], ...],
+    joint_data: tuple[JointData, ...],
 ) -> dict[str, Any]:
     """Return what the file of a sidecar holds; keys that would be empty are left out.
 
     Parameters
     ----------
-    closures, actuated, couplings, reference, joints
+    closures, actuated, couplings, reference, joints, joint_data
         As of `Sidecar`.
 
     Returns
@@ -96,6 +103,11 @@ def content_of(
         }
     if joints:
         content["joint_name"], content["joint_type"] = (list(part) for part in zip(*joints, strict=True))
+    if joint_data:
+        content["joint_data"] = [
+            {"joint": entry.joint, **{key: x for key in _JOINT_DATA if (x := getattr(entry, key))}}
+            for entry in joint_data
+        ]
     return content
 
 
@@ -234,6 +246,18 @@ def _coupling(where: str, entry: Any) -> Coupling:
         if isinstance(others, Mapping):
             others = {name: _number(factor) for name, factor in others.items()}
         return Coupling(entry["joint"], entry.get("on"), numbers, entry.get("name"), others)
+    except ModelError as error:
+        raise ModelError(f"{where}: {error}") from error
+
+
+def _joint_data(where: str, entry: Any) -> JointData:
+    if not isinstance(entry, Mapping):
+        raise ModelError(
+            f"{where}: expected a mapping with {_listed(('joint', *_JOINT_DATA))}, got {shown(entry)}"
+        )
+    _known_keys(where, entry, ("joint",), _JOINT_DATA)
+    try:
+        return JointData(entry["joint"], **{key: _number(entry[key]) for key in _JOINT_DATA if key in entry})
     except ModelError as error:
         raise ModelError(f"{where}: {error}") from error
 

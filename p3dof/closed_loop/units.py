@@ -99,6 +99,7 @@ class Units:
             ),
             couplings=tuple(self._coupling(coupling) for coupling in sidecar.couplings),
             reference=reference or None,
+            joint_data=(),  # whoever hands a state in adds what acts in the joints
         )
 
     def _coupling(self, coupling: Coupling) -> Coupling:

@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from p3dof.checks import shown
+from p3dof.closed_loop.joint_data import JointData
 from p3dof.closed_loop.loop_model import LoopModel
 from p3dof.closed_loop.sidecar import Sidecar
 from p3dof.errors import ModelError
@@ -43,14 +44,22 @@ def texts(loop: LoopModel) -> tuple[str, str]:
     model = loop.model
     if not np.allclose(model.gravity.vector, (*_GRAVITY, 0.0, 0.0, 0.0), rtol=0, atol=1e-12):
         raise ModelError("URDF: the gravity of the robot is not 9.81 m/s² downward, which no URDF can say")
-    if np.asarray(model.armature).any():
-        raise ModelError("URDF: the robot has rotors (armature), which no URDF can hold")
     writer = _Writer(model, [end for c in loop.sidecar.closures for end in (c.frame1, c.frame2)])
     return writer.text(), _sidecar(loop, writer.balls).to_yaml()
 
 
 def _sidecar(loop: LoopModel, balls: Iterable[str]) -> Sidecar:
-    return replace(loop.sidecar, joints=tuple((name, "SPHERICAL") for name in balls))
+    data = {entry.joint: entry for entry in loop.sidecar.joint_data}
+    model = loop.model
+    for i in range(1, model.njoints):
+        rotor = np.asarray(model.armature)[model.idx_vs[i] : model.idx_vs[i] + model.nvs[i]]
+        name = str(model.names[i])
+        if rotor.any():
+            if np.ptp(rotor):
+                raise ModelError(f"URDF: the joint {shown(name)} has rotors (armature) that differ")
+            data[name] = replace(data.get(name, JointData(name)), armature=float(rotor[0]))
+    joints = tuple((name, "SPHERICAL") for name in balls)
+    return replace(loop.sidecar, joints=joints, joint_data=tuple(data.values()))
 
 
 class _Writer:

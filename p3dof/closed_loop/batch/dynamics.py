@@ -176,7 +176,7 @@ class BatchDynamics:
             torque = apply(turned, alpha) + cross(omega, apply(turned, omega))
             each = m[:, None] * vc * (ac - model.gravity.linear) + omega * torque
             rates[block] = each.sum(axis=(1, 2)) + (v[block] * a[block]) @ np.asarray(model.armature)
-        return rates
+        return rates + self._loop.passive.power(q, v)
 
     def _forces(
         self,
@@ -192,6 +192,8 @@ class BatchDynamics:
         pool = pin.ModelPool(self._loop.model, 1)  # with a copy of the model as it is now
         f = np.array(pin.rneaInParallel(1, pool, q.T, v.T, a.T)).T
         f -= joint_forces + generalised(self._kinematics, self._sweep, samples, external)
+        if self._loop.passive:
+            f -= self._loop.passive.forces(q, v)
         tau, conditioning, residual, good = self._project(J, f, fits)
         return good, tau, conditioning, residual, errors
 

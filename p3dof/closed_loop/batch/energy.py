@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pinocchio as pin
@@ -28,6 +28,8 @@ class BodyEnergies:
         Of each body, zero where its mass centre is at the world's origin [J].
     momentum, angular_momentum : ndarray, shape (3,) or (N, 3)
         Of all bodies together, without rotors, the angular one about the world's origin [N s, N m s].
+    springs : ndarray, shape () or (N,)
+        Energy in the springs of the joints [J].
     """
 
     names: tuple[str, ...]
@@ -35,11 +37,12 @@ class BodyEnergies:
     potential: FloatArray
     momentum: FloatArray
     angular_momentum: FloatArray
+    springs: FloatArray = field(default_factory=lambda: np.zeros(()))
 
     @property
     def total(self) -> FloatArray:
-        """Kinetic and potential energy of all bodies together, shape () or (N,) [J]."""
-        return np.asarray(np.sum(self.kinetic + self.potential, axis=-1))
+        """Kinetic and potential energy of all bodies and springs together, shape () or (N,) [J]."""
+        return np.asarray(np.sum(self.kinetic + self.potential, axis=-1) + self.springs)
 
 
 def body_energies(model: pin.Model, q: FloatArray, v: FloatArray) -> BodyEnergies:

@@ -13,6 +13,7 @@ MuJoCo documentation, XML reference and "Computation": order of the joints of a 
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from typing import Any
 from warnings import warn
 from xml.etree import ElementTree as Xml
@@ -21,6 +22,7 @@ import numpy as np
 import pinocchio as pin
 
 from p3dof.checks import LARGEST, FloatArray, one_line, shown
+from p3dof.closed_loop.joint_data import JointData
 from p3dof.closed_loop.sidecar import Closure, Coupling, Sidecar, suggestion
 from p3dof.closed_loop.trees import add_frame
 from p3dof.closed_loop.urdf import MAX_FREEDOMS, MAX_LINKS
@@ -158,7 +160,8 @@ class _Translation:
             self._sites.append(self._add_frame(name, m.site_bodyid[site], place))
         self._give_data()
         closures, couplings = self._equalities()
-        return self._model, Sidecar(closures, self._actuated(), couplings, self._reference())
+        sidecar = Sidecar(closures, self._actuated(), couplings, self._reference())
+        return self._model, replace(sidecar, joint_data=self._joint_data())
 
     def _add_body(self, body: int) -> None:
         m = self._m
@@ -215,6 +218,20 @@ class _Translation:
             if m.jnt_limited[number] and model.nqs[joint] == 1:
                 lower[model.idx_qs[joint]], upper[model.idx_qs[joint]] = m.jnt_range[number]
         model.lowerPositionLimit, model.upperPositionLimit = lower, upper
+
+    def _joint_data(self) -> tuple[JointData, ...]:
+        """Return springs, damping and friction; MuJoCo has springs in balls and free joints too."""
+        m, found = self._m, []
+        for number, name in enumerate(self._joints):
+            stiffness, rest = float(m.jnt_stiffness[number]), 0.0
+            if self._model.nvs[self._model.getJointId(name)] == 1:
+                rest = float(m.qpos_spring[m.jnt_qposadr[number]])
+            elif stiffness:
+                raise ModelError(f"MJCF: the joint {shown(name)} of several freedoms has a spring: not read")
+            dof = m.jnt_dofadr[number]
+            losses = float(m.dof_damping[dof]), float(m.dof_frictionloss[dof])
+            found.append(JointData(name, stiffness, rest, *losses))
+        return tuple(found)
 
     def _equalities(self) -> tuple[tuple[Closure, ...], tuple[Coupling, ...]]:
         m, kinds = self._m, self._types.mjtEq

@@ -11,6 +11,7 @@ import pinocchio as pin
 from p3dof.closed_loop.formats.joint_types import with_types
 from p3dof.closed_loop.formats.urdf_tags import Declared, declared
 from p3dof.closed_loop.open_ends import open_ends
+from p3dof.closed_loop.passive import losses_of, with_armature
 from p3dof.closed_loop.sidecar import Sidecar
 from p3dof.closed_loop.urdf import build_tree
 from p3dof.closed_loop.xml_text import is_text, read_xml
@@ -24,6 +25,7 @@ def read(
     mimic: bool = True,
     ignore_unknown: bool = False,
     is_tree: bool = False,
+    passive: bool = False,
 ) -> tuple[pin.Model, Sidecar]:
     """Return the tree of a URDF and its loops.
 
@@ -41,6 +43,8 @@ def read(
         Leave out what looks like a loop and is not understood.
     is_tree : bool
         Do not warn of an open tree that looks as if it had loops.
+    passive : bool
+        Whether damping and friction of the URDF act.
 
     Returns
     -------
@@ -66,14 +70,22 @@ def read(
                 ModelWarning,
                 stacklevel=4,
             )
-        return model, _completed(Sidecar.serial(model), found)
+        return model, _acting(model, _completed(Sidecar.serial(model), found), passive)
     if sidecar.joints:
         model = with_types(model, sidecar.joints, "sidecar")
-    return model, replace(
+    whole = replace(
         sidecar,
         closures=(*sidecar.closures, *found.closures),
         couplings=(*sidecar.couplings, *_new(found, sidecar)),
     )
+    return model, _acting(model, whole, passive)
+
+
+def _acting(model: pin.Model, sidecar: Sidecar, passive: bool) -> Sidecar:
+    """Return a sidecar with what acts in the joints; rotors go to the tree."""
+    said = {entry.joint for entry in sidecar.joint_data}
+    more = [entry for entry in losses_of(model) if entry.joint not in said] if passive else []
+    return replace(sidecar, joint_data=(*with_armature(model, sidecar.joint_data), *more))
 
 
 def _completed(serial: Sidecar, found: Declared) -> Sidecar:

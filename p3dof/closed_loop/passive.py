@@ -1,0 +1,143 @@
+"""Springs, damping and friction in the joints of a tree: forces, energy and power, of one state or many."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from p3dof.checks import FloatArray, shown
+from p3dof.closed_loop.joint_data import JointData
+from p3dof.closed_loop.joints import joint_named
+from p3dof.errors import ModelError
+
+SMOOTHING = 1e-3
+"""Speed over which Coulomb friction changes its sign [m/s or rad/s]: that of `p3dof.Friction`."""
+
+
+class Passive:
+    """What acts in the joints of a tree by itself.
+
+    Parameters
+    ----------
+    model : pin.Model
+        The tree.
+    entries : sequence of JointData
+        What acts where.
+
+    Raises
+    ------
+    ModelError
+        If a joint does not exist, a spring is in one with several freedoms, or an entry has an armature,
+        which belongs to the tree.
+    """
+
+    def __init__(self, model: pin.Model, entries: Sequence[JointData]) -> None:
+        self._nv = int(model.nv)
+        self._any = bool(entries)
+        self._damping, self._friction = np.zeros((2, model.nv))
+        springs = []
+        for entry in entries:
+            joint = joint_named(model, entry.joint, "joint data")
+            if entry.armature:
+                raise ModelError(
+                    f"joint data of {shown(entry.joint)}: armature: it belongs to the tree, model.armature"
+                )
+            span = slice(model.idx_vs[joint], model.idx_vs[joint] + model.nvs[joint])
+            self._damping[span], self._friction[span] = entry.damping, entry.friction
+            if entry.stiffness:
+                if model.nvs[joint] != 1:
+                    raise ModelError(
+                        f"joint data of {shown(entry.joint)}: stiffness: only a joint with one degree of "
+                        f"freedom can have a spring, it has {model.nvs[joint]}"
+                    )
+                places = model.idx_qs[joint], model.idx_vs[joint], model.nqs[joint] == 2
+                springs.append((*places, entry.stiffness, entry.rest))
+        columns = np.array(springs, dtype=float).reshape(-1, 5).T
+        self._q, self._v = columns[:2].astype(int)
+        self._circles = np.flatnonzero(columns[2])
+        self._stiffness, self._rest = columns[3:]
+
+    def __bool__(self) -> bool:
+        return self._any
+
+    def forces(self, q: FloatArray, v: FloatArray) -> FloatArray:
+        """Return the generalised forces (..., nv) at configurations (..., nq) and velocities (..., nv)."""
+        found: FloatArray = -self._damping * v - self._friction * np.tanh(v / SMOOTHING)
+        if len(self._q):
+            found[..., self._v] -= self._stiffness * self._stretch(q)
+        return found
+
+    def energy(self, q: FloatArray) -> FloatArray:
+        """Return the energy in the springs (...) [J]."""
+        return np.asarray(np.sum(self._stiffness * self._stretch(q) ** 2, axis=-1) / 2)
+
+    def power(self, q: FloatArray, v: FloatArray) -> FloatArray:
+        """Return how fast the springs take up energy (...) [W]."""
+        return np.asarray(np.sum(self._stiffness * self._stretch(q) * v[..., self._v], axis=-1))
+
+    def dissipation(self, v: FloatArray) -> FloatArray:
+        """Return what damping and friction take (...) [W]."""
+        lost = self._damping * v**2 + self._friction * v * np.tanh(v / SMOOTHING)
+        return np.asarray(np.sum(lost, axis=-1))
+
+    def _stretch(self, q: FloatArray) -> FloatArray:
+        """Return how far the joints with springs are from rest (..., n)."""
+        values = q[..., self._q] - self._rest
+        if len(self._circles):
+            at = self._q[self._circles]
+            angle = np.arctan2(q[..., at + 1], q[..., at]) - self._rest[self._circles]
+            values[..., self._circles] = np.arctan2(np.sin(angle), np.cos(angle))
+        return np.asarray(values)
+
+
+def with_armature(model: pin.Model, entries: Sequence[JointData]) -> tuple[JointData, ...]:
+    """Give a tree the rotors of its joints, and return what is left to act in them.
+
+    Parameters
+    ----------
+    model : pin.Model
+        The tree, which changes.
+    entries : sequence of JointData
+        What a file says of its joints.
+
+    Returns
+    -------
+    tuple of JointData
+
+    Raises
+    ------
+    ModelError
+        If a joint does not exist.
+    """
+    armature = np.array(model.armature)
+    left = []
+    for entry in entries:
+        joint = joint_named(model, entry.joint, "joint data")
+        if entry.armature:
+            armature[model.idx_vs[joint] : model.idx_vs[joint] + model.nvs[joint]] = entry.armature
+        left.append(JointData(entry.joint, entry.stiffness, entry.rest, entry.damping, entry.friction))
+    model.armature = armature
+    return tuple(entry for entry in left if entry)
+
+
+def losses_of(model: pin.Model) -> tuple[JointData, ...]:
+    """Return the damping and the friction that the file of a tree gives to its joints.
+
+    Parameters
+    ----------
+    model : pin.Model
+        The tree.
+
+    Returns
+    -------
+    tuple of JointData
+    """
+    found = []
+    for i in range(1, model.njoints):
+        if model.nvs[i]:
+            at = model.idx_vs[i]
+            losses = max(0.0, float(model.damping[at])), max(0.0, float(model.upperDryFrictionLimit[at]))
+            found.append(JointData(str(model.names[i]), damping=losses[0], friction=losses[1]))
+    return tuple(entry for entry in found if entry)
