@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property, partial
+from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -13,9 +14,12 @@ import pinocchio as pin
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.closures import LoopKinematics, max_abs
 from p3dof.closed_loop.linear import Decomposition
-from p3dof.closed_loop.solver import Path, System, follow, least_squares
+from p3dof.closed_loop.solver import Path, Point, System, follow, least_squares
 from p3dof.closed_loop.targets import ChartTarget, NoTarget, Target
+from p3dof.closed_loop.trust import Limits, levenberg_marquardt
 from p3dof.errors import AssemblyError
+
+_Solve: TypeAlias = Callable[[System, FloatArray, float], Path]
 
 TOLERANCE = 1e-12
 """Largest closure and target error of an assembly by default [m or rad]."""
@@ -27,6 +31,8 @@ _SHAKE = 0.3
 """Standard deviation of the random starts of the last resort [m or rad]."""
 _SHAKES = 3
 """How many of them there are."""
+_RESTARTS = 20
+"""How many starts from anywhere there are, where nothing else closes the loops."""
 _SAME = 1e-6
 """Configurations nearer than this are the same [m or rad]."""
 _FEASIBLE = 1e-9
@@ -160,16 +166,8 @@ class Assembler:
         system = System(self.kinematics, target)
         was_open = self.kinematics.at(start).gap > _OPEN
         path, kept = self._solve(system, start, tolerance)
-        q = path.point.q
-        q.setflags(write=False)
-        rank = self.kinematics.at(q).svd.rank if self.kinematics.size else 0
         lost = guess is not None and was_open
-
-        def same() -> bool:
-            found = kept and (not lost or self._on_home(system, q, tolerance))
-            return found and self.generic_rank in (rank, None)
-
-        return Assembly(q, path.point.gap, rank, self.model.nv - rank, path.iterations, Evidence(same))
+        return self._found(path, lambda q: kept and (not lost or self._on_home(system, q)))
 
     @cached_property
     def _home(self) -> Path:
@@ -222,19 +220,135 @@ class Assembler:
             return path, True
         best = least_squares(system, path.point.q, tolerance)
         count = path.iterations + best.iterations
-        # A stretched chain is a saddle of the residual: Newton sees no way out of it, its neighbours do.
-        shakes = 0 if path.moved else _SHAKES
-        shifts = np.random.default_rng(0).normal(scale=_SHAKE, size=(shakes, self.model.nv))
-        for origin in (start, *(pin.integrate(self.model, start, shift) for shift in shifts)):
+        for solve, origin in self._attempts(system, start, path.moved):
             if best.complete:
                 break
-            other = least_squares(system, origin, tolerance)
+            other = solve(system, origin, tolerance)
             count += other.iterations
             best = min(best, other, key=lambda found: found.point.gap)
         moved = max_abs(pin.difference(self.model, path.point.q, best.point.q))
         return Path(best.point, best.complete, count), moved < _NEAR and path.point.same_branch(best.point)
 
-    def _on_home(self, system: System, q: FloatArray, tolerance: float) -> bool:
+    def _attempts(
+        self, system: System, start: FloatArray, moved: bool
+    ) -> Iterator[tuple[_Solve, FloatArray]]:
+        """Return methods and where to start them, from near to far; random starts are always the same."""
+        yield least_squares, start
+        # A stretched chain is a saddle of the residual: Newton sees no way out of it, its neighbours do.
+        shifts = np.random.default_rng(0).normal(scale=_SHAKE, size=(0 if moved else _SHAKES, self.model.nv))
+        yield from ((least_squares, pin.integrate(self.model, start, shift)) for shift in shifts)
+        yield levenberg_marquardt, start
+        if not system.target.size:
+            generator, limits = np.random.default_rng(0), Limits(self.model)
+            for _ in range(_RESTARTS):
+                yield levenberg_marquardt, limits.random(self.model, start, generator)
+
+    def within_limits(self, target: Target, guess: FloatArray | None, tolerance: float) -> Assembly:
+        """Close the loops at a target with all joints within their limits.
+
+        Parameters
+        ----------
+        target : Target
+            The target.
+        guess : (nq,) array, optional
+            Where to start; the reference configuration by default.
+        tolerance : float
+            Largest closure and target error that counts as closed [m or rad].
+
+        Returns
+        -------
+        Assembly
+
+        Raises
+        ------
+        AssemblyError
+            If the loops cannot be closed so.
+        """
+        found, limits = self.assemble(target, guess, tolerance), Limits(self.model)
+        if not limits.beyond(found.q):
+            return found
+        system, count = System(self.kinematics, target), found.iterations
+        start, generator = self.reference if guess is None else guess, np.random.default_rng(0)
+        far = (limits.random(self.model, start, generator) for _ in range(_RESTARTS))
+        best: Path | None = None
+        for origin in (found.q, start, *far):
+            path = levenberg_marquardt(system, origin, tolerance, limits)
+            count += path.iterations
+            best = path if best is None or path.point.gap < best.point.gap else best
+            if best.complete:
+                return self._found(Path(best.point, True, count), lambda q: self._on_home(system, q))
+        gap = best.point.gap if best else np.inf
+        raise AssemblyError(
+            f"the loops close{' at the target' if target.size else ''} beyond the limits of joints only: "
+            f"{limits.told(found.q)}; within them {gap:.3g} m or rad is left",
+            gap,
+        )
+
+    def modes(self, target: Target, starts: int, seed: int, within: bool) -> tuple[Assembly, ...]:
+        """Find all configurations that close the loops at a target, from random starts.
+
+        Parameters
+        ----------
+        target : Target
+            The target.
+        starts : int
+            How many there are.
+        seed : int
+            Of the random numbers.
+        within : bool
+            Whether joints have to stay within their limits.
+
+        Returns
+        -------
+        tuple of Assembly
+            That nearest to the reference configuration first.
+
+        Raises
+        ------
+        AssemblyError
+            If there is none, or closures and target leave free motions.
+        """
+        system, generator, limits = (
+            System(self.kinematics, target),
+            np.random.default_rng(seed),
+            Limits(self.model),
+        )
+        found: list[tuple[float, Assembly]] = []
+        best: Path | None = None
+        for k in range(starts):
+            origin = self.reference if k == 0 else limits.random(self.model, self.reference, generator)
+            path = levenberg_marquardt(system, origin, TOLERANCE, limits if within else None)
+            best = path if best is None or path.point.gap < best.point.gap else best
+            apart = [np.linalg.norm(limits.apart(self.model, one.q, path.point.q)) for _, one in found]
+            if not path.complete or min(apart, default=np.inf) < _SAME:
+                continue
+            self._check_determined(path.point)
+            away = float(np.linalg.norm(limits.apart(self.model, self.reference, path.point.q)))
+            found.append((away, self._found(path, lambda q: self._on_home(system, q))))
+        if not found and best is not None:
+            raise self._failure(best, system)
+        return tuple(one for _, one in sorted(found, key=lambda item: item[0]))
+
+    def _check_determined(self, point: Point) -> None:
+        free = self.model.nv - Decomposition.of(point.J, point.rank_tolerance).rank
+        if free:
+            raise AssemblyError(
+                f"the target leaves {free} free motions, so that there are no single configurations to count",
+                point.gap,
+            )
+
+    def _found(self, path: Path, kept: Callable[[FloatArray], bool]) -> Assembly:
+        """Return a result whose evidence is still to be found."""
+        q = path.point.q
+        q.setflags(write=False)
+        rank = self.kinematics.at(q).svd.rank if self.kinematics.size else 0
+
+        def same() -> bool:
+            return kept(q) and self.generic_rank in (rank, None)
+
+        return Assembly(q, path.point.gap, rank, self.model.nv - rank, path.iterations, Evidence(same))
+
+    def _on_home(self, system: System, q: FloatArray, tolerance: float = TOLERANCE) -> bool:
         """Whether a path leads from the reference configuration's assembly to a configuration."""
         if not self._home.complete:
             return False

@@ -29,6 +29,7 @@ from p3dof.closed_loop.targets import (
     NoTarget,
     Target,
 )
+from p3dof.closed_loop.trust import Limits
 from p3dof.closed_loop.units import ScaledModel, scaled
 from p3dof.errors import InputError, ModelError
 
@@ -309,7 +310,11 @@ class LoopModel:
         return int(self.model.nv) - self.rank(q)
 
     def assemble(
-        self, target: TargetLike = None, guess: ArrayLike | None = None, tolerance: float = TOLERANCE
+        self,
+        target: TargetLike = None,
+        guess: ArrayLike | None = None,
+        tolerance: float = TOLERANCE,
+        within_limits: bool = False,
     ) -> Assembly:
         """Find the configuration that closes the loops at a target, on the assembly of the guess.
 
@@ -326,6 +331,9 @@ class LoopModel:
         tolerance : float
             Largest closure and target error that counts as closed [m or rad]. The iteration goes on to
             round-off whatever it is.
+        within_limits : bool
+            Whether hinges and slides have to stay within the limits that the tree's model has for them, which
+            may lead to another assembly; else `beyond_limits` tells who does not.
 
         Returns
         -------
@@ -334,15 +342,61 @@ class LoopModel:
         Raises
         ------
         AssemblyError
-            If the loops cannot be closed at the target; it carries the gap that is left.
+            If the loops cannot be closed at the target, or only beyond the limits; it carries the gap that is
+            left.
         InputError
             If an argument has the wrong shape, is not finite, or names a frame that does not exist.
         """
         start = None if guess is None else self._configuration("guess", guess)
         bound, tolerance = self._target(target), positive("tolerance", tolerance, InputError)
         if self._scaled is not None:
-            return self._scaled.assemble(_goal(target), start, tolerance)
-        return self._assembler.assemble(bound, start, tolerance)
+            return self._scaled.assemble(_goal(target), start, tolerance, within_limits)
+        find = self._assembler.within_limits if within_limits else self._assembler.assemble
+        return find(bound, start, tolerance)
+
+    def assembly_modes(
+        self, target: TargetLike, starts: int = 64, seed: int = 0, within_limits: bool = False
+    ) -> tuple[Assembly, ...]:
+        """Find all configurations that close the loops at a target, from random starts.
+
+        That none is missing cannot be known; more starts find more. Whole turns of a joint make no other
+        mode.
+
+        Parameters
+        ----------
+        target : FrameTarget, (n_actuated,) array, mapping of str to float, or a list of these
+            As in `assemble`; it must determine every joint, together with the closures.
+        starts : int
+            How many starts there are; the first one is the reference configuration.
+        seed : int
+            Of the random starts.
+        within_limits : bool
+            As in `assemble`.
+
+        Returns
+        -------
+        tuple of Assembly
+            That nearest to the reference configuration first; `same_assembly` tells which are on its
+            assembly.
+
+        Raises
+        ------
+        AssemblyError
+            If the loops cannot be closed at the target, or there are free motions left.
+        InputError
+            If an argument has the wrong shape, is not finite, or names a frame that does not exist.
+        """
+        bound, starts, seed = self._target(target), _whole("starts", starts, 1), _whole("seed", seed, 0)
+        if self._scaled is not None:
+            return self._scaled.assembly_modes(_goal(target), starts, seed, within_limits)
+        return self._assembler.modes(bound, starts, seed, within_limits)
+
+    def beyond_limits(self, q: ArrayLike) -> dict[str, float]:
+        """Return which hinges and slides are beyond their limits at `q` (nq,), and by how much [m or rad].
+
+        Below the lower limit it is negative.
+        """
+        return Limits(self.model).beyond(self._configuration("q", q))
 
     def complete(
         self, target: TargetLike, velocity: ArrayLike, acceleration: ArrayLike, guess: ArrayLike | None = None
@@ -660,6 +714,12 @@ def _are_several(target: TargetLike) -> TypeGuard[Sequence[OneTarget]]:
     return isinstance(target, list | tuple) and any(
         isinstance(part, FrameTarget | Mapping) for part in target
     )
+
+
+def _whole(name: str, value: int, least: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
+        raise InputError(f"{name}: expected a whole number of at least {least}, got {shown(value)}")
+    return int(value)
 
 
 def _goal(target: TargetLike) -> Any:

@@ -82,6 +82,9 @@ class Units:
             body = model.inertias[i]
             copy.inertias[i] = pin.Inertia(body.mass, body.lever / u, body.inertia / u**2)
         copy.gravity.linear = model.gravity.linear / u
+        with np.errstate(over="ignore"):  # where there is no limit
+            for name in ("lowerPositionLimit", "upperPositionLimit"):
+                setattr(copy, name, np.asarray(getattr(model, name)) / self.motion(self.q))
         copy.armature = np.asarray(model.armature) / np.where(self.v, 1.0, u**2)
 
     def sidecar(self, model: pin.Model, sidecar: Sidecar) -> Sidecar:
@@ -132,8 +135,13 @@ class Core(Protocol):
     model: Any
     actuated_v: Any
 
-    def assemble(self, target: Any, guess: Any, tolerance: float, /) -> Assembly:
+    def assemble(self, target: Any, guess: Any, tolerance: float, within_limits: bool, /) -> Assembly:
         """Close the loops."""
+
+    def assembly_modes(
+        self, target: Any, starts: int, seed: int, within_limits: bool, /
+    ) -> tuple[Assembly, ...]:
+        """Close the loops in all ways."""
 
     def complete(self, target: Any, velocity: Any, acceleration: Any, guess: Any, /) -> State:
         """Find the motion of the whole tree."""
@@ -215,11 +223,26 @@ class ScaledModel(Generic[CoreT_co]):
         """Return the matrices (..., n, size) from a target's speed to that of some joints, in SI units."""
         return J * self.units.motion(lengths)[:, None] / target
 
-    def assemble(self, target: Any, guess: FloatArray | None, tolerance: float) -> Assembly:
+    def assemble(
+        self, target: Any, guess: FloatArray | None, tolerance: float, within_limits: bool
+    ) -> Assembly:
         """`LoopModel.assemble`."""
         goal, _ = self.target(target)
         with self.in_words():
-            found = self.core.assemble(goal, None if guess is None else self.q(guess), tolerance)
+            begin = None if guess is None else self.q(guess)
+            found = self.core.assemble(goal, begin, tolerance, within_limits)
+        return self._assembly(found)
+
+    def assembly_modes(
+        self, target: Any, starts: int, seed: int, within_limits: bool
+    ) -> tuple[Assembly, ...]:
+        """`LoopModel.assembly_modes`."""
+        goal, _ = self.target(target)
+        with self.in_words():
+            found = self.core.assembly_modes(goal, starts, seed, within_limits)
+        return tuple(self._assembly(one) for one in found)
+
+    def _assembly(self, found: Assembly) -> Assembly:
         return replace(found, q=self._out(found.q, self.units.q), gap=found.gap * self._u)
 
     def complete(
