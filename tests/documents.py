@@ -47,6 +47,7 @@ def commands(page: Path) -> list[str]:
 def run(page: Path, folder: Path) -> dict[str, object]:
     """Run a page in a folder that is the working directory; return the names of its Python session."""
     shutil.copytree(ROOT / "urdf", folder / "urdf")
+    shutil.copytree(ROOT / "docs/_static/gallery", folder / "gallery")
     (folder / "out").mkdir()
     session: dict[str, object] = {}
     for block in blocks(page):
