@@ -305,7 +305,14 @@ def endless():
     return ClosedLoopModel.from_urdf(text, robots.FOUR_BAR_SIDECAR)
 
 
-@pytest.mark.parametrize("make", [hexapod, geared, odd_axes, endless])
+def rotors():
+    """Bodies without mass that have inertia, as rotors in public files do."""
+    loop = geared()
+    loop.model.inertias[2] = pin.Inertia(0.0, np.zeros(3), np.diag([1e-4, 2e-4, 2e-4]))
+    return loop
+
+
+@pytest.mark.parametrize("make", [hexapod, geared, odd_axes, endless, rotors])
 def test_a_robot_that_is_written_is_the_same_robot_when_it_is_read(make):
     pin.seed(3)
     one = make()

@@ -105,7 +105,7 @@ class _Writer:
     def _link(self, name: str, body: Any = None) -> None:
         self._taken.add(name)
         link = Xml.SubElement(self._root, "link", name=name)
-        if body is None or body.mass == 0:
+        if body is None or not (body.mass or np.any(body.inertia)):
             return
         inertial = Xml.SubElement(link, "inertial")
         Xml.SubElement(inertial, "origin", xyz=_numbers(body.lever), rpy="0 0 0")
