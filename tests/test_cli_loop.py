@@ -127,6 +127,20 @@ def test_forces_are_those_of_the_package(capsys, tmp_path, five_bar, motion):
         assert f"{rms:.4f}" in out
 
 
+def test_a_robot_without_joints_is_told_in_one_line(capsys, tmp_path):
+    path = tmp_path / "stone.urdf"
+    path.write_text('<robot name="stone"><link name="stone"/></robot>')
+    (tmp_path / "m.csv").write_text("t\n0\n")
+    assert loop(capsys, "info", path)[0] == 0
+    assert loop(capsys, "assemble", path)[0] == 0
+    for arguments, words in (
+        (("simulate", path), "loop: expected a robot with joints, this one has none"),
+        (("forces", path, "--motion", tmp_path / "m.csv"), "the robot has no actuated joints"),
+    ):
+        code, _, err = loop(capsys, *arguments)
+        assert (code, err) == (2, f"p3dof: error: {words}\n")
+
+
 def test_a_motion_that_the_robot_cannot_make(capsys, tmp_path):
     urdf, path = tmp_path / "short.urdf", tmp_path / "far.csv"
     urdf.write_text(robots.four_bar(0.5, 0.45, 0.3, 0.35))
@@ -368,3 +382,23 @@ def test_show_writes_a_page_with_every_joint(capsys, tmp_path, five_bar, motion)
     assert "<html" in (tmp_path / "page.html").read_text(encoding="utf-8")
     code, _, _ = loop(capsys, "show", five_bar, "--set", "left_joint=1.9", "--out", tmp_path / "still.html")
     assert code == 0
+
+
+def test_rods_of_a_robot_reach_from_joint_to_joint_and_meet_where_loops_close():
+    pytest.importorskip("coal", reason="coal is not installed")
+    from p3dof.viewer.sticks import StickFigure
+
+    model = ClosedLoopModel.from_urdf(robots.five_bar(), robots.FIVE_BAR_SIDECAR)
+    figure, q = StickFigure(model), robots.five_bar_q(1.9, 1.2)
+    data, shapes = model.model.createData(), figure.visual_model.createData()
+    pin.updateGeometryPlacements(model.model, data, figure.visual_model, shapes, q)
+    ends = {}
+    for solid, place in zip(figure.visual_model.geometryObjects, shapes.oMg, strict=True):
+        if "_rod_" in solid.name:
+            half = np.array([0, 0, solid.geometry.halfLength])
+            ends[solid.name] = place.act(-half), place.act(half)
+    assert len(ends) == 4
+    for side in ("left", "right"):
+        near, far = ends[f"{side}_joint_rod_0"], ends[f"{side}_elbow_rod_0"]
+        np.testing.assert_allclose(near[1], far[0], atol=1e-12)
+    np.testing.assert_allclose(ends["left_elbow_rod_0"][1], ends["right_elbow_rod_0"][1], atol=1e-9)

@@ -181,6 +181,8 @@ def simulate_robot(
     """
     if not isinstance(loop, ClosedLoopModel):
         raise InputError(f"loop: expected a ClosedLoopModel, got {shown(loop)}")
+    if not loop.model.nv:
+        raise InputError("loop: expected a robot with joints, this one has none")
     if not isinstance(integration, Integration):
         raise InputError(f"integration: expected Integration(...), got {shown(integration)}")
     times = evenly(0.0, positive("duration", duration, InputError), sample_count(samples, least=2))
