@@ -464,3 +464,27 @@ def test_bad_prescriptions_of_a_batch_are_refused(prescribed, message):
     q, v = many(loop, 2, standing(loop))
     with pytest.raises(InputError, match=message):
         loop.hybrid_dynamics_batch(q, v, prescribed)
+
+
+def test_inverse_dynamics_of_many_samples_is_done_by_arrays_with_idle_freedoms_too(monkeypatch):
+    """Motions whose idle freedoms move as they must have forces; one that does not is refused alone."""
+    loop, count = biped(), 20
+    q, v = many(loop, count, standing(loop))
+    found = loop.hybrid_dynamics_batch(q, v, np.random.default_rng(0).normal(size=(count, 4)))
+    a = found.a.copy()
+    a[7, loop.model.idx_vs[loop.model.getJointId("left_swing")]] += 1.0
+    single, alone = loop.inverse_dynamics, []
+    monkeypatch.setattr(loop, "inverse_dynamics", lambda *args: alone.append(1) or single(*args))
+    forces = loop.inverse_dynamics_batch(q, v, a)
+    assert len(alone) == 1
+    assert set(forces.errors) == {7}
+    assert isinstance(forces.errors[7], DynamicsError)
+    good = np.arange(count) != 7
+    np.testing.assert_allclose(
+        forces.tau[good], found.tau[good], rtol=0, atol=1e-9 * np.nanmax(np.abs(found.tau))
+    )
+    assert np.array_equal(forces.conditioning[good], np.zeros(count - 1))  # as of single samples
+    for i in (0, 3):
+        one = single(q[i], v[i], a[i])
+        np.testing.assert_allclose(forces.tau[i], one.tau, rtol=0, atol=1e-10 * np.abs(one.tau).max())
+        assert one.conditioning == 0.0

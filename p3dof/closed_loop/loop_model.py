@@ -46,6 +46,7 @@ OneTarget: TypeAlias = FrameTarget | ArrayLike | Mapping[str, float]
 """A frame's placement, the values of the actuated joints, or values of joints by name."""
 TargetLike: TypeAlias = OneTarget | Sequence[OneTarget] | None
 """One target, several at once, or nothing but closed loops."""
+_SEQUENCES, _NO_NUMBERS = (list, tuple), (FrameTarget, Mapping)  # checked at every call: no union is made
 External = Mapping[str, ArrayLike]
 """Frame name → wrench (6,): force [N], moment [N m], in world axes at the frame's origin."""
 

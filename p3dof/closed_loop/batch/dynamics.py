@@ -1,6 +1,6 @@
 """Inverse dynamics of many samples at once; see `p3dof.closed_loop.batch.states`.
 
-With as many actuators as freedoms a square system replaces the singular value decompositions of
+With no more actuators than freedoms a square system replaces the singular value decompositions of
 `p3dof.closed_loop.dynamics`: J = [Ja Jp] being the closures' Jacobian by actuated and passive joints, as many
 independent rows as there are passive joints give
 
@@ -31,7 +31,7 @@ from p3dof.closed_loop.batch.linear import (
 )
 from p3dof.closed_loop.closures import LoopKinematics
 from p3dof.closed_loop.coordinates import rounding
-from p3dof.closed_loop.linear import RANK_TOLERANCE
+from p3dof.closed_loop.linear import RANK_TOLERANCE, Decomposition
 from p3dof.closed_loop.loop_model import LoopModel
 from p3dof.closed_loop.rotations import cross
 from p3dof.errors import InputError, P3dofError
@@ -44,6 +44,8 @@ _HELD = 1e-5
 """Least conditioning of the actuation in a batch."""
 TIGHT = 1e-10
 """Largest gap of a configuration in a batch [m or rad]."""
+_NOTHING = 1e-10
+"""Largest force that idle freedoms may need in a batch, relative to those in the equation of motion."""
 _CHOICES = 3
 """How many times the independent rows are chosen before the rest is left to the single samples."""
 
@@ -215,32 +217,48 @@ class BatchDynamics:
         self, J: FloatArray, f: FloatArray, fits: BoolArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
         """Return forces, conditioning and residual by (1), and where they are good."""
-        actuated, passive = self._loop.actuated_v, self._passive
+        actuated = self._loop.actuated_v
         tau, good = np.empty((len(f), len(actuated))), np.zeros(len(f), dtype=bool)
         conditioning, residual = np.empty((2, len(f)))
         for _ in range(_CHOICES):
             todo = np.flatnonzero(fits & ~good)
             if not len(todo):
                 break
-            rows = independent_rows(J[todo[0]][:, passive], len(passive))
-            if len(rows) < len(passive):
+            rows, passive, idle = self._choice(J[todo[0]])
+            if len(rows) < len(passive) or len(passive) + len(idle) < len(self._passive):
                 break
-            Ja, Jp = J[todo][:, rows][:, :, actuated], J[todo][:, rows][:, :, passive]
+            free = np.concatenate((actuated, idle))
+            Jf, Jp = J[todo][:, rows][:, :, free], J[todo][:, rows][:, :, passive]
             with np.errstate(all="ignore"):
                 K = inverse(Jp)
                 lambda_ = apply(np.swapaxes(K, -1, -2), f[todo][:, passive])
-                N = np.zeros((len(todo), J.shape[2], len(actuated)))
-                N[:, actuated], N[:, passive] = np.eye(len(actuated)), -K @ Ja
+                N = np.zeros((len(todo), J.shape[2], len(free)))
+                N[:, free], N[:, passive] = np.eye(len(free)), -K @ Jf
                 well = (norms(Jp) * norms(K) <= WELL) & redundant(J[todo], N)
             N[~well] = 0.0
-            # The rows of the actuated joints are those of 1, so that the orthonormal ones are (NᵀN)^(-1/2).
+            # The rows of the free joints are those of 1, so that the orthonormal ones are (NᵀN)^(-1/2).
             longest = np.linalg.eigvalsh(np.swapaxes(N, -1, -2) @ N).max(axis=1, initial=1.0)
             held = 1.0 / np.sqrt(longest)
             well &= held >= _HELD
             left = f[todo][:, passive] - apply(np.swapaxes(Jp, -1, -2), lambda_)
-            tau[todo] = f[todo][:, actuated] - apply(np.swapaxes(Ja, -1, -2), lambda_)
-            conditioning[todo], residual[todo], good[todo] = held, largest(left), well
+            acting, missing = np.split(
+                f[todo][:, free] - apply(np.swapaxes(Jf, -1, -2), lambda_), [len(actuated)], axis=1
+            )
+            well &= largest(missing) <= _NOTHING * largest(f[todo])  # idle freedoms move as they must
+            tau[todo], conditioning[todo] = acting, held if not len(idle) else 0.0
+            residual[todo], good[todo] = np.maximum(largest(left), largest(missing)), well
         return tau, conditioning, residual, good
+
+    def _choice(self, J: FloatArray) -> tuple[IndexArray, IndexArray, IndexArray]:
+        """Return independent rows, the joints that follow by these, and the idle ones."""
+        passive = self._passive
+        rows = independent_rows(J[:, passive], len(passive))
+        if len(rows) == len(passive):
+            return rows, passive, passive[:0]
+        rank = Decomposition.of(J).rank
+        rows = independent_rows(J, rank)
+        chosen = passive[independent_rows(J[rows][:, passive].T, rank)]
+        return rows[: rank if len(chosen) == rank else 0], chosen, np.setdiff1d(passive, chosen)
 
 
 def generalised(
