@@ -2,27 +2,61 @@
 
 The header is ``t`` and the names of the joints, in any order; a unit in brackets may follow each, as in
 ``crank [deg]``; without one the column is in s, m or rad. Blank lines and lines that begin with ``#`` are
-skipped.
+skipped. The values are points of a curve, as the poses of the manipulator's motion files are.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from p3dof.checks import FloatArray
 from p3dof.errors import MotionError
 from p3dof.motion.csv_files import ANGLES, LENGTHS, Form, header_of, parse
-from p3dof.motion.splines import derivatives
+from p3dof.motion.splines import ORDER, interpolating
 
 
-def read_joints(
-    text: str, source: str, joints: Sequence[str], sliding: Sequence[bool]
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+@dataclass(frozen=True, eq=False)
+class JointCurve:
+    """The spline of degree 7 through values of joints; through fewer than nine, the polynomial.
+
+    Parameters
+    ----------
+    time : (N,) array
+        Strictly rising times [s].
+    values : (N, n) array
+        Values of the joints [m or rad].
+    """
+
+    time: FloatArray
+    values: FloatArray
+
+    def at(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return values, velocities and accelerations (M, n) at times between the first and the last."""
+        if len(self.time) == 1:
+            nothing = np.zeros((len(times), self.values.shape[1]))
+            return self.values[np.zeros(len(times), dtype=int)], nothing, nothing
+        spline, unit = self._spline
+        local = (times - self.time[0]) / unit
+        values, velocities, accelerations = (np.asarray(spline(local, n)) / unit**n for n in range(3))
+        return values, velocities, accelerations
+
+    def divided(self, parts: int) -> FloatArray:
+        """Return the times with every step between two of them divided into equal parts."""
+        inner = self.time[:-1, None] + np.diff(self.time)[:, None] * np.arange(parts) / parts
+        return np.append(inner.ravel(), self.time[-1])
+
+    @cached_property
+    def _spline(self) -> tuple[Any, float]:
+        return interpolating(self.time, self.values, ORDER)
+
+
+def read_joints(text: str, source: str, joints: Sequence[str], sliding: Sequence[bool]) -> JointCurve:
     """Read the motion of some joints from CSV text.
-
-    Velocities and accelerations are those of the spline of degree 7 through the values.
 
     Parameters
     ----------
@@ -37,10 +71,8 @@ def read_joints(
 
     Returns
     -------
-    time : (N,) array
-        Times [s].
-    values, velocities, accelerations : (N, n) array
-        Of the joints, in the order of `joints` [m or rad].
+    JointCurve
+        Of the joints, in the order of `joints`.
 
     Raises
     ------
@@ -58,11 +90,8 @@ def read_joints(
     form = Form("a motion of joints", tuple(named), (len(named),), units)
     time, values = parse(text, source, form)
     values = np.ascontiguousarray(values[:, order])
-    if len(time) == 1:
-        nothing = np.zeros_like(values)
-        return time, values, nothing, nothing
-    velocities, accelerations = derivatives(time, values, 2)
-    for name, array in (("velocity", velocities), ("acceleration", accelerations)):
+    curve = JointCurve(time, values)
+    for name, array in zip(("value", "velocity", "acceleration"), curve.at(time), strict=True):
         if not np.isfinite(array).all():
             raise MotionError(f"{source}: the values are too large or too near in time: no finite {name}")
-    return time, values, velocities, accelerations
+    return curve

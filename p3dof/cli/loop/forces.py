@@ -9,6 +9,7 @@ import click
 from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, source, write_results
 from p3dof.cli.loop.group import loop, with_robot
 from p3dof.cli.loop.motion import Forces, forces_along
+from p3dof.cli.options import Whole
 from p3dof.cli.output import print_plain, show
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.closed_loop.tables import actuators_table
@@ -27,20 +28,30 @@ MOTION = click.option(
 @with_robot
 @MOTION
 @click.option(
+    "--samples",
+    type=Whole(2, 100_000),
+    help="Samples of the curve through the values of the file; as many as peaks need, without it.",
+)
+@click.option(
     "--out",
     type=OutputFile("table", stream=True),
     help="CSV file, - for the standard output, for joints and forces at all samples.",
 )
-def forces(robot: ClosedLoopModel, inputs: list[Path], motion_file: Path, out: Path | None) -> int:
+def forces(
+    robot: ClosedLoopModel, inputs: list[Path], motion_file: Path, samples: int | None, out: Path | None
+) -> int:
     """Compute the forces of the actuated joints over a motion: peaks on the screen, all samples in a file.
 
     Exit code 1 when the robot cannot make the motion.
     """
     protect([*inputs, motion_file], [out])
-    found: Forces = forces_along(robot, source(motion_file))
+    found: Forces = forces_along(robot, source(motion_file), samples)
     written = write_results(found.to_csv, out)
     console = console_beside(out)
     show(console, actuators_table(robot, found.time, found.tau, found.v))
+    for remark in found.remarks:
+        print_plain(console, remark)
+    print_plain(console, f"{len(found.time)} samples of the curve through the values of the file.")
     print_plain(console, f"Largest gap {found.gap:.1e} m or rad, residual {found.residual:.1e} N or N m.")
     for path in written:
         print_plain(console, f"wrote {path}")
