@@ -58,6 +58,7 @@ TESTS = {
     "p3dof/closed_loop/energy.py": CLOSED,
     "p3dof/closed_loop/hybrid.py": ("hybrid_dynamics",),
     "p3dof/closed_loop/batch/hybrid.py": ("hybrid_dynamics",),
+    "p3dof/closed_loop/modes.py": ("assembly_far",),
     "p3dof/closed_loop/trust.py": ("assembly_far",),
     "p3dof/closed_loop/linear.py": CLOSED,
     "p3dof/closed_loop/configuration_rates.py": ("any_robot",),

@@ -194,3 +194,21 @@ def test_limits_and_modes_of_machines_of_any_size(s):
     slide = held.q[model.idx_qs[model.getJointId("slide_2")]]
     assert slide <= 0.6 * s * (1 + 1e-12)
     assert np.abs(other.closure_error(held.q)).max() < 1e-11 * max(1.0, s)
+
+
+def test_turns_of_geared_joints_are_other_modes():
+    """A hinge that follows another one at half its speed has another angle after each of its turns."""
+    xml = robots.robot(
+        robots.link("base"),
+        robots.link("one", robots.ROD),
+        robots.link("two", robots.BAR),
+        robots.joint("a", "base", "one"),
+        robots.joint("b", "base", "two"),
+    )
+    place = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.6, 0.0), np.zeros(3))
+    target = FrameTarget("one", place, [False, False, False, False, True, False])
+    loop = ClosedLoopModel.from_urdf(xml, Sidecar((), ("a",), (p3dof.Coupling("b", "a", (0.0, 0.5)),)))
+    values = [mode.q for mode in loop.assembly_modes(target)]
+    np.testing.assert_allclose([q[1] for q in values], [q[0] / 2 for q in values], rtol=0, atol=1e-12)
+    turns = sorted({round((q[0] - 0.6) / (2 * np.pi)) for q in values})
+    assert len(turns) == len(values) == 2

@@ -117,8 +117,8 @@ def test_bad_targets_are_refused(target, message):
 def test_evidence_is_found_out_when_asked_for_and_once(monkeypatch):
     loop = ClosedLoopModel.from_urdf(robots.five_bar(), robots.FIVE_BAR_SIDECAR)
     asked = []
-    found = Assembler._on_home
-    monkeypatch.setattr(Assembler, "_on_home", lambda *args: asked.append(1) or found(*args))
+    found = Assembler.on_home
+    monkeypatch.setattr(Assembler, "on_home", lambda *args: asked.append(1) or found(*args))
     loop.model.gravity.linear = np.zeros(3)
     near = robots.five_bar_q(2.0, 1.2) + 0.01 * np.array([1.0, -2.0, 3.0, 1.0])
     result = loop.assemble(None, near)

@@ -14,7 +14,7 @@ import pinocchio as pin
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.closures import LoopKinematics, max_abs
 from p3dof.closed_loop.linear import Decomposition
-from p3dof.closed_loop.solver import Path, Point, System, follow, least_squares
+from p3dof.closed_loop.solver import Path, System, follow, least_squares
 from p3dof.closed_loop.targets import ChartTarget, NoTarget, Target
 from p3dof.closed_loop.trust import Limits, levenberg_marquardt
 from p3dof.errors import AssemblyError
@@ -31,9 +31,9 @@ _SHAKE = 0.3
 """Standard deviation of the random starts of the last resort [m or rad]."""
 _SHAKES = 3
 """How many of them there are."""
-_RESTARTS = 20
+RESTARTS = 20
 """How many starts from anywhere there are, where nothing else closes the loops."""
-_SAME = 1e-6
+SAME = 1e-6
 """Configurations nearer than this are the same [m or rad]."""
 _FEASIBLE = 1e-9
 """Largest relative error of the velocity and acceleration that are asked for."""
@@ -167,7 +167,7 @@ class Assembler:
         was_open = self.kinematics.at(start).gap > _OPEN
         path, kept = self._solve(system, start, tolerance)
         lost = guess is not None and was_open
-        return self._found(path, lambda q: kept and (not lost or self._on_home(system, q)))
+        return self.found(path, lambda q: kept and (not lost or self.on_home(system, q)))
 
     @cached_property
     def _home(self) -> Path:
@@ -203,14 +203,14 @@ class Assembler:
             closed, kept = self._close(self._loops, start, tolerance)
             count = closed.iterations
             if not closed.complete:
-                raise self._failure(closed, system)
+                raise self.failure(closed, system)
             path, kept_too = self._close(system, closed.point.q, tolerance)
             kept = (kept or start is self.reference) and kept_too
         else:
             path, kept = self._close(system, start, tolerance)
             kept = kept or (start is self.reference and not system.target.size)
         if not path.complete:
-            raise self._failure(path, system)
+            raise self.failure(path, system)
         return Path(path.point, True, count + path.iterations), kept
 
     def _close(self, system: System, start: FloatArray, tolerance: float) -> tuple[Path, bool]:
@@ -240,105 +240,23 @@ class Assembler:
         yield levenberg_marquardt, start
         if not system.target.size:
             generator, limits = np.random.default_rng(0), Limits(self.model)
-            for _ in range(_RESTARTS):
+            for _ in range(RESTARTS):
                 yield levenberg_marquardt, limits.random(self.model, start, generator)
 
-    def within_limits(self, target: Target, guess: FloatArray | None, tolerance: float) -> Assembly:
-        """Close the loops at a target with all joints within their limits.
+    def found(self, path: Path, kept: Callable[[FloatArray], bool]) -> Assembly:
+        """Return a result whose evidence is still to be found.
 
         Parameters
         ----------
-        target : Target
-            The target.
-        guess : (nq,) array, optional
-            Where to start; the reference configuration by default.
-        tolerance : float
-            Largest closure and target error that counts as closed [m or rad].
+        path : Path
+            What leads to it.
+        kept : callable
+            Tells of a configuration (nq,) whether its assembly was kept.
 
         Returns
         -------
         Assembly
-
-        Raises
-        ------
-        AssemblyError
-            If the loops cannot be closed so.
         """
-        found, limits = self.assemble(target, guess, tolerance), Limits(self.model)
-        if not limits.beyond(found.q):
-            return found
-        system, count = System(self.kinematics, target), found.iterations
-        start, generator = self.reference if guess is None else guess, np.random.default_rng(0)
-        far = (limits.random(self.model, start, generator) for _ in range(_RESTARTS))
-        best: Path | None = None
-        for origin in (found.q, start, *far):
-            path = levenberg_marquardt(system, origin, tolerance, limits)
-            count += path.iterations
-            best = path if best is None or path.point.gap < best.point.gap else best
-            if best.complete:
-                return self._found(Path(best.point, True, count), lambda q: self._on_home(system, q))
-        gap = best.point.gap if best else np.inf
-        raise AssemblyError(
-            f"the loops close{' at the target' if target.size else ''} beyond the limits of joints only: "
-            f"{limits.told(found.q)}; within them {gap:.3g} m or rad is left",
-            gap,
-        )
-
-    def modes(self, target: Target, starts: int, seed: int, within: bool) -> tuple[Assembly, ...]:
-        """Find all configurations that close the loops at a target, from random starts.
-
-        Parameters
-        ----------
-        target : Target
-            The target.
-        starts : int
-            How many there are.
-        seed : int
-            Of the random numbers.
-        within : bool
-            Whether joints have to stay within their limits.
-
-        Returns
-        -------
-        tuple of Assembly
-            That nearest to the reference configuration first.
-
-        Raises
-        ------
-        AssemblyError
-            If there is none, or closures and target leave free motions.
-        """
-        system, generator, limits = (
-            System(self.kinematics, target),
-            np.random.default_rng(seed),
-            Limits(self.model),
-        )
-        found: list[tuple[float, Assembly]] = []
-        best: Path | None = None
-        for k in range(starts):
-            origin = self.reference if k == 0 else limits.random(self.model, self.reference, generator)
-            path = levenberg_marquardt(system, origin, TOLERANCE, limits if within else None)
-            best = path if best is None or path.point.gap < best.point.gap else best
-            apart = [np.linalg.norm(limits.apart(self.model, one.q, path.point.q)) for _, one in found]
-            if not path.complete or min(apart, default=np.inf) < _SAME:
-                continue
-            self._check_determined(path.point)
-            away = float(np.linalg.norm(limits.apart(self.model, self.reference, path.point.q)))
-            found.append((away, self._found(path, lambda q: self._on_home(system, q))))
-        if not found and best is not None:
-            raise self._failure(best, system)
-        return tuple(one for _, one in sorted(found, key=lambda item: item[0]))
-
-    def _check_determined(self, point: Point) -> None:
-        free = self.model.nv - Decomposition.of(point.J, point.rank_tolerance).rank
-        if free:
-            raise AssemblyError(
-                f"the target leaves {free} free motions, so that there are no single configurations to count",
-                point.gap,
-            )
-
-    def _found(self, path: Path, kept: Callable[[FloatArray], bool]) -> Assembly:
-        """Return a result whose evidence is still to be found."""
         q = path.point.q
         q.setflags(write=False)
         rank = self.kinematics.at(q).svd.rank if self.kinematics.size else 0
@@ -348,8 +266,22 @@ class Assembler:
 
         return Assembly(q, path.point.gap, rank, self.model.nv - rank, path.iterations, Evidence(same))
 
-    def _on_home(self, system: System, q: FloatArray, tolerance: float = TOLERANCE) -> bool:
-        """Whether a path leads from the reference configuration's assembly to a configuration."""
+    def on_home(self, system: System, q: FloatArray, tolerance: float = TOLERANCE) -> bool:
+        """Tell whether a path leads from the reference configuration's assembly to a configuration.
+
+        Parameters
+        ----------
+        system : System
+            What the configuration solves.
+        q : (nq,) array
+            The configuration.
+        tolerance : float
+            As for `assemble`.
+
+        Returns
+        -------
+        bool
+        """
         if not self._home.complete:
             return False
         home = self._home.point
@@ -361,10 +293,11 @@ class Assembler:
             free = Decomposition.of(home.J, closures.rank_tolerance).null_space
             chart = System(self.kinematics, ChartTarget(self.model, home.q, free, q))
             path, kept = follow(chart, home.q, tolerance), True
-        near = max_abs(pin.difference(self.model, q, path.point.q)) < _SAME
+        near = max_abs(pin.difference(self.model, q, path.point.q)) < SAME
         return path.complete and kept and near
 
-    def _failure(self, path: Path, system: System) -> AssemblyError:
+    def failure(self, path: Path, system: System) -> AssemblyError:
+        """Return the error that says what a path leaves open, and where."""
         k = self.kinematics
         gap, error = path.point.gap, path.point.r[: k.size]
         if not np.isfinite(gap):

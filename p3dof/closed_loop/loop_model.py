@@ -19,6 +19,7 @@ from p3dof.closed_loop.energy import energy_rate
 from p3dof.closed_loop.formats import urdf
 from p3dof.closed_loop.joints import configuration_of, joint_named, single_joint
 from p3dof.closed_loop.locks import locked_at, without
+from p3dof.closed_loop.modes import assemble_within_limits, assembly_modes
 from p3dof.closed_loop.passive import Passive
 from p3dof.closed_loop.sidecar import Sidecar, SidecarLike, sidecar_of
 from p3dof.closed_loop.targets import (
@@ -352,16 +353,17 @@ class LoopModel:
         bound, tolerance = self._target(target), positive("tolerance", tolerance, InputError)
         if self._scaled is not None:
             return self._scaled.assemble(_goal(target), start, tolerance, within_limits)
-        find = self._assembler.within_limits if within_limits else self._assembler.assemble
-        return find(bound, start, tolerance)
+        if within_limits:
+            return assemble_within_limits(self._assembler, bound, start, tolerance)
+        return self._assembler.assemble(bound, start, tolerance)
 
     def assembly_modes(
         self, target: TargetLike, starts: int = 64, seed: int = 0, within_limits: bool = False
     ) -> tuple[Assembly, ...]:
         """Find all configurations that close the loops at a target, from random starts.
 
-        That none is missing cannot be known; more starts find more. Whole turns of a joint make no other
-        mode.
+        That none is missing cannot be known; more starts find more. Whole turns of a joint make no other mode
+        in a model without couplings.
 
         Parameters
         ----------
@@ -390,7 +392,7 @@ class LoopModel:
         bound, starts, seed = self._target(target), _whole("starts", starts, 1), _whole("seed", seed, 0)
         if self._scaled is not None:
             return self._scaled.assembly_modes(_goal(target), starts, seed, within_limits)
-        return self._assembler.modes(bound, starts, seed, within_limits)
+        return assembly_modes(self._assembler, bound, starts, seed, within_limits)
 
     def beyond_limits(self, q: ArrayLike) -> dict[str, float]:
         """Return which hinges and slides are beyond their limits at `q` (nq,), and by how much [m or rad].

@@ -10,7 +10,7 @@ import pinocchio as pin
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.closures import LoopKinematics, max_abs
 from p3dof.closed_loop.coordinates import rounding
-from p3dof.closed_loop.targets import Target
+from p3dof.closed_loop.targets import Residual
 
 _FIRST_STEP = 0.3
 """Largest first Newton step that is trusted [m or rad]."""
@@ -104,11 +104,11 @@ class System:
     ----------
     kinematics : LoopKinematics
         The closures.
-    target : Target
+    target : Residual
         The target.
     """
 
-    def __init__(self, kinematics: LoopKinematics, target: Target) -> None:
+    def __init__(self, kinematics: LoopKinematics, target: Residual) -> None:
         self.kinematics = kinematics
         self.target = target
 

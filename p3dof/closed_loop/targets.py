@@ -69,13 +69,17 @@ class FrameTarget:
         object.__setattr__(self, "placement", pin.SE3(self.placement))
 
 
-class Target(Protocol):
-    """A target that is bound to a model: its error and how velocities change it."""
+class Residual(Protocol):
+    """What an assembly brings to zero besides its closures."""
 
     size: int
 
     def evaluate(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the error (size,) and its Jacobian (size, nv) at a configuration."""
+
+
+class Target(Residual, Protocol):
+    """A target that is bound to a model: its error and how velocities change it."""
 
     def jacobian(self, q: FloatArray) -> FloatArray:
         """Return the matrix (size, nv) from v to the target's velocity."""
@@ -230,16 +234,8 @@ class ChartTarget:
 
     def evaluate(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the error (size,) and its Jacobian (size, nv)."""
-        return self._free.T @ pin.difference(self._model, self._home, q) - self._values, self.jacobian(q)
-
-    def jacobian(self, q: FloatArray) -> FloatArray:
-        """Return the matrix (size, nv) from v to the rates of the components."""
-        rates = pin.dDifference(self._model, self._home, q, pin.ARG1)
-        return np.asarray(self._free.T @ rates)
-
-    def drift(self) -> FloatArray:
-        """Not meant to be moved."""
-        raise NotImplementedError
+        error = self._free.T @ pin.difference(self._model, self._home, q) - self._values
+        return error, np.asarray(self._free.T @ pin.dDifference(self._model, self._home, q, pin.ARG1))
 
 
 class NoTarget:
