@@ -346,6 +346,23 @@ def test_feedforward_adds_the_feedback_of_errors():
     np.testing.assert_allclose(more, controller.moved * controller.omega**2 * 0.003, rtol=1e-9)
 
 
+@pytest.mark.parametrize("controller", [PD, Feedforward])
+def test_the_integral_at_the_sliders_adds_to_the_error(controller):
+    """Off by e at rest: after n calls every h the feedback is that of e (1 + n h / T)."""
+    robot, none, period, within, off = p3dof.load(), np.zeros(3, dtype=bool), 1e-6, 1e-5, 0.002
+    pose = np.array([0.02, 0.03, 0.1])
+    still = p3dof.Motion([0.0, 1.0], [pose, pose], np.zeros((2, 3)), np.zeros((2, 3)))
+    plain, integrating = controller(PAPER, still), controller(PAPER, still, integral_time=within)
+    sliders = robot.inverse_kinematics(pose).sliders
+    on_track, low = (
+        Measurement(0.5, period, sliders - e, np.zeros(3), none, PAPER.geometry) for e in (0.0, off)
+    )
+    for calls in (1, 2, 3):
+        more = integrating(low) - plain(on_track)
+        expected = plain.moved * plain.omega**2 * off * (1 + calls * period / within)
+        np.testing.assert_allclose(more, expected, rtol=1e-9)
+
+
 def test_the_integral_of_computed_torque_adds_to_the_error():
     """At rest, off by e: after n calls every h the wanted acceleration is ω² e (1 + n h / T)."""
     robot, none, period, within = p3dof.load(), np.zeros(3, dtype=bool), 1e-6, 1e-5
