@@ -66,7 +66,12 @@ TESTS = {
     "p3dof/closed_loop/reactions_batch.py": ("any_robot", "reactions"),
     "p3dof/closed_loop/batch/energy.py": ("any_robot",),
     "p3dof/closed_loop/batch/dynamics.py": ("evidence", "closed_loop_batch", "manipulator"),
-    "p3dof/closed_loop/batch/kinematics.py": ("evidence", "closed_loop_batch", "manipulator"),
+    "p3dof/closed_loop/batch/kinematics.py": (
+        "evidence",
+        "closed_loop_batch",
+        "manipulator",
+        "closure_kinds",
+    ),
     "p3dof/simulation/controllers.py": RUNS,
     "p3dof/simulation/machine_plants.py": RUNS,
     "p3dof/simulation/plants.py": ("any_robot", *RUNS),
