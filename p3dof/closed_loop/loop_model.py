@@ -21,7 +21,7 @@ from p3dof.closed_loop.joints import configuration_of, joint_named, single_joint
 from p3dof.closed_loop.locks import locked_at, without
 from p3dof.closed_loop.modes import assemble_within_limits, assembly_modes
 from p3dof.closed_loop.passive import Passive
-from p3dof.closed_loop.sidecar import Sidecar, SidecarLike, sidecar_of
+from p3dof.closed_loop.sidecar import Sidecar, SidecarLike
 from p3dof.closed_loop.targets import (
     BoundFrameTarget,
     CombinedTarget,
@@ -146,16 +146,7 @@ class LoopModel:
         InputError
             If `root_joint` is not a joint model.
         """
-        sidecar = sidecar_of(closures)
-        if root_joint is not None and not hasattr(root_joint, "nq"):
-            raise InputError(f"root_joint: expected a pinocchio joint model, got {type(root_joint).__name__}")
-        if on_unknown not in ("raise", "ignore"):
-            raise InputError(f"on_unknown: expected 'raise' or 'ignore', got {shown(on_unknown)}")
-        is_tree = isinstance(closures, tuple) and not closures
-        model, whole = urdf.read(
-            path_or_xml, sidecar, root_joint, mimic, on_unknown == "ignore", is_tree, passive
-        )
-        return cls(model, whole)
+        return cls(*urdf.read(path_or_xml, closures, root_joint, mimic, on_unknown, passive))
 
     def copy(self) -> Self:
         """Return an independent copy, for another thread (processes: an instance can be pickled)."""

@@ -11,11 +11,11 @@ from typing import Any, Literal
 import pinocchio as pin
 
 from p3dof.checks import shown
-from p3dof.closed_loop.formats import mjcf, named, srdf
+from p3dof.closed_loop.formats import mjcf, named, srdf, urdf
 from p3dof.closed_loop.model import ClosedLoopModel
 from p3dof.closed_loop.passive import with_armature
 from p3dof.closed_loop.sidecar import Sidecar, SidecarLike, sidecar_of
-from p3dof.closed_loop.xml_text import XmlReader, is_text, read_xml
+from p3dof.closed_loop.xml_text import is_text, read_xml, root_of
 from p3dof.errors import FileError, InputError, ModelError
 from p3dof.files import read_text
 
@@ -85,7 +85,7 @@ def load_robot(
         if floating and root_joint is None:
             root_joint = pin.JointModelFreeFlyer()
     text, name = read_xml(source, "robot")
-    root = XmlReader(name).parse(text).tag
+    root = root_of(text, name)
     if root not in ("robot", "mujoco"):
         raise ModelError(f"{name}: expected URDF (<robot>) or MJCF (<mujoco>), got {_named(root)}")
     given = sidecar if sidecar is not None or path is None else _beside(path)
@@ -98,17 +98,17 @@ def load_robot(
         if passive is False:
             found = replace(found, joint_data=())
         found = _joined(found, sidecar_of(given))
-        loop = ClosedLoopModel(tree, replace(found, joint_data=with_armature(tree, found.joint_data)))
+        found = replace(found, joint_data=with_armature(tree, found.joint_data))
     else:
-        loop = ClosedLoopModel.from_urdf(source, given, root_joint, mimic, on_unknown, bool(passive))
-        if srdf_file is not None or state is not None:
-            if srdf_file is None:
-                raise InputError(f"reference: the name {shown(state)} needs an SRDF that has it: srdf_file")
-            values = srdf.state_of(srdf_file, state, list(loop.model.names)[1:])
-            loop = ClosedLoopModel(loop.model, replace(loop.sidecar, reference=values))
+        tree, found = urdf.read(source, given, root_joint, mimic, on_unknown, bool(passive))
+        if srdf_file is not None:
+            values = srdf.state_of(srdf_file, state, list(tree.names)[1:])
+            found = replace(found, reference=values)
+        elif state is not None:
+            raise InputError(f"reference: the name {shown(state)} needs an SRDF that has it: srdf_file")
     if reference is not None and not isinstance(reference, str):
-        loop = ClosedLoopModel(loop.model, replace(loop.sidecar, reference=reference))
-    return loop
+        found = replace(found, reference=reference)
+    return ClosedLoopModel(tree, found)
 
 
 def _path(source: object) -> str | None:

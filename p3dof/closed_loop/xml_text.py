@@ -124,6 +124,40 @@ class XmlReader:
         self._tree.end(tag)
 
 
+class _Begun(Exception):  # noqa: N818 - never seen outside
+    """The first element of a text has begun."""
+
+
+class _FirstElement(XmlReader):
+    def visit(self, tag: str, attributes: dict[str, str]) -> None:  # noqa: ARG002 - only the name counts
+        raise _Begun(tag)
+
+
+def root_of(text: str, source: str) -> str:
+    """Return the name of the element that a text begins with; what follows is not looked at.
+
+    Parameters
+    ----------
+    text : str
+        The XML.
+    source : str
+        What to call it in an error.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    ModelError
+        If it does not begin as XML does.
+    """
+    try:
+        return str(_FirstElement(source).parse(text).tag)
+    except _Begun as begun:
+        return str(begun)
+
+
 def check_includes(robot: Xml.Element, source: str | os.PathLike[str], name: str) -> None:
     """Raise ModelError for an ``<include>`` of a file that is not below the folder of the one that has it.
 

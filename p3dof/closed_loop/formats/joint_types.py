@@ -51,7 +51,7 @@ def with_types(model: pin.Model, joints: Sequence[tuple[str, str]], source: str)
         if name not in list(model.names)[1:]:
             help_ = suggestion(name, list(model.names)[1:])
             message = f"{source}: joint_name[{index}]: the joint {shown(name)} does not exist; {help_}"
-            warn(f"{message} It is left out.", ModelWarning, stacklevel=5)
+            warn(f"{message} It is left out.", ModelWarning, stacklevel=4)
             continue
         universal = _UNIVERSAL.fullmatch(kind)
         if universal and universal[1] != universal[2]:

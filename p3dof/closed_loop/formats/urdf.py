@@ -8,23 +8,23 @@ from dataclasses import replace
 
 import pinocchio as pin
 
+from p3dof.checks import shown
 from p3dof.closed_loop.formats.joint_types import with_types
 from p3dof.closed_loop.formats.urdf_tags import Declared, declared
 from p3dof.closed_loop.open_ends import open_ends
 from p3dof.closed_loop.passive import losses_of, with_armature
-from p3dof.closed_loop.sidecar import Sidecar
+from p3dof.closed_loop.sidecar import Sidecar, SidecarLike, sidecar_of
 from p3dof.closed_loop.urdf import build_tree
 from p3dof.closed_loop.xml_text import is_text, read_xml
-from p3dof.errors import ModelWarning
+from p3dof.errors import InputError, ModelWarning
 
 
 def read(
     source: str | os.PathLike[str],
-    sidecar: Sidecar | None = None,
+    closures: SidecarLike = None,
     root_joint: pin.JointModel | None = None,
     mimic: bool = True,
-    ignore_unknown: bool = False,
-    is_tree: bool = False,
+    on_unknown: str = "raise",
     passive: bool = False,
 ) -> tuple[pin.Model, Sidecar]:
     """Return the tree of a URDF and its loops.
@@ -33,16 +33,15 @@ def read(
     ----------
     source : str or path-like
         XML text or the path of a file.
-    sidecar : Sidecar, optional
-        Loops and actuated joints that the file does not hold.
+    closures : Sidecar, mapping, str or path-like, optional
+        Loops and actuated joints that the file does not hold; an empty tuple for none, and for no warning of
+        an open tree that looks as if it had loops.
     root_joint : pin.JointModel, optional
         The joint between the world and the root link; by default the root link is fixed.
     mimic : bool
         Whether ``<mimic>`` couples joints.
-    ignore_unknown : bool
-        Leave out what looks like a loop and is not understood.
-    is_tree : bool
-        Do not warn of an open tree that looks as if it had loops.
+    on_unknown : {"raise", "ignore"}
+        What to do with elements that look like loops and are not understood.
     passive : bool
         Whether damping and friction of the URDF act.
 
@@ -57,10 +56,17 @@ def read(
     ------
     ModelError
         If a file is malformed or too large, or a loop in it is not understood.
+    InputError
+        If `root_joint` is not a joint model, or `on_unknown` is something else.
     """
+    sidecar, is_tree = sidecar_of(closures), isinstance(closures, tuple) and not closures
+    if root_joint is not None and not hasattr(root_joint, "nq"):
+        raise InputError(f"root_joint: expected a pinocchio joint model, got {type(root_joint).__name__}")
+    if on_unknown not in ("raise", "ignore"):
+        raise InputError(f"on_unknown: expected 'raise' or 'ignore', got {shown(on_unknown)}")
     text, name = read_xml(source)
     model, robot = build_tree(text, name, root_joint)
-    found = declared(robot, model, name, mimic, ignore_unknown)
+    found = declared(robot, model, name, mimic, ignore_unknown=on_unknown == "ignore")
     if sidecar is None:
         sign = "" if is_tree or found.closures else open_ends(None if is_text(source) else name, robot, model)
         if sign:
@@ -68,7 +74,7 @@ def read(
                 f"the URDF is read as an open tree, but {sign}: give them as closures, "
                 "or closures=() if it is a tree",
                 ModelWarning,
-                stacklevel=4,
+                stacklevel=3,
             )
         return model, _acting(model, _completed(Sidecar.serial(model), found), passive)
     if sidecar.joints:

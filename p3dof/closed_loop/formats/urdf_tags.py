@@ -19,6 +19,7 @@ import numpy as np
 import pinocchio as pin
 
 from p3dof.checks import FloatArray, shown
+from p3dof.closed_loop.joints import single_joint
 from p3dof.closed_loop.sidecar import Closure, Coupling, suggestion
 from p3dof.closed_loop.trees import add_frame
 from p3dof.errors import ModelError
@@ -208,10 +209,8 @@ class _Reader:
         self.found.dependent |= said
 
     def _couple(self, element: Xml.Element, coupling: Coupling) -> None:
-        for joint in (coupling.joint, coupling.on, *(name for name, _ in coupling.others)):
-            index = self._model.getJointId(str(joint))
-            if index >= self._model.njoints or self._model.nvs[index] != 1:
-                self.fail(element, f"the joint {shown(joint)} has not one degree of freedom")
+        for joint in (coupling.joint, *coupling.leaders):
+            single_joint(self._model, joint, f"{self._source}: <{element.tag}>")
         self.found.couplings.append(coupling)
         self.found.dependent.add(coupling.joint)
 
