@@ -352,3 +352,8 @@ def test_how_far_a_velocity_may_open_the_loops_goes_with_the_fastest_joint(share
     else:
         with pytest.raises(InputError, match="v: opens the loops at"):
             plant.checked_state(q, v, 1e-9)
+
+
+def test_a_robot_without_joints_has_a_state_of_no_numbers():
+    stone = ClosedLoopModel.from_urdf(robots.robot(robots.link("stone")), ())
+    assert ConstrainedPlant(stone).checked_state(np.zeros(0), np.zeros(0), 1e-9).shape == (0,)

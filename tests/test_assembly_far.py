@@ -160,6 +160,28 @@ def test_whole_turns_bring_a_joint_within_its_limits():
     np.testing.assert_allclose(back.q, robots.five_bar_q(2.0, 1.2), rtol=0, atol=1e-12)
 
 
+def test_a_joint_with_a_range_of_turns_stays_where_it_is():
+    """Another joint has to turn back; this one is at its limit, but for rounding, and may not."""
+    turned = robots.five_bar_q(2.0, 1.2) + 2 * np.pi * np.array([1, 0, 1, 0])
+    limit = turned[2] - 3e-14
+    loop = five_bar({"left_joint": -3.0, "right_joint": -9.0}, {"left_joint": 3.0, "right_joint": limit})
+    back = loop.assemble(None, turned, within_limits=True)
+    np.testing.assert_allclose(back.q, turned - [2 * np.pi, 0, 0, 0], rtol=0, atol=1e-12)
+    assert not loop.beyond_limits(back.q)
+
+
+def test_turns_that_nothing_asks_for_are_taken_back(monkeypatch):
+    """What an iteration far away leads to may be turns from the guess; those of a target stay."""
+    loop = five_bar({"right_elbow": -10.0}, {"right_elbow": 10.0})
+    q, at = robots.five_bar_q(2.0, 1.2), np.array([0, 0, 0, 2 * np.pi])
+    found = loop._assembler.assemble
+    monkeypatch.setattr(loop._assembler, "assemble", lambda target, _, tol: found(target, q + at, tol))
+    near = loop.assemble(None, q, within_limits=True)
+    np.testing.assert_allclose(near.q, q, rtol=0, atol=1e-12)
+    asked = loop.assemble({"right_elbow": q[3] + 2 * np.pi}, q, within_limits=True)
+    np.testing.assert_allclose(asked.q, q + at, rtol=0, atol=1e-12)
+
+
 def test_what_closes_beyond_the_limits_only_is_an_error_that_names_the_joint():
     loop = five_bar({"right_joint": -0.1}, {"right_joint": 0.1})
     with pytest.raises(

@@ -72,6 +72,28 @@ def test_idle_joints_and_redundant_closures_are_found():
     assert seen.idle == ("left_elbow", "right_joint", "right_elbow")
 
 
+def test_info_of_many_joints_is_a_table_on_80_columns(capsys, tmp_path, monkeypatch):
+    """Thirty joints of which most are idle: one line each, and no line that is longer."""
+    names = [f"wrist_of_finger_{i}/2" for i in range(30)]
+    parts = [robots.link("base"), *(robots.link(f"body_{i}", robots.ROD) for i in range(30))]
+    parts += [
+        robots.joint(name, f"body_{i - 1}" if i else "base", f"body_{i}", (0.1, 0, 0))
+        for i, name in enumerate(names)
+    ]
+    path = tmp_path / "chain.urdf"
+    path.write_text(robots.robot(*parts))
+    sidecar = {"closed_loop": [], "type": [], "name_mot": names[:2]}
+    path.with_suffix(".yaml").write_text(yaml.safe_dump(sidecar))
+    monkeypatch.setenv("COLUMNS", "80")
+    code, out, _ = loop(capsys, "info", path)
+    assert code == 0
+    assert max(map(len, out.splitlines())) <= 80
+    lines = {name: [line for line in out.splitlines() if f" {name} " in line] for name in names}
+    assert all(len(found) == ONE_LINE for found in lines.values())
+    assert [name for name in names if " idle " in lines[name][0]] == names[2:]
+    assert re.search(r"idle joints\W+28\b", out)
+
+
 def test_info_of_what_does_not_close(capsys, tmp_path):
     path, sidecar = tmp_path / "open.urdf", tmp_path / "loops.yaml"
     path.write_text(robots.four_bar(2.0, 0.2, 0.45, 0.35))

@@ -58,12 +58,15 @@ def show(console: Console, *tables: Table, notes: bool = False) -> None:
 
 
 def rich_table(table: Table) -> rich.table.Table:
-    """Return a table as Rich has it; one of many columns has no frame, and units in a line of their own."""
+    """Return a table as Rich has it.
+
+    One of many columns or rows has no frame, one of many columns has units in a line of their own.
+    """
     wide = table.layout == "wide"
-    looks: dict[str, Any] = {"box": SIMPLE_HEAD, "padding": 0} if wide else {}
+    looks: dict[str, Any] = {"box": SIMPLE_HEAD, "padding": 0} if table.layout in ("wide", "list") else {}
     result = rich.table.Table(title=escape(table.title), **looks)
     for i, name in enumerate(table.header):
-        words = i == 0 or table.layout == "words"
+        words = i == 0 or table.layout in ("words", "list")
         lines = name.replace(" [", "\n[").replace("] ", "]\n") if wide else name
         result.add_column(escape(lines), justify="left" if words else "right")
     for row in table.aligned():

@@ -41,10 +41,13 @@ def assemble_within_limits(
     """
     model = assembler.model
     found, limits = assembler.assemble(target, guess, tolerance), Limits(model)
-    if not limits.beyond(found.q):
-        return found
     system, count = System(assembler.kinematics, target), found.iterations
     start, generator = assembler.reference if guess is None else guess, np.random.default_rng(0)
+    if not limits.beyond(found.q):
+        if not limits.turns(found.q, start):
+            return found
+        point = _unwound(system, limits, system.at(found.q), start)
+        return assembler.found(Path(point, True, count), lambda q: assembler.on_home(system, q))
     far = (limits.random(model, start, generator) for _ in range(RESTARTS))
     best: Path | None = None
     for origin in (found.q, start, *far):
@@ -52,13 +55,25 @@ def assemble_within_limits(
         count += path.iterations
         best = path if best is None or path.point.gap < best.point.gap else best
         if best.complete:
-            return assembler.found(Path(best.point, True, count), lambda q: assembler.on_home(system, q))
+            point = _unwound(system, limits, best.point, start)
+            return assembler.found(Path(point, True, count), lambda q: assembler.on_home(system, q))
     gap = best.point.gap if best else np.inf
     raise AssemblyError(
         f"the loops close{' at the target' if target.size else ''} beyond the limits of joints only: "
         f"{limits.told(found.q)}; within them {gap:.3g} m or rad is left",
         gap,
     )
+
+
+def _unwound(system: System, limits: Limits, point: Point, start: FloatArray) -> Point:
+    """Take back whole turns of joints that lead away from the start, where nothing asks for them."""
+    for at, shift in limits.turns(point.q, start):
+        q = point.q.copy()
+        q[at] += shift
+        there = system.at(q)
+        if there.gap <= max(TOLERANCE, point.gap):  # a target or a coupling may count turns
+            point = there
+    return point
 
 
 def assembly_modes(

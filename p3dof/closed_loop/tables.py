@@ -13,6 +13,8 @@ from p3dof.closed_loop.overview import Overview
 from p3dof.tables import NONE, Cell, Table, number
 
 _KINDS = {"R": "revolute", "P": "prismatic", "H": "helical"}
+_ENDLESS = 1e10
+"""Limits from here on are none [m or rad]."""
 _NAMED = {
     "JointModelFreeFlyer": "free",
     "JointModelSpherical": "ball",
@@ -57,38 +59,43 @@ def units_of_actuated(loop: LoopModel) -> tuple[tuple[str, str], ...]:
     return tuple(("m", "N") if is_slide(loop, joint) else ("rad", "N m") for joint in joints)
 
 
-def joints_table(loop: LoopModel) -> Table:
+def joints_table(loop: LoopModel, seen: Overview | None = None) -> Table:
     """Return all joints: what they are, what they carry, where they may go, who moves them.
 
     Parameters
     ----------
     loop : LoopModel
         The robot.
+    seen : Overview, optional
+        At the configuration that matters: it tells which joints are idle.
 
     Returns
     -------
     Table
     """
     model, rows = loop.model, []
+    idle = () if seen is None else seen.idle
     follow = {coupling.joint: coupling.on or "locked" for coupling in loop.sidecar.couplings}
     for i in range(1, model.njoints):
         name = str(model.names[i])
         role = "actuated" if name in loop.actuated else follow.get(name, "")
         if role not in ("", "actuated", "locked"):
             role = f"follows {role}"
-        unit = "m" if is_slide(loop, i) else "rad"
-        low, high = NONE, NONE
-        if model.nqs[i] == 1:
-            low, high = (
-                f"{number(limit)} {unit}" if abs(limit) < 1e10 else NONE
-                for limit in (
-                    float(model.lowerPositionLimit[model.idx_qs[i]]),
-                    float(model.upperPositionLimit[model.idx_qs[i]]),
-                )
-            )
-        rows.append((name, kind_of(loop, i), role, number(float(model.inertias[i].mass)), low, high))
-    header = ("Joint", "kind", "role", "mass behind it [kg]", "from", "to")
-    return Table("Joints", header, tuple(rows), layout="words")
+        role = role or ("idle" if name in idle else "")
+        rows.append((name, kind_of(loop, i), role, f"{float(model.inertias[i].mass):.4g}", _range(loop, i)))
+    header = ("Joint", "kind", "role", "mass [kg]", "range [m or rad]")
+    note = "Mass: that of the body behind the joint. Idle: can move while all actuated joints stand still."
+    return Table("Joints", header, tuple(rows), note, layout="list")
+
+
+def _range(loop: LoopModel, joint: int) -> str:
+    """Return between which values a joint may move."""
+    model, at = loop.model, loop.model.idx_qs[joint]
+    if model.nqs[joint] != 1:
+        return NONE
+    low, high = float(model.lowerPositionLimit[at]), float(model.upperPositionLimit[at])
+    ends = [f"{limit:.4g}" if abs(limit) < _ENDLESS else NONE for limit in (low, high)]
+    return NONE if ends == [NONE, NONE] else " to ".join(ends)
 
 
 def closures_table(loop: LoopModel, seen: Overview | None = None) -> Table:
@@ -146,7 +153,7 @@ def facts_table(loop: LoopModel, seen: Overview | None = None, gap: float = math
     if seen is not None:
         rows += [
             ("free motions that actuators hold", str(seen.held)),
-            ("idle joints", ", ".join(seen.idle) or "none"),
+            ("idle joints", str(len(seen.idle))),
             ("actuator forces", "unique" if seen.held == len(loop.actuated) else "not unique"),
         ]
     rows += [("moving mass", f"{number(float(mass))} kg"), ("gravity", f"{_vector(loop)} m/s²")]

@@ -22,6 +22,8 @@ _SLOW = 40
 """Steps within which the residual must halve."""
 _LARGEST = 1e12
 """Damping, relative to its start, at which a start is given up."""
+_BEYOND = 1e-9
+"""Distance from which on a joint is beyond its limit [m or rad]."""
 _AT_LIMIT = 1e-12
 """Distance at which a joint is at its limit [m or rad]."""
 
@@ -49,19 +51,33 @@ class Limits:
         """Return by how much joints are beyond their limits [m or rad], negative if below."""
         values = q[self.q]
         over = np.maximum(values - self.upper, 0.0) + np.minimum(values - self.lower, 0.0)
-        return {self.names[i]: float(over[i]) for i in np.flatnonzero(np.abs(over) > 1e-9)}
+        return {self.names[i]: float(over[i]) for i in np.flatnonzero(np.abs(over) > _BEYOND)}
 
     def inside(self, q: FloatArray) -> FloatArray:
-        """Return the configuration (nq,) with these joints moved to their limits, whole turns first."""
+        """Return the configuration (nq,) with these joints moved to their limits, whole turns first.
+
+        What is beyond a limit by rounding only goes back to it, and by no turn.
+        """
         q = q.copy()
         turn = np.where(self._lengths, np.inf, 2 * np.pi)
         over = np.maximum(q[self.q] - self.upper, 0.0) + np.minimum(q[self.q] - self.lower, 0.0)
+        over = np.where(np.abs(over) > _BEYOND, over, 0.0)
         with np.errstate(invalid="ignore"):
             turns = np.where(self._lengths, 0.0, np.sign(over) * np.ceil(np.abs(over) / turn))
         shifted = q[self.q] - np.where(turns == 0, 0.0, turns * 2 * np.pi)
         fits = (shifted >= self.lower) & (shifted <= self.upper)
         q[self.q] = np.clip(np.where(fits, shifted, q[self.q]), self.lower, self.upper)
         return q
+
+    def turns(self, q: FloatArray, near: FloatArray) -> list[tuple[int, float]]:
+        """Return by which whole turns joints would come nearest to `near` (nq,) within limits, and where."""
+        found = []
+        for i in np.flatnonzero(~self._lengths):
+            at = int(self.q[i])
+            shift = 2 * np.pi * float(np.round((near[at] - q[at]) / (2 * np.pi)))
+            if shift and self.lower[i] <= q[at] + shift <= self.upper[i]:
+                found.append((at, shift))
+        return found
 
     def random(self, model: pin.Model, around: FloatArray, generator: np.random.Generator) -> FloatArray:
         """Return a configuration (nq,) anywhere: within limits and half a turn, or a unit of length."""

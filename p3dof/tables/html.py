@@ -46,7 +46,8 @@ def table_html(table: Table) -> str:
     """
     wide = table.layout == "wide"
     region = f' tabindex="0" role="region" aria-label="{escape(table.title)}"' if wide else ""
-    kind = "" if table.layout == "plain" else f' class="{table.layout}"'
+    layout = "words" if table.layout == "list" else table.layout
+    kind = "" if layout == "plain" else f' class="{layout}"'
     lines = [f'<div class="scroll"{region}>', f"<table{kind}>", f"<caption>{escape(table.title)}</caption>"]
     if table.rows:
         names = "".join(f'<th scope="col">{escape(name)}</th>' for name in table.header)

@@ -10,8 +10,8 @@ from typing import Literal, TypeAlias
 Cell: TypeAlias = float | str
 """A number that is written by what shows the table, or a text that stands as it is."""
 
-Layout: TypeAlias = Literal["plain", "wide", "words"]
-"""Numbers in few columns or in many, or words."""
+Layout: TypeAlias = Literal["plain", "wide", "words", "list"]
+"""Numbers in few columns or in many, words, or words in many rows."""
 
 NONE = "–"
 """What stands for a number that does not exist."""
@@ -31,8 +31,8 @@ class Table:
         The first cell of each is its name.
     note : str
         What a reader must know besides.
-    layout : {"plain", "wide", "words"}
-        Numbers in few columns, numbers in many, or words.
+    layout : {"plain", "wide", "words", "list"}
+        Numbers in few columns, numbers in many, words, or words in many rows.
     decimals : int
         Of its numbers on a terminal, where they stand below each other.
     """

@@ -35,7 +35,7 @@ def info(robot: ClosedLoopModel, inputs: list[Path], listed: bool) -> int:
         seen, gap = overview(robot, assembly.q), assembly.gap
     tables = [facts_table(robot, seen, gap)]
     if listed:
-        tables.append(joints_table(robot))
+        tables.append(joints_table(robot, seen))
     if robot.constraint_rows:
         tables.append(closures_table(robot, seen))
     show(console, *tables)
