@@ -16,12 +16,12 @@ from p3dof.closed_loop.assembly import TOLERANCE, Assembler, Assembly, State
 from p3dof.closed_loop.closures import ClosurePoint, LoopKinematics, max_abs
 from p3dof.closed_loop.dynamics import Dynamics, ForwardDynamics, InverseDynamics
 from p3dof.closed_loop.energy import energy_rate
-from p3dof.closed_loop.formats import urdf
+from p3dof.closed_loop.formats import pinocchio_models, urdf
 from p3dof.closed_loop.joints import configuration_of, joint_named, single_joint
 from p3dof.closed_loop.locks import locked_at, without
 from p3dof.closed_loop.modes import assemble_within_limits, assembly_modes
 from p3dof.closed_loop.passive import Passive
-from p3dof.closed_loop.sidecar import Sidecar, SidecarLike
+from p3dof.closed_loop.sidecar import Coupling, Sidecar, SidecarLike
 from p3dof.closed_loop.targets import (
     BoundFrameTarget,
     CombinedTarget,
@@ -30,6 +30,7 @@ from p3dof.closed_loop.targets import (
     NoTarget,
     Target,
 )
+from p3dof.closed_loop.trees import check_tree
 from p3dof.closed_loop.trust import Limits
 from p3dof.closed_loop.units import ScaledModel, scaled
 from p3dof.errors import InputError, ModelError
@@ -67,7 +68,8 @@ class LoopModel:
     ModelError
         If a frame or joint that the sidecar names does not exist, both frames of a closure are on the same
         body, an actuated or coupled joint has not exactly one degree of freedom, a continuous joint is
-        coupled in a way that needs its turns counted, or the reference does not fit the joints.
+        coupled in a way that needs its turns counted, the reference does not fit the joints, or joints of the
+        tree are not depth first.
 
     Notes
     -----
@@ -84,6 +86,7 @@ class LoopModel:
             raise ModelError(f"model: expected a pinocchio.Model, got {type(model).__name__}")
         if not isinstance(sidecar, Sidecar):
             raise ModelError(f"sidecar: expected a Sidecar, got {type(sidecar).__name__}")
+        check_tree(model)
         self.model = model
         self.sidecar = sidecar
         self._kinematics = LoopKinematics(model, sidecar)
@@ -147,6 +150,49 @@ class LoopModel:
             If `root_joint` is not a joint model.
         """
         return cls(*urdf.read(path_or_xml, closures, root_joint, mimic, on_unknown, passive))
+
+    @classmethod
+    def from_pinocchio(
+        cls,
+        model: pin.Model,
+        constraint_models: Iterable[Any] = (),
+        actuated: Sequence[str] | None = None,
+        couplings: Iterable[Coupling] = (),
+        reference: Mapping[str, Any] | None = None,
+    ) -> Self:
+        """Take over a tree and constraint models that were made with Pinocchio.
+
+        The tree is copied, and gets a frame at each end of each constraint. Baumgarte's parameters and the
+        compliance of the constraints are left out: see `stabilisation` of `forward_dynamics`.
+
+        Parameters
+        ----------
+        model : pin.Model
+            The tree, or what has one as its `model`, such as a RobotWrapper.
+        constraint_models : iterable
+            `RigidConstraintModel` (3D or 6D), `PointAnchorConstraintModel`, `FrameAnchorConstraintModel`, or
+            a `ConstraintModel` that holds one of the two.
+        actuated : sequence of str, optional
+            Names of the actuated joints; by default all with one degree of freedom that no coupling
+            determines.
+        couplings : iterable of Coupling
+            Joints that follow others.
+        reference : mapping of str to float or sequence of float, optional
+            The configuration that says which assembly is meant, as in `Sidecar`.
+
+        Returns
+        -------
+        ClosedLoopModel
+
+        Raises
+        ------
+        ModelError
+            If a constraint is of another kind, has an offset, a velocity or an acceleration of its own, or
+            the tree is one that Pinocchio computes wrongly (joints that are not depth first).
+        InputError
+            If `model` is no tree of Pinocchio.
+        """
+        return cls(*pinocchio_models.read(model, constraint_models, actuated, couplings, reference))
 
     def copy(self) -> Self:
         """Return an independent copy, for another thread (processes: an instance can be pickled)."""

@@ -78,6 +78,8 @@ def load_robot(
     MissingExtraError
         If the library for the format is not installed.
     """
+    if isinstance(source, pin.Model):
+        raise ModelError("robot: expected a file or a name; ClosedLoopModel.from_pinocchio takes a model")
     path = _path(source)
     if path is None and not is_text(source):
         source, floating = named.urdf_of(str(source))

@@ -9,6 +9,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from p3dof.checks import shown
+from p3dof.errors import ModelError
+
 BY_VELOCITY = (
     "armature",
     "damping",
@@ -116,6 +119,36 @@ def _copy_frames(
             frames[i] = above
         else:
             frames[i] = new.addFrame(pin.Frame(frame.name, joint, above, frame.placement, frame.type))
+
+
+def check_tree(model: pin.Model) -> None:
+    """Raise ModelError for a tree that Pinocchio's algorithms would compute wrongly, or refuse later.
+
+    Joints that were not added depth first give a wrong mass matrix without a word; joints that mimic others
+    are not taken by most algorithms.
+
+    Parameters
+    ----------
+    model : pin.Model
+        The tree.
+    """
+    mimicking = [str(model.names[i]) for i in model.mimicking_joints]
+    if mimicking:
+        raise ModelError(
+            f"model: the joint {shown(mimicking[0])} mimics another one: build the model without, and couple "
+            "them with a Coupling"
+        )
+    path = [0]
+    for i in range(1, model.njoints):
+        parent = int(model.parents[i])
+        while path and path[-1] != parent:
+            path.pop()
+        if not path:
+            raise ModelError(
+                f"model: the joint {shown(str(model.names[i]))} is not depth first: add it right behind "
+                f"{shown(str(model.names[parent]))} and what hangs on it, else Pinocchio's crba is wrong"
+            )
+        path.append(i)
 
 
 def add_frame(model: pin.Model, name: str, on: int, placement: pin.SE3) -> None:

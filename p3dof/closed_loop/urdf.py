@@ -94,6 +94,10 @@ class _Reader(XmlReader):
         """Enter a link, a joint or a part of one."""
         if len(self.path) == 1 and tag != "robot":
             self.fail(f"expected the element <robot>, got <{tag}>")
+        if tag.startswith("xacro:"):
+            self.fail(
+                f"<{tag:.80}> is a macro: expand the file first, such as with `xacro FILE > robot.urdf`"
+            )
         if self.path[1:] == ["link"]:
             self._new(tag, attributes, self.links)
             self.links[attributes["name"]] = self.line
