@@ -200,3 +200,9 @@ def test_a_macro_file_is_refused():
     text = '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename="b"/></robot>'
     with pytest.raises(ModelError, match="<xacro:include> is a macro: expand the file first"):
         p3dof.load_robot(text)
+
+
+def test_a_sidecar_in_the_place_of_the_robot_is_told(tmp_path):
+    (tmp_path / "robot.yaml").write_text("closed_loop: [[a, b]]\n")
+    with pytest.raises(ModelError, match="this is not XML; a sidecar comes second"):
+        p3dof.load_robot(tmp_path / "robot.yaml")

@@ -86,10 +86,7 @@ def load_robot(
         path = str(source)
         if floating and root_joint is None:
             root_joint = pin.JointModelFreeFlyer()
-    text, name = read_xml(source, "robot")
-    root = root_of(text, name)
-    if root not in ("robot", "mujoco"):
-        raise ModelError(f"{name}: expected URDF (<robot>) or MJCF (<mujoco>), got {_named(root)}")
+    root = _root(source)
     given = sidecar if sidecar is not None or path is None else _beside(path)
     state = reference if isinstance(reference, str) else None
     if root == "mujoco":
@@ -111,6 +108,17 @@ def load_robot(
     if reference is not None and not isinstance(reference, str):
         found = replace(found, reference=reference)
     return ClosedLoopModel(tree, found)
+
+
+def _root(source: str | os.PathLike[str]) -> str:
+    """Return the name of the first element of a robot's file, which is one that is read."""
+    text, name = read_xml(source, "robot")
+    if not is_text(text):
+        raise ModelError(f"{name}: expected URDF or MJCF, this is not XML; a sidecar comes second")
+    root = root_of(text, name)
+    if root not in ("robot", "mujoco"):
+        raise ModelError(f"{name}: expected URDF (<robot>) or MJCF (<mujoco>), got {_named(root)}")
+    return root
 
 
 def _path(source: object) -> str | None:
