@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from documents import ROOT, run
 
@@ -10,7 +11,18 @@ import p3dof
 from p3dof.closed_loop.overview import overview
 
 FOLDER = ROOT / "docs/_static/gallery"
-MOBILITY = {"four_bar": 1, "five_bar": 2, "delta": 3, "stewart": 6, "gripper": 1}
+MOBILITY = {
+    "four_bar": 1,
+    "five_bar": 2,
+    "delta": 3,
+    "stewart": 6,
+    "gripper": 1,
+    "leg": 8,
+    "two_arms": 6,
+    "biped": 6,
+}
+MOTORS = {**MOBILITY, "leg": 6, "two_arms": 12, "biped": 12}
+IDLE = {"leg": ("left_ball", "right_ball")}
 
 
 @pytest.fixture(scope="module")
@@ -29,8 +41,11 @@ def test_robots_close_near_their_reference_and_every_motor_counts(name):
     assert assembly.same_assembly
     assert assembly.gap < 1e-12
     seen = overview(robot, assembly.q)
-    assert seen.mobility == seen.held == len(robot.actuated) == MOBILITY[name]
-    assert seen.idle == ()
+    assert seen.mobility == MOBILITY[name]
+    assert len(robot.actuated) == MOTORS[name]
+    assert seen.held == min(MOBILITY[name], MOTORS[name])
+    assert seen.idle == IDLE.get(name, ())
+    assert robot.beyond_limits(assembly.q) == {}
     assert (FOLDER / f"{name}.png").stat().st_size > 5000
     assert f"{name}.png" in (ROOT / "docs/how-to/gallery.md").read_text(encoding="utf-8")
 
@@ -60,9 +75,97 @@ def test_the_stewart_platform_bears_its_weight_and_what_pushes_it(page):
 
 
 def test_the_gripper_squeezes_by_virtual_work(page):
-    robot, state = page["robot"], page["state"]
+    robot, state = p3dof.load_robot(FOLDER / "gripper.urdf"), page["grasp"]
     free = robot.inverse_dynamics(state.q, state.v, state.a)
     lever = 0.09 * np.cos(0.35)  # m a finger moves per rad of the motor
     np.testing.assert_allclose(page["motor"] - free.tau, -2 * 10.0 * lever, rtol=1e-12)
     weightless = page["held"].lambda_[robot.constraint_rows[-1]] - free.lambda_[robot.constraint_rows[-1]]
     np.testing.assert_allclose(np.abs(weightless), 10.0 * lever, rtol=1e-10)
+
+
+def test_rods_of_the_leg_bear_what_their_levers_say(page):
+    robot, q = p3dof.load_robot(FOLDER / "leg.urdf"), page["bent_leg"].q
+    model, data = robot.model, robot.model.createData()
+    joint, frame = model.getJointId("knee"), model.getFrameId
+    pin.forwardKinematics(model, data, q)
+    pin.updateFramePlacements(model, data)
+    crank, lever = (data.oMf[frame(name)].translation for name in ("knee_crank_pin", "shank_pin"))
+    along = (lever - crank) / np.linalg.norm(lever - crank)
+    # What hangs on the knee: shank, foot, cranks and rods of the ankle, and the push of the ground.
+    knee = data.oMi[joint].translation
+    weights = [
+        (data.oMi[i].act(model.inertias[i].lever), model.inertias[i].mass * 9.81)
+        for i in model.subtrees[joint]
+        if i >= joint and model.names[i] != "knee_motor"
+    ]
+    forces = [(at, np.array([0, 0, -weight])) for at, weight in weights]
+    forces.append((data.oMf[frame("foot")].translation, np.array([0, 0, 300.0])))
+    about = sum(np.cross(at - knee, force)[1] for at, force in forces) - 30.0
+    np.testing.assert_allclose(page["knee_rod"][0] * np.cross(lever - knee, along)[1], -about, rtol=1e-10)
+    # The rods of the ankle pitch the foot together.
+    ankle, centre = (
+        data.oMf[frame("foot")].translation,
+        data.oMf[frame("foot")].act(np.array([0.03, 0, -0.04])),
+    )
+    moment = np.cross(centre - ankle, [0, 0, -0.8 * 9.81])[1] - 30.0
+    for side in ("left", "right"):
+        rod = data.oMf[frame(f"{side}_rod_end")]
+        heel = data.oMf[frame(f"{side}_heel")].translation
+        moment += np.cross(heel - ankle, rod.rotation @ page[f"{side}_rod"])[1]
+    assert abs(moment) < 1e-10 * 30.0
+
+
+@pytest.mark.parametrize("drift", ["kick_drift", "sink_drift"])
+def test_what_swings_freely_keeps_its_energy(page, drift):
+    assert page[drift] < 1e-6
+
+
+def test_two_hands_bear_the_bar_and_can_press_on_it(page):
+    robot, state, smallest = p3dof.load_robot(FOLDER / "two_arms.urdf"), page["state"], page["smallest"]
+    assert not smallest.tau_unique
+    sixfold = np.array([50.0, 0, 0, 0, 0, 0] * 2)
+    np.testing.assert_allclose(page["pressed"], sixfold, rtol=0, atol=1e-4)  # the yaw of one is 3.1415927
+    np.testing.assert_allclose(page["firm"].a, state.a, rtol=0, atol=1e-9)
+    rotation = page["place"].rotation
+    other = rotation @ pin.rpy.rpyToMatrix(0, 0, np.pi)
+    held = rotation @ smallest.lambda_[:3] + other @ smallest.lambda_[6:9]
+    np.testing.assert_allclose(held, [0, 0, 3.0 * (9.81 + 1.0)], rtol=0, atol=1e-5)
+    for extra in np.random.default_rng(0).normal(size=(5, 12)):
+        # Other torques for the same motion are larger.
+        N = np.linalg.svd(robot.closure_jacobian(state.q))[2][12:].T
+        idle = extra - np.linalg.pinv(N[robot.actuated_v].T) @ (N[robot.actuated_v].T @ extra)
+        assert np.linalg.norm(smallest.tau + idle) > np.linalg.norm(smallest.tau)
+        again = robot.forward_dynamics(state.q, state.v, smallest.tau + idle)
+        np.testing.assert_allclose(again.a, state.a, rtol=0, atol=1e-8)
+
+
+def test_the_ground_bears_the_robot(page):
+    feet, robot = page["feet"], p3dof.load_robot(FOLDER / "biped.urdf")
+    np.testing.assert_allclose(feet[:, :3].sum(axis=0), [0, 0, page["weight"]], rtol=0, atol=1e-10)
+    # The centre of pressure of both feet is below the centre of mass.
+    centre = pin.centerOfMass(robot.model, robot.model.createData(), page["upright"].q)
+    share = feet[:, 2] / page["weight"]
+    print_y = np.array([[0.0, 0.1], [0.0, -0.1]])
+    np.testing.assert_allclose(share @ (print_y + page["pressure"]), centre[:2], rtol=0, atol=1e-12)
+    assert page["friction"].max() < 0.1
+    assert np.abs(page["pressure"][:, 0]).max() < 0.1  # on the sole
+
+
+def test_a_squat_takes_the_force_off_the_ground_that_momentum_says(page):
+    robot, falling = p3dof.load_robot(FOLDER / "biped.urdf"), page["falling"]
+    model, data = robot.model, robot.model.createData()
+    q, still = page["upright"].q, np.zeros(robot.model.nv)
+    pin.centerOfMass(model, data, q, still, np.array(falling.a))
+    total = pin.computeTotalMass(model) * (data.acom[0] + [0, 0, 9.81])
+    np.testing.assert_allclose(page["pushes"][:, :3].sum(axis=0), total, rtol=0, atol=1e-9)
+    torso = pin.getFrameClassicalAcceleration(model, data, model.getFrameId("torso"), pin.LOCAL_WORLD_ALIGNED)
+    np.testing.assert_allclose(torso.vector, [0, 0, -2.0, 0, 0, 0], rtol=0, atol=1e-9)
+
+
+def test_the_robot_squats_and_its_feet_stay(page):
+    down = page["down"]
+    assert down.finished
+    assert down.gap.max() < 1e-10
+    assert page["height"][0] - page["height"][-1] > 0.06
+    assert np.abs(down.v[-1]).max() < 0.5
+    assert np.abs(down.forces).max() < 120.0
