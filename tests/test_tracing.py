@@ -12,10 +12,10 @@ from test_friction import random_friction
 
 import p3dof
 from p3dof import kinematics
-from p3dof.compiled.tracing import Tape, derivatives, straight_line
-from p3dof.compiled.tracing.c import statements
-from p3dof.compiled.tracing.python import function_of
 from p3dof.simulation.equations import Equations
+from p3dof.tracing import Tape, derivatives, straight_line
+from p3dof.tracing.c import statements
+from p3dof.tracing.python import function_of
 
 
 @given(seed=SEEDS)
@@ -159,3 +159,10 @@ def test_statements_of_c_do_what_the_formula_does():
     merged = statements(tape, tape.needed([result]), {x.index: "x", y.index: "y"}, "sincos")
     assert sum("sincos(x, &" in line for line in merged) == 1
     assert not any("= sin(" in line or "= cos(" in line for line in merged)
+
+
+def test_numbers_are_computed_at_once():
+    tape = Tape()
+    found = [f(0.035, 1.075) for f in (tape.add, tape.subtract, tape.multiply, tape.divide)]
+    assert found == [0.035 + 1.075, 0.035 - 1.075, 0.035 * 1.075, 0.035 / 1.075]
+    assert not tape.operations

@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from p3dof.compiled.formulas import Kernel, all_kernels
-from p3dof.compiled.tracing.c import statements, text
+from p3dof.tracing.c import statements, text
 
 DIRECTORY = Path(__file__).parents[1] / "compiled" / "extension" / "generated"
 

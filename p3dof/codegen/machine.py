@@ -10,11 +10,11 @@ from p3dof.codegen.friction import JOINTS, TOGETHER, folded
 from p3dof.codegen.replay import replay
 from p3dof.compiled import reduced
 from p3dof.compiled.formulas import MODEL
-from p3dof.compiled.tracing import Number, Symbol, Tape
 from p3dof.errors import ParameterError
 from p3dof.paper.formulas import Lengths
 from p3dof.paper.inertials import Inertial
 from p3dof.parameters import LINKS, Parameters
+from p3dof.tracing import Number, Symbol, Tape
 
 FRICTION = (
     *(f"viscous_{i}" for i in range(len(TOGETHER))),

@@ -20,10 +20,10 @@ from p3dof.codegen.replay import replay
 from p3dof.codegen.routines import LOAD, Routine, routines
 from p3dof.compiled.formulas import MODEL
 from p3dof.compiled.reduced import SYMMETRIC_ZEROS
-from p3dof.compiled.tracing import Number, Symbol, Tape
-from p3dof.compiled.tracing.c import statements, text
 from p3dof.errors import ParameterError
 from p3dof.parameters import Parameters
+from p3dof.tracing import Number, Symbol, Tape
+from p3dof.tracing.c import statements, text
 
 INDENT = " " * 4
 _LOADED_BY = dict(zip(LOAD, ("w_y", "w_z", "w_theta"), strict=True))

@@ -17,9 +17,9 @@ from p3dof.codegen.machine import FRICTION, MACHINE
 from p3dof.compiled import reduced
 from p3dof.compiled.formulas import ACCELERATION, FORCES, MODEL, POSE, VELOCITY
 from p3dof.compiled.reduced import Model, Shape, State
-from p3dof.compiled.tracing import Number, Symbol, Tape, derivatives
 from p3dof.kinematics.validity import REACH_TOLERANCE
 from p3dof.samples import ACTUATION_TOLERANCE
+from p3dof.tracing import Number, Symbol, Tape, derivatives
 
 LOAD = ("load_y", "load_z", "load_theta")
 WRENCH = ("", "w_y", "w_z", "", "w_theta", "")

@@ -17,8 +17,8 @@ import numpy as np
 
 from p3dof.compiled import reduced
 from p3dof.compiled.reduced import SYMMETRIC_ZEROS, Model, Reduced, State
-from p3dof.compiled.tracing import Number, Symbol, Tape, derivatives
-from p3dof.compiled.tracing.python import function_of
+from p3dof.tracing import Number, Symbol, Tape, derivatives
+from p3dof.tracing.python import function_of
 
 WRENCH = ("w_y", "w_z", "w_theta")
 FORCES = ("f_a", "f_b", "f_c")

@@ -11,11 +11,11 @@ import numpy as np
 from p3dof.algebra import BLOCK, components
 from p3dof.checks import FloatArray
 from p3dof.compiled.reduced import Model, model_of, shape, solve_transposed
-from p3dof.compiled.tracing import Number, Symbol, Tape, derivatives, straight_line
-from p3dof.compiled.tracing.python import or_nan
 from p3dof.paper.formulas import Lengths
 from p3dof.paper.friction import generalized_losses, losses_of
 from p3dof.parameters import Parameters
+from p3dof.tracing import Number, Symbol, Tape, derivatives, straight_line
+from p3dof.tracing.python import or_nan
 
 _Function = Callable[..., tuple[Any, ...]]
 

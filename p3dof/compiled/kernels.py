@@ -17,10 +17,10 @@ from p3dof.checks import FloatArray, as_floats, shown
 from p3dof.compiled.formulas import NAMES, Kernel, is_symmetric, kernel
 from p3dof.compiled.friction import losses_of_state
 from p3dof.compiled.reduced import model_of
-from p3dof.compiled.tracing.python import function_of, or_nan
 from p3dof.errors import InputError
 from p3dof.motion.wrenches import WRENCH_ROWS
 from p3dof.parameters import Parameters
+from p3dof.tracing.python import function_of, or_nan
 
 NUMPY = "numpy"
 """The level without the extension: blocks of arrays."""

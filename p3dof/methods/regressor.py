@@ -27,13 +27,13 @@ from p3dof.compiled.reduced import (
     model_of,
     shape,
 )
-from p3dof.compiled.tracing import Number, Symbol, Tape, derivatives, straight_line
-from p3dof.compiled.tracing.python import function_of
 from p3dof.kinematics import holdable
 from p3dof.motion.states import States
 from p3dof.paper.formulas import Lengths
 from p3dof.parameters import LINKS, Bodies, Parameters
 from p3dof.samples import raise_not_finite
+from p3dof.tracing import Number, Symbol, Tape, derivatives, straight_line
+from p3dof.tracing.python import function_of
 
 MOMENTS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 """Inertial parameters of a body, about the origin of its axes, in the order of Pinocchio's."""

@@ -9,12 +9,12 @@ from typing import TypeAlias
 from p3dof.algebra import Scalar, Vector, apply_transposed, dot
 from p3dof.compiled import MachineKernels
 from p3dof.compiled.friction import losses_of_state
-from p3dof.compiled.tracing import Tape, straight_line
 from p3dof.paper.formulas import Lengths, configuration, jacobian
 from p3dof.paper.friction import losses_of
 from p3dof.paper.inertials import inertials, numbers
 from p3dof.paper.virtual_power import actuator_forces, generalized_forces
 from p3dof.parameters import Parameters
+from p3dof.tracing import Tape, straight_line
 
 Compiled: TypeAlias = Callable[..., tuple[float, ...]]
 

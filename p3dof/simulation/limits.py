@@ -8,12 +8,12 @@ import numpy as np
 
 from p3dof.algebra import Scalar
 from p3dof.checks import FloatArray, shown
-from p3dof.compiled.tracing import Tape, straight_line
 from p3dof.errors import InputError
 from p3dof.kinematics.validity import reach_margins
 from p3dof.paper.formulas import Lengths, configuration
 from p3dof.parameters import LEGS, Parameters
 from p3dof.simulation.margins import Stop
+from p3dof.tracing import Tape, straight_line
 
 KINDS = ("slider stop", "tilt limit", "reach limit", "singular pose")
 """What can end a run; the reach limit always does."""

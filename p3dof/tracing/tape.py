@@ -60,7 +60,7 @@ class Tape:
     """The operations of a formula, each recorded once; also where it takes its functions from.
 
     Sums and products with the numbers 0, 1 and -1 are not recorded, and signs are moved outward to where
-    they turn a sum into a difference.
+    they turn a sum into a difference. What is known already is computed at once.
     """
 
     def __init__(self) -> None:
@@ -93,6 +93,8 @@ class Tape:
 
     def add(self, a: Number, b: Number) -> Number:
         """Return a + b."""
+        if not isinstance(a, Symbol) and not isinstance(b, Symbol):
+            return a + b
         if _is(a, 0):
             return b
         if _is(b, 0):
@@ -106,6 +108,8 @@ class Tape:
 
     def subtract(self, a: Number, b: Number) -> Number:
         """Return a - b."""
+        if not isinstance(a, Symbol) and not isinstance(b, Symbol):
+            return a - b
         if _is(b, 0):
             return a
         if _is(a, 0):
@@ -119,24 +123,25 @@ class Tape:
 
     def multiply(self, a: Number, b: Number) -> Number:
         """Return a b."""
+        if not isinstance(a, Symbol) and not isinstance(b, Symbol):
+            return a * b
         if not isinstance(a, Symbol):
             a, b = b, a
-        if not isinstance(b, Symbol):
-            if b == 0:
-                return 0
-            if abs(b) == 1:
-                return a if b == 1 else -a
+        if _is(b, 0):
+            return 0
+        if _is(b, 1) or _is(b, -1):
+            return a if b == 1 else -a
         minus_a, minus_b = self._negated(a), self._negated(b)
         if minus_a is not None and minus_b is not None:
             return self.multiply(minus_a, minus_b)
-        if minus_a is not None:
-            return -self.multiply(minus_a, b)
-        if minus_b is not None:
-            return -self.multiply(a, minus_b)
+        if minus_a is not None or minus_b is not None:
+            return -self.multiply(a if minus_a is None else minus_a, b if minus_b is None else minus_b)
         return self._record("mul", a, b)
 
     def divide(self, a: Number, b: Number) -> Number:
         """Return a / b."""
+        if not isinstance(a, Symbol) and not isinstance(b, Symbol):
+            return a / b
         if _is(a, 0):
             return 0
         if _is(b, 1):

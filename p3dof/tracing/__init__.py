@@ -5,8 +5,8 @@ formula becomes a list of scalar operations, each done once however often the fo
 constants are computed beforehand.
 """
 
-from p3dof.compiled.tracing.derivatives import derivatives
-from p3dof.compiled.tracing.python import straight_line
-from p3dof.compiled.tracing.tape import Number, Symbol, Tape
+from p3dof.tracing.derivatives import derivatives
+from p3dof.tracing.python import straight_line
+from p3dof.tracing.tape import Number, Symbol, Tape
 
 __all__ = ["Number", "Symbol", "Tape", "derivatives", "straight_line"]

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from p3dof.compiled.tracing.tape import FUNCTIONS, SIGNS, Number, Operation, Symbol, Tape
+from p3dof.tracing.tape import FUNCTIONS, SIGNS, Number, Operation, Symbol, Tape
 
 
 def straight_line(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, MutableMapping, Sequence
 
-from p3dof.compiled.tracing.tape import SIGNS, Number, Symbol, Tape
+from p3dof.tracing.tape import SIGNS, Number, Symbol, Tape
 
 _MINIMUM = "({0} < {1}) ? {0} : {1}"
 

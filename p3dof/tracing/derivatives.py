@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from p3dof.compiled.tracing.tape import Number, Operation, Symbol, Tape
+from p3dof.tracing.tape import Number, Operation, Symbol, Tape
 
 
 def derivatives(results: Sequence[Number], inputs: Sequence[Number]) -> list[list[Number]]:
