@@ -6,6 +6,7 @@ import closed_loop_robots as robots
 import numpy as np
 import pinocchio as pin
 import pytest
+from mujoco_robots import in_mujoco
 from test_gallery import FOLDER, MOBILITY, MOTORS
 from virtual_motions import errors, passive, smallest_forces, virtual_motions
 
@@ -69,3 +70,23 @@ def test_forces_bring_the_motion_back(moving):
     )
     assert np.abs(rate).max() < 1e-9 * max(size, speed)
     assert np.abs(curvature).max() < 1e-7 * max(size, speed)
+
+
+def test_forces_are_those_of_mujoco(moving):
+    """MuJoCo reads the URDF itself; its open tree's load and its closures' Jacobian give the forces."""
+    name, loop, q, v, _, found = moving
+    mujoco = pytest.importorskip("mujoco", reason="mujoco not installed: pip install 'p3dof[engines]'")
+    other = in_mujoco(loop, FOLDER / f"{name}.urdf")
+    data = mujoco.MjData(other.model)
+    data.qpos[:], data.qvel[:] = other.qpos(q), other.qvel(q, v)
+    data.qacc[:] = other.qacc(q, v, found.a)
+    mujoco.mj_inverse(other.model, data)
+    assert np.abs(data.efc_pos[data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY]).max() < 1e-12
+    load = data.qfrc_inverse + data.qfrc_constraint  # without what soft closures give
+    J = data.efc_J.reshape(data.nefc, other.model.nv)
+    _, s, Vt = np.linalg.svd(J)
+    N = Vt[np.count_nonzero(s > 1e-9 * s[0]) :].T
+    assert N.shape[1] == MOBILITY[name]
+    tau, *_ = np.linalg.lstsq(N[other.actuated_v()].T, N.T @ load, rcond=None)
+    size = max(np.abs(load).max(), np.abs(tau).max())
+    np.testing.assert_allclose(found.tau, tau, rtol=0, atol=1e-10 * size)
