@@ -8,9 +8,9 @@ import pytest
 
 mujoco = pytest.importorskip("mujoco")
 
-from p3dof.closed_loop.formats import mjcf  # noqa: E402
+from p3dof.closed_loop.formats import mjcf, mjcf_file  # noqa: E402
 from p3dof.closed_loop.robots import load_robot  # noqa: E402
-from p3dof.errors import InputError, MissingExtraError, ModelError, ModelWarning  # noqa: E402
+from p3dof.errors import InputError, MissingExtraError, ModelError  # noqa: E402
 
 RICH = """
 <mujoco model="rich">
@@ -63,7 +63,7 @@ RICH = """
 def rich():
     """Return the tree and its sidecar, MuJoCo's own model, and a state of both."""
     model, sidecar = mjcf.read(RICH)
-    compiled = mjcf._compiled(RICH)
+    compiled = mjcf_file.compiled(RICH)
     data = mujoco.MjData(compiled)
     q = np.random.default_rng(1).normal(size=compiled.nq)
     for start in (6, 10):
@@ -170,13 +170,14 @@ BALL = '<geom type="sphere" size="0.1"/>'
 TENDON = '<tendon><fixed name="t"><joint joint="x" coef="1"/></fixed></tendon>'
 
 
-def test_what_acts_on_a_tendon_is_told_and_left_out():
+def test_a_tendon_over_one_joint_pulls_at_this_joint():
     xml = (
         f"<mujoco><worldbody>{BODY.format(BALL)}</worldbody>{TENDON}"
         '<actuator><motor name="pull" tendon="t"/></actuator></mujoco>'
     )
-    with pytest.warns(ModelWarning, match="the actuator 'pull' acts on no joint and is left out"):
-        assert load_robot(xml).actuated == ()
+    loaded = load_robot(xml)
+    assert loaded.actuated == ("x",)
+    assert loaded.model.nv == 1
 
 
 @pytest.mark.parametrize(
@@ -189,8 +190,10 @@ def test_what_acts_on_a_tendon_is_told_and_left_out():
             "MuJoCo",
         ),
         (
-            f"{BODY.format(BALL)}</worldbody>{TENDON}<equality><tendon tendon1='t'/></equality><worldbody>",
-            "the equality 'equality_0' ties tendons, which is not understood",
+            "<site name='a'/><site name='b' pos='0 0 1'/><site name='c' pos='0 1 1'/>"
+            f"{BODY.format(BALL)}</worldbody><tendon><spatial name='t'><site site='a'/><site site='b'/>"
+            "<site site='c'/></spatial></tendon><equality><tendon tendon1='t'/></equality><worldbody>",
+            "the equality 'equality_0' ties tendons that are neither fixed nor, one alone, straight",
         ),
         ("</worldbody><include file='../../etc/passwd'/><worldbody>", "<include> needs the files beside it"),
         ("<body name='a'>" * 120 + "</body>" * 120, "nested at most 100 deep"),

@@ -2,8 +2,12 @@
 
 Defaults, includes, angles, frames and inertias of shapes are MuJoCo's business: what it compiles is
 translated number by number. (Pinocchio 4.1 reads MJCF too, but drops a second body of the world, takes
-constraints that are switched off for active, and leaves joint equalities out.) Contacts, tendons and shapes
-are not read.
+constraints that are switched off for active, and leaves joint equalities out.) Contacts and shapes are not
+read.
+
+A fixed tendon of several joints that has an actuator, a spring or a damper becomes a joint of its own: it has
+no mass, the tendon's name and its length, and a coupling makes the joints move with it. What else would act
+and is left out is told.
 
 References
 ----------
@@ -13,23 +17,24 @@ MuJoCo documentation, XML reference and "Computation": order of the joints of a 
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 from warnings import warn
-from xml.etree import ElementTree as Xml
 
 import numpy as np
 import pinocchio as pin
 
-from p3dof.checks import LARGEST, FloatArray, one_line, shown
+from p3dof.checks import FloatArray, shown
+from p3dof.closed_loop.formats.mjcf_file import compiled
+from p3dof.closed_loop.formats.mjcf_left_out import FIELDS, left_out
+from p3dof.closed_loop.formats.mjcf_tendons import Tendon, pulled, tendon, tied
 from p3dof.closed_loop.joint_data import JointData
 from p3dof.closed_loop.sidecar import Closure, Coupling, Sidecar, suggestion
 from p3dof.closed_loop.trees import add_frame
 from p3dof.closed_loop.urdf import MAX_FREEDOMS, MAX_LINKS
-from p3dof.closed_loop.xml_text import XmlReader, check_includes, is_text, read_xml
-from p3dof.errors import MissingExtraError, ModelError, ModelWarning
+from p3dof.errors import ModelError, ModelWarning
 
-_EXTRA = "MJCF files are compiled by MuJoCo: pip install 'p3dof[mjcf]'"
 _TURNS = (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ)
 _SLIDES = (pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ)
 
@@ -58,68 +63,7 @@ def read(source: str | os.PathLike[str], key: str | None = None) -> tuple[pin.Mo
     MissingExtraError
         If MuJoCo is not installed.
     """
-    return _Translation(_compiled(source), key).result()
-
-
-def _compiled(source: str | os.PathLike[str]) -> Any:
-    """Return MuJoCo's model of a file, whose meshes need not be there."""
-    try:
-        import mujoco
-    except ImportError as error:
-        raise MissingExtraError(_EXTRA) from error
-    text, name = read_xml(source, "MJCF")
-    robot = XmlReader(name).parse(text)
-    if robot.tag != "mujoco":
-        raise ModelError(f"{name}: expected the element <mujoco>, got <{robot.tag:.80}>")
-    check_includes(robot, source, name)
-    _check_numbers(robot, name)
-    try:
-        spec = mujoco.MjSpec.from_string(text) if is_text(source) else mujoco.MjSpec.from_file(name)
-        _without_files(mujoco, spec)
-        compiled = spec.compile()
-    except Exception as error:  # ValueError, and what MuJoCo's bindings raise beside it
-        raise ModelError(f"{name}: MuJoCo cannot compile it: {one_line(str(error))}") from error
-    for field in ("body_mass", "body_inertia", "body_pos", "body_ipos", "jnt_pos", "dof_armature", "eq_data"):
-        numbers = getattr(compiled, field)
-        if not np.all(np.abs(numbers) < LARGEST):  # also what is not a number
-            raise ModelError(f"{name}: MuJoCo compiles numbers that are too large, or none, into {field}")
-    return compiled
-
-
-def _check_numbers(robot: Xml.Element, name: str) -> None:
-    """Refuse NaN: MuJoCo only warns of it, and in MuJoCo 4.0 such a warning can go on for ever."""
-    for element in robot.iter():
-        for attribute, text in element.attrib.items():
-            if (
-                any(word.lower().lstrip("+-").startswith("nan") for word in text.split())
-                and attribute != "name"
-            ):
-                raise ModelError(
-                    f"{name}: <{element.tag:.80}> {attribute:.80}: expected numbers, got {shown(text)}"
-                )
-
-
-def _without_files(mujoco: Any, spec: Any) -> None:
-    """Take out what only shows, textures and meshes that no mass comes from: the files need not be there."""
-    from_file = {mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_SDF, mujoco.mjtGeom.mjGEOM_HFIELD}
-    for geom in list(spec.geoms):
-        geom.material = ""
-        stated = geom.parent.explicitinertial or geom.parent.name == "world"
-        if geom.type in from_file and (stated or geom.mass == 0 or geom.density == 0):
-            _delete(spec, geom)
-    for site in spec.sites:
-        site.material = ""
-    weighed = {geom.meshname for geom in spec.geoms}
-    meshes = [mesh for mesh in spec.meshes if mesh.name not in weighed]
-    for asset in (*spec.skins, *spec.materials, *spec.textures, *spec.hfields, *meshes):
-        _delete(spec, asset)
-
-
-def _delete(spec: Any, element: Any) -> None:
-    if hasattr(spec, "delete"):
-        spec.delete(element)
-    else:  # before MuJoCo 3.3.3
-        element.delete()
+    return _Translation(compiled(source), key).result()
 
 
 class _Translation:
@@ -139,11 +83,13 @@ class _Translation:
         self._m, self._key, self._types = compiled, key, mujoco
         self._model = pin.Model()
         self._model.name = compiled.names.split(b"\0", 1)[0].decode("utf-8", "replace")
-        self._model.gravity.linear = np.array(compiled.opt.gravity)
+        weightless = compiled.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
+        self._model.gravity.linear = np.zeros(3) if weightless else np.array(compiled.opt.gravity)
         self._joints: list[str] = []
         self._bodies: list[tuple[int, pin.SE3, int]] = [(0, pin.SE3.Identity(), 0)]
         self._frames: set[str] = {"universe"}
         self._sites: list[str] = []
+        self._tendons: dict[int, Tendon] = {}
 
     def result(self) -> tuple[pin.Model, Sidecar]:
         """Return the tree and its sidecar."""
@@ -158,9 +104,16 @@ class _Translation:
         for site in range(m.nsite):
             name, place = self._name(m.site, site, "site"), _place(m.site_pos[site], m.site_quat[site])
             self._sites.append(self._add_frame(name, m.site_bodyid[site], place))
+        actuated = self._actuated()
+        for number in range(m.ntendon):
+            if number in self._tendons or self._acts(number):
+                self._add_tendon(number)
         self._give_data()
         closures, couplings = self._equalities()
-        sidecar = Sidecar(closures, self._actuated(), couplings, self._reference())
+        couplings += tuple(pulled(one) for one in self._tendons.values())
+        for words in left_out(m, self._tendons):
+            warn(f"MJCF: left out is {words}", ModelWarning, stacklevel=4)
+        sidecar = Sidecar(closures, actuated, couplings, self._reference())
         return self._model, replace(sidecar, joint_data=self._joint_data())
 
     def _add_body(self, body: int) -> None:
@@ -207,17 +160,28 @@ class _Translation:
 
     def _give_data(self) -> None:
         """Give the joints their armature, damping, friction and limits."""
-        m, model = self._m, self._model
-        model.armature = np.array(m.dof_armature)
-        model.damping = np.array(m.dof_damping)
-        model.upperDryFrictionLimit = np.array(m.dof_frictionloss)
-        model.lowerDryFrictionLimit = -np.array(m.dof_frictionloss)
+        m, model, tendons = self._m, self._model, list(self._tendons)
+        model.armature = np.concatenate((m.dof_armature, m.tendon_armature[tendons]))
+        self._give_rotors()
+        model.damping = np.concatenate((m.dof_damping, m.tendon_damping[tendons]))
+        friction = np.concatenate((m.dof_frictionloss, m.tendon_frictionloss[tendons]))
+        model.lowerDryFrictionLimit, model.upperDryFrictionLimit = -friction, friction
         lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
         for number, name in enumerate(self._joints):
             joint = model.getJointId(name)
             if m.jnt_limited[number] and model.nqs[joint] == 1:
                 lower[model.idx_qs[joint]], upper[model.idx_qs[joint]] = m.jnt_range[number]
         model.lowerPositionLimit, model.upperPositionLimit = lower, upper
+
+    def _give_rotors(self) -> None:
+        """Give the joints the armature of their actuators, which MuJoCo has from version 4 on."""
+        m, armature = self._m, np.array(self._model.armature)
+        for number in range(m.nu if hasattr(m, "actuator_armature") else 0):
+            name = self._pulls(number) if m.actuator_armature[number] else None
+            if name is not None:
+                at = self._model.idx_vs[self._model.getJointId(name)]
+                armature[at] += m.actuator_gear[number, 0] ** 2 * m.actuator_armature[number]
+        self._model.armature = armature
 
     def _joint_data(self) -> tuple[JointData, ...]:
         """Return springs, damping and friction; MuJoCo has springs in balls and free joints too."""
@@ -231,12 +195,18 @@ class _Translation:
             dof = m.jnt_dofadr[number]
             losses = float(m.dof_damping[dof]), float(m.dof_frictionloss[dof])
             found.append(JointData(name, stiffness, rest, *losses))
+        for number, one in self._tendons.items():
+            (rest, slack), stiffness = m.tendon_lengthspring[number], float(m.tendon_stiffness[number])
+            losses = float(m.tendon_damping[number]), float(m.tendon_frictionloss[number])
+            found.append(JointData(one.name, stiffness if rest == slack else 0.0, float(rest), *losses))
         return tuple(found)
 
     def _equalities(self) -> tuple[tuple[Closure, ...], tuple[Coupling, ...]]:
         m, kinds = self._m, self._types.mjtEq
-        closures, couplings = [], []
-        for number in range(m.neq):
+        closures: list[Closure] = []
+        couplings: list[Coupling] = []
+        disabled = m.opt.disableflags & self._types.mjtDisableBit.mjDSBL_EQUALITY
+        for number in range(0 if disabled else m.neq):
             kind = kinds(int(m.eq_type[number]))
             if not m.eq_active0[number]:
                 continue
@@ -244,6 +214,12 @@ class _Translation:
                 couplings.append(self._coupling(number))
             elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
                 closures.append(self._closure(number, "3d" if kind == kinds.mjEQ_CONNECT else "6d"))
+            elif kind == kinds.mjEQ_TENDON:
+                found = self._tied(number, couplings)
+                if isinstance(found, Closure):
+                    closures.append(found)
+                else:
+                    couplings.append(found)
             else:
                 called = shown(self._name(m.equality, number, "equality"))
                 words = str(kind).rsplit("_", 1)[-1].lower()
@@ -280,6 +256,43 @@ class _Translation:
         coefficients = tuple(float(c) for c in shifted.trim().coef)
         return Coupling(driven, self._name(m.joint, joints[1], "joint"), coefficients, name)
 
+    def _tied(self, number: int, couplings: Sequence[Coupling]) -> Closure | Coupling:
+        m, name = self._m, self._name(self._m.equality, number, "equality")
+        first, second = int(m.eq_obj1id[number]), int(m.eq_obj2id[number])
+        other = None if second < 0 else self._tendon(second)
+        return tied(name, self._tendon(first), other, m.eq_data[number, :5], self._sites, couplings)
+
+    def _tendon(self, number: int) -> Tendon:
+        return tendon(self._m, number, self._name(self._m.tendon, number, "tendon"), self._joints)
+
+    def _acts(self, number: int) -> bool:
+        """Whether a fixed tendon has a spring, a damper, friction or an inertia."""
+        acting = any(getattr(self._m, f"tendon_{field}")[number] for field in FIELDS)
+        return acting and bool(self._tendon(number).joints)
+
+    def _add_tendon(self, number: int) -> str:
+        """Give a fixed tendon a joint that has its length, and no mass."""
+        if number not in self._tendons:
+            one, joints = self._tendon(number), set(self._joints)
+            name = one.name
+            while name in joints or any(name == each.name for each in self._tendons.values()):
+                name += "_"
+            self._tendons[number] = replace(one, name=name)
+            joint = self._model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), name)
+            self._model.addFrame(pin.Frame(name, joint, 0, pin.SE3.Identity(), pin.FrameType.JOINT))
+        return self._tendons[number].name
+
+    def _pulls(self, number: int) -> str | None:
+        """Return the joint that an actuator acts on, if any."""
+        m, kinds = self._m, self._types.mjtTrn
+        kind, target = kinds(int(m.actuator_trntype[number])), int(m.actuator_trnid[number, 0])
+        if kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT):
+            name = self._joints[target]
+            return name if self._model.nvs[self._model.getJointId(name)] == 1 else None
+        if kind == kinds.mjTRN_TENDON and (one := self._tendon(target)).joints:
+            return next(iter(one.joints)) if len(one.joints) == 1 else self._add_tendon(target)
+        return None
+
     def _actuated(self) -> tuple[str, ...]:
         """Return the joints with an actuator; all with one degree of freedom where there is none at all."""
         m = self._m
@@ -287,15 +300,14 @@ class _Translation:
             return Sidecar.serial(self._model).actuated
         names: dict[str, None] = {}
         for number in range(m.nu):
-            kind = self._types.mjtTrn(int(m.actuator_trntype[number]))
-            target = int(m.actuator_trnid[number, 0])
-            if kind in (self._types.mjtTrn.mjTRN_JOINT, self._types.mjtTrn.mjTRN_JOINTINPARENT):
-                names[self._name(m.joint, target, "joint")] = None
-            else:
-                called = self._name(m.actuator, number, "actuator")
-                message = f"MJCF: the actuator {called!r} acts on no joint and is left out"
-                warn(message, ModelWarning, stacklevel=5)
-        return tuple(name for name in names if self._model.nvs[self._model.getJointId(name)] == 1)
+            name = self._pulls(number)
+            if name is not None:
+                names[name] = None
+                continue
+            called = self._name(m.actuator, number, "actuator")
+            message = f"MJCF: the actuator {shown(called)} acts on no joint of one freedom and is left out"
+            warn(message, ModelWarning, stacklevel=5)
+        return tuple(names)
 
     def _reference(self) -> dict[str, Any] | None:
         m = self._m
@@ -305,7 +317,10 @@ class _Translation:
         if not names:
             return None
         q = m.key_qpos[0 if self._key is None else names.index(self._key)]
-        return {name: self._values(q, number) for number, name in enumerate(self._joints)}
+        found = {name: self._values(q, number) for number, name in enumerate(self._joints)}
+        return found | {
+            one.name: sum(f * found[j] for j, f in one.joints.items()) for one in self._tendons.values()
+        }
 
     def _values(self, q: FloatArray, number: int) -> Any:
         """Return the values of a joint in Pinocchio's order: quaternions end with their scalar."""

@@ -1,0 +1,244 @@
+"""What public MJCFs of closed-loop robots have: tendons, rods on balls, meshes that are missing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+mujoco = pytest.importorskip("mujoco")
+
+from mujoco_opinion import agree  # noqa: E402
+
+import p3dof  # noqa: E402
+from p3dof.errors import ModelError, ModelWarning  # noqa: E402
+
+LEG = """
+<mujoco model="leg">
+  <compiler angle="degree" autolimits="true"/>
+  <default>
+    <joint axis="0 1 0" damping="0.1"/><equality solref="0.005 1"/>
+    <default class="spring"><joint stiffness="150" springref="10" damping="0.02"/></default>
+    <default class="shown"><geom type="mesh" contype="0" conaffinity="0" group="2"/></default>
+  </default>
+  <asset><mesh name="shell" file="not_there.obj"/></asset>
+  <worldbody>
+    <body name="hip" pos="0 0 1">
+      <freejoint/>
+      <inertial pos="0.01 0 0.02" mass="8" fullinertia="0.09 0.07 0.05 0.001 -0.002 0.003"/>
+      <geom class="shown" mesh="shell"/>
+      <body name="rod" pos="0 0.05 0.02">
+        <joint name="rod" type="ball" damping="0.01"/>
+        <inertial pos="0.2 0 0" mass="0.15" diaginertia="1e-5 2e-3 2e-3"/>
+        <geom class="shown" mesh="shell"/>
+      </body>
+      <body name="thigh" pos="0.1 0 0" euler="0 20 0">
+        <joint name="knee" ref="-15" range="-160 20" armature="0.05"/>
+        <inertial pos="0.15 0.01 0" mass="2" diaginertia="0.002 0.02 0.02"/>
+        <body name="shin" pos="0.3 0 0" euler="5 30 0">
+          <joint name="ankle" class="spring"/>
+          <inertial pos="0.1 0 0.02" mass="1" diaginertia="0.001 0.01 0.01"/>
+          <body name="heel" pos="0.05 0.05 0.04">
+            <joint name="heel" class="spring" axis="0 0 1"/>
+            <inertial pos="0.02 0 0" mass="0.1" diaginertia="1e-4 2e-4 2e-4"/>
+          </body>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <equality><connect body1="rod" body2="heel" anchor="0.35 0.01 0.02"/></equality>
+  <actuator><motor name="drive" joint="knee" gear="16" ctrlrange="-5 5"/></actuator>
+</mujoco>
+"""
+
+FINGER = """
+  <body name="{0}_driver" pos="0 {1} 0.05" euler="0 0 {2}">
+    <joint name="{0}_driver" class="driver"/>
+    <inertial pos="0 0.02 0" mass="0.01" diaginertia="2e-6 2e-6 4e-7"/>
+    <body name="{0}_coupler" pos="0 0.03 -0.004">
+      <joint name="{0}_coupler"/><inertial pos="0 0.003 0.02" mass="0.014" diaginertia="4e-6 3.5e-6 9e-7"/>
+    </body>
+  </body>
+  <body name="{0}_link" pos="0 {3} 0.06" euler="0 0 {2}">
+    <joint name="{0}_link" class="spring"/>
+    <inertial pos="0 0.02 0.02" mass="0.02" diaginertia="9e-6 7e-6 3e-6"/>
+    <body name="{0}_tip" pos="0 0.055 0.0375">
+      <joint name="{0}_tip" pos="0 -0.018 0.0065"/>
+      <inertial pos="0 -0.01 0.01" mass="0.0125" diaginertia="3e-6 2e-6 1e-6"/>
+      <body name="{0}_pad" pos="0 -0.019 0.0135"><geom type="mesh" mesh="pad"/></body>
+    </body>
+  </body>
+"""
+GRIPPER = f"""
+<mujoco model="gripper">
+  <compiler angle="degree" autolimits="true" meshdir="assets"/>
+  <asset><mesh name="pad" file="pad.stl"/><mesh name="mount" file="mount.stl"/></asset>
+  <default>
+    <joint axis="1 0 0"/>
+    <default class="driver"><joint range="0 45" armature="0.005" damping="0.1"/></default>
+    <default class="spring"><joint stiffness="0.05" springref="150" damping="0.00125"/></default>
+  </default>
+  <worldbody>
+    <body name="mount"><geom type="mesh" mesh="mount"/>
+      {FINGER.format("right", 0.03, 0, 0.013)}{FINGER.format("left", -0.03, 180, -0.013)}
+    </body>
+  </worldbody>
+  <tendon>
+    <fixed name="split">
+      <joint joint="right_driver" coef="0.5"/><joint joint="left_driver" coef="0.25"/>
+    </fixed>
+  </tendon>
+  <equality>
+    <connect anchor="0 0.01 0" body1="right_tip" body2="right_coupler"/>
+    <connect anchor="0 0.01 0" body1="left_tip" body2="left_coupler"/>
+    <joint joint1="right_driver" joint2="left_driver" polycoef="0 1 0.3 0 0"/>
+  </equality>
+  <actuator><motor name="fingers" tendon="split" gear="2"/></actuator>
+</mujoco>
+"""
+
+TENDONS = """
+<mujoco model="tendons">
+  <worldbody>
+    <site name="wall" pos="0.3 0.1 0.9"/>
+    <body name="a" pos="0 0 1">
+      <joint name="one" axis="0 1 0" ref="0.2"/><geom type="capsule" size="0.02 0.1" pos="0 0 -0.1"/>
+      <body name="b" pos="0 0 -0.2">
+        <joint name="two" axis="1 1 0"/><geom type="capsule" size="0.02 0.1" pos="0 0 -0.1"/>
+        <body name="c" pos="0 0 -0.2">
+          <joint name="three" axis="0 1 0" ref="-0.1"/><geom type="capsule" size="0.02 0.1" pos="0 0 -0.1"/>
+          <site name="tip" pos="0 0 -0.2"/>
+        </body>
+      </body>
+    </body>
+    <body name="d" pos="1 0 1"><joint name="four" axis="0 1 0"/><geom size="0.1" pos="0.1 0 0"/></body>
+    <body name="e" pos="2 0 1"><joint name="five" axis="0 1 0"/><geom size="0.1" pos="0.1 0 0"/></body>
+    <body name="f" pos="2 0 1">
+      <joint name="six" type="slide" axis="0 1 0" ref="0.3"/><joint name="seven" axis="0 1 0"/>
+      <geom size="0.1"/>
+    </body>
+  </worldbody>
+  <tendon>
+    <spatial name="rod"><site site="wall"/><site site="tip"/></spatial>
+    <fixed name="sum"><joint joint="four" coef="2"/><joint joint="five" coef="-0.5"/></fixed>
+    <fixed name="slide"><joint joint="six" coef="3"/></fixed>
+    <fixed name="line"><joint joint="four" coef="1"/><joint joint="seven" coef="1.5"/></fixed>
+    <fixed name="pulled" stiffness="3" springlength="0.4" damping="0.2" frictionloss="0.1" armature="0.3">
+      <joint joint="one" coef="0.7"/><joint joint="three" coef="-1.1"/>
+    </fixed>
+  </tendon>
+  <equality>
+    <tendon tendon1="rod" polycoef="0.05"/>
+    <tendon tendon1="sum" tendon2="slide" polycoef="0.1 0.2 0.3"/>
+    <tendon tendon1="line" tendon2="sum" polycoef="0.1 0.4"/>
+  </equality>
+  <actuator>
+    <motor joint="one" gear="3" {armature}/><motor name="pull" tendon="pulled" gear="2"/>
+  </actuator>
+</mujoco>
+"""
+
+
+def test_a_floating_leg_with_a_rod_on_balls():
+    leg = p3dof.load_robot(LEG)
+    q = leg.assemble().q
+    assert (leg.model.nv, leg.mobility(q)) == (12, 9)
+    assert leg.sidecar.closures[0].kind == "3d"
+    data = {entry.joint: entry for entry in leg.sidecar.joint_data}
+    assert data["ankle"].rest == pytest.approx(np.deg2rad(10))
+    for seed in range(2):
+        agree(leg, LEG.replace('<mesh name="shell" file="not_there.obj"/>', "").replace(MESH, ""), seed)
+
+
+MESH = '<geom class="shown" mesh="shell"/>'
+
+
+def without_meshes(xml: str) -> str:
+    lines = xml.replace('<mesh name="pad" file="pad.stl"/><mesh name="mount" file="mount.stl"/>', "")
+    return lines.replace('<geom type="mesh" mesh="pad"/>', "").replace('<geom type="mesh" mesh="mount"/>', "")
+
+
+def test_a_gripper_whose_motor_pulls_at_two_joints_has_a_joint_for_the_tendon():
+    with pytest.warns(
+        ModelWarning, match=r"missing \('pad'\): .* not in the inertia of 'right_pad', 'left_pad'$"
+    ):
+        gripper = p3dof.load_robot(GRIPPER)
+    assert gripper.actuated == ("split",)
+    assert gripper.mobility(gripper.assemble().q) == 3
+    for seed in range(2):
+        agree(gripper, without_meshes(GRIPPER), seed)
+
+
+def test_a_mesh_that_is_there_weighs_and_one_that_is_needed_is_told(tmp_path):
+    (tmp_path / "assets").mkdir()
+    cube = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
+    faces = ["1243", "5786", "1562", "3487", "1375", "2684"]
+    text = "".join(f"v {x * 0.01} {y * 0.02} {z * 0.03}\n" for x, y, z in cube)
+    text += "".join(f"f {' '.join(face)}\n" for face in faces)
+    (tmp_path / "assets" / "pad.obj").write_text(text)
+    (tmp_path / "robot.xml").write_text(GRIPPER.replace("pad.stl", "pad.obj"))
+    gripper = p3dof.load_robot(tmp_path / "robot.xml")  # the mount stands still: its mesh is not needed
+    shown = GRIPPER.replace("pad.stl", "pad.obj").replace('<geom type="mesh" mesh="mount"/>', "")
+    (tmp_path / "shown.xml").write_text(shown.replace('<mesh name="mount" file="mount.stl"/>', ""))
+    agree(gripper, tmp_path / "shown.xml")
+    needed = GRIPPER.replace(
+        '<inertial pos="0 0.02 0" mass="0.01" diaginertia="2e-6 2e-6 4e-7"/>',
+        '<geom type="mesh" mesh="pad"/>',
+    )
+    with pytest.raises(
+        ModelError, match=r"moving bodies must be .*; the files of meshes are missing \('pad'\)"
+    ):
+        p3dof.load_robot(needed)
+
+
+def test_tendons_are_rods_couplings_and_joints():
+    newer = (
+        "armature='0.02'" if hasattr(mujoco.MjModel.from_xml_string("<mujoco/>"), "actuator_armature") else ""
+    )
+    xml = TENDONS.replace("{armature}", newer)
+    robot = p3dof.load_robot(xml)
+    assert [closure.kind for closure in robot.sidecar.closures] == ["distance"]
+    assert [coupling.joint for coupling in robot.sidecar.couplings] == ["four", "seven", "pulled"]
+    assert robot.actuated == ("one", "pulled")
+    for seed in range(3):
+        agree(robot, xml, seed)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (
+            ('springlength="0.4"', 'springlength="0.1 0.4"'),
+            "the spring of the tendon 'pulled', which is slack",
+        ),
+        (('<spatial name="rod">', '<spatial name="rod" damping="1">'), "what acts in the tendon 'rod'"),
+        (('<body name="a"', '<body name="a" gravcomp="1"'), "the compensation of gravity"),
+        (("<worldbody>", '<option density="1.2"/><worldbody>'), "the fluid around the robot"),
+    ],
+)
+def test_what_acts_and_is_left_out_is_told(change, words):
+    xml = TENDONS.replace("{armature}", "")
+    assert change[0] in xml
+    with pytest.warns(ModelWarning, match=words):
+        p3dof.load_robot(xml.replace(*change))
+
+
+def test_what_a_file_switches_off_is_off():
+    xml = TENDONS.replace("{armature}", "").replace(
+        "<worldbody>", '<option><flag gravity="disable" equality="disable"/></option><worldbody>'
+    )
+    robot = p3dof.load_robot(xml)
+    assert robot.sidecar.closures == ()
+    assert not robot.model.gravity.linear.any()
+
+
+def test_tendons_that_cannot_be_followed_are_refused():
+    xml = TENDONS.replace("{armature}", "")
+    for wrong, message in (
+        (
+            '<tendon tendon1="line" tendon2="sum" polycoef="0.1 0.4 1"/>',
+            "a polynomial in the length of a tendon",
+        ),
+        ('<tendon tendon1="rod" tendon2="sum"/>', "neither fixed nor, one alone, straight"),
+    ):
+        with pytest.raises(ModelError, match=message):
+            p3dof.load_robot(xml.replace('<tendon tendon1="line" tendon2="sum" polycoef="0.1 0.4"/>', wrong))
