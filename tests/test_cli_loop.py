@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import yaml
+from browser import find_chromium
 from test_cli import run
 
 import p3dof
@@ -17,6 +18,7 @@ from p3dof.closed_loop.overview import overview
 from p3dof.closed_loop.write_urdf import texts
 from p3dof.errors import InputError, ModelError
 from p3dof.simulation import Integration, simulate_robot
+from p3dof.viewer.headless import as_image
 
 ONE_LINE = 1
 
@@ -426,11 +428,26 @@ def test_show_writes_a_page_with_every_joint(capsys, tmp_path, five_bar, motion)
     assert "<html" in (tmp_path / "page.html").read_text(encoding="utf-8")
     code, _, _ = loop(capsys, "show", five_bar, "--set", "left_joint=1.9", "--out", tmp_path / "still.html")
     assert code == 0
+    assert (
+        "not determined"
+        not in (tmp_path / "still.html").read_text(encoding="utf-8").split("const motion")[1][:900]
+    )
+
+
+def test_show_takes_a_picture(capsys, tmp_path, five_bar):
+    find_chromium()
+    picture = tmp_path / "still.png"
+    code, out, _ = loop(capsys, "show", five_bar, "--closure-forces", "--out", picture)
+    assert code == 0
+    assert f"wrote {picture}" in out
+    colours = np.asarray(as_image(picture.read_bytes())).reshape(-1, 3).astype(int)
+    violet = (colours[:, 2] > colours[:, 0] + 30) & (colours[:, 0] > colours[:, 1] + 30)
+    assert violet.sum() > 100  # closures and their forces are violet, and nothing else
 
 
 def test_rods_of_a_robot_reach_from_joint_to_joint_and_meet_where_loops_close():
     pytest.importorskip("coal", reason="coal is not installed")
-    from p3dof.viewer.sticks import StickFigure
+    from p3dof.viewer.robots.sticks import StickFigure
 
     model = ClosedLoopModel.from_urdf(robots.five_bar(), robots.FIVE_BAR_SIDECAR)
     figure, q = StickFigure(model), robots.five_bar_q(1.9, 1.2)
@@ -441,7 +458,9 @@ def test_rods_of_a_robot_reach_from_joint_to_joint_and_meet_where_loops_close():
         if "_rod_" in solid.name:
             half = np.array([0, 0, solid.geometry.halfLength])
             ends[solid.name] = place.act(-half), place.act(half)
-    assert len(ends) == 4
+    assert len(ends) == 5
+    ground = {tuple(np.round(end, 9)) for end in ends.pop("universe_rod_0")}
+    assert ground == {tuple(np.round(ends[f"{side}_joint_rod_0"][0], 9)) for side in ("left", "right")}
     for side in ("left", "right"):
         near, far = ends[f"{side}_joint_rod_0"], ends[f"{side}_elbow_rod_0"]
         np.testing.assert_allclose(near[1], far[0], atol=1e-12)

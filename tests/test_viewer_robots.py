@@ -1,5 +1,6 @@
 """Other robots than the manipulator in the viewer: a four-bar's run, drawn and played by the same code."""
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import closed_loop_robots as robots
@@ -8,6 +9,8 @@ import pinocchio as pin
 import pytest
 from test_any_robot import five_bar, four_bar, run
 
+import p3dof
+from p3dof.closed_loop.constraints import KINDS
 from p3dof.errors import InputError
 from p3dof.simulation.plants import ConstrainedPlant
 
@@ -17,8 +20,11 @@ from test_viewer_scene import commands, matrix, moved
 
 from p3dof.viewer import JointMotion, RobotScene, robot_animation_html
 from p3dof.viewer.drawing import ROOT
+from p3dof.viewer.robots.arrows import LONGEST
+from p3dof.viewer.robots.sticks import StickFigure
 
 coal = pytest.importorskip("coal")
+GALLERY = Path(__file__).parents[1] / "docs/_static/gallery"
 VISUALS = f"{ROOT}/visuals/"
 
 
@@ -66,7 +72,7 @@ def test_solids_and_the_arrow_of_a_torque_are_where_pinocchio_has_them(swing):
         np.testing.assert_allclose(arrow[:3, 2], [0, -1, 0], atol=1e-12)  # the crank's axis
         head, tip = matrix(found, "/meshcat/forces/0/head"), np.array([0.0, 0.0, 1.0])
         length = moved(head, tip)[2]
-        assert length == pytest.approx(0.6 * scene.half * motion.known[i, 0] / 7.0, rel=1e-9)
+        assert length == pytest.approx(LONGEST * scene.half * motion.known[i, 0] / 7.0, rel=1e-9)
 
 
 def test_the_picture_holds_all_of_the_motion(swing):
@@ -141,3 +147,101 @@ def test_a_robot_without_solids_or_known_forces_is_shown_too():
 def test_bad_input_is_one_clear_error(make, message, swing):
     with pytest.raises(InputError, match=message):
         make(*swing)
+
+
+@pytest.fixture(scope="module")
+def gripper():
+    loop = p3dof.load_robot(GALLERY / "gripper.urdf")
+    return loop, JointMotion.at_rest(loop)
+
+
+def test_closures_stand_at_their_frames_and_their_arrows_are_to_scale(gripper):
+    loop, motion = gripper
+    scene = RobotScene(StickFigure(loop), motion, loop=loop, layers={"closure_forces": True})
+    found = commands(scene.window)
+    data = loop.model.createData()
+    pin.framesForwardKinematics(loop.model, data, motion.q[0])
+    forces = loop.inverse_dynamics(motion.q[0], np.zeros(6), np.zeros(6))
+    assert forces.unique.tolist() == [True, False, True] * 2 + [True]
+    for i, closure in enumerate(loop.sidecar.closures):
+        place = data.oMf[loop.model.getFrameId(closure.frame1)]
+        mark = matrix(found, f"/meshcat/closures/{i}/first")
+        np.testing.assert_allclose(mark, place.homogeneous, rtol=0, atol=1e-12)
+        assert ("set_object", f"/meshcat/closures/{i}/first/ball") in {key[:2] for key in found}
+        determined = np.where(forces.unique, forces.lambda_, 0)[3 * i : 3 * i + 3]
+        arrow = matrix(found, f"/meshcat/closure_forces/{i}/part_of_force")
+        np.testing.assert_allclose(
+            arrow[:3, 2], place.rotation @ determined / np.linalg.norm(determined), rtol=0, atol=1e-9
+        )
+        head = matrix(found, f"/meshcat/closure_forces/{i}/part_of_force/head")
+        length = moved(head, np.array([0.0, 0.0, 1.0]))[2]
+        share = np.linalg.norm(determined) / scene.largest["N"]
+        assert length == pytest.approx(LONGEST * scene.half * share, rel=1e-9)
+        assert not found["set_property", f"/meshcat/closure_forces/{i}/force", "visible"]["value"]
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "distance"])
+def test_every_kind_of_closure_is_drawn(kind):
+    sidecar = p3dof.Sidecar((p3dof.Closure("coupler_tip", "rocker_tip", kind),), ())
+    loop = p3dof.ClosedLoopModel.from_urdf(robots.four_bar(*robots.FOUR_BAR), sidecar)
+    scene = RobotScene(StickFigure(loop), JointMotion([0.0], [np.zeros(3)]), loop=loop)
+    drawn = {path for what, path, *_ in commands(scene.window) if what == "set_object"}
+    assert any(path.startswith("/meshcat/closures/0/") for path in drawn)
+    assert "/meshcat/closure_numbers/0/text" in drawn
+
+
+def test_a_distance_is_a_rod_from_frame_to_frame():
+    sidecar = p3dof.Sidecar((p3dof.Closure("crank", "rocker_tip", "distance", 0.4),), ("crank_joint",))
+    loop = p3dof.ClosedLoopModel.from_urdf(robots.four_bar(*robots.FOUR_BAR), sidecar)
+    q = loop.assemble([0.5], guess=[0.5, 0.1, 0.7]).q
+    scene = RobotScene(StickFigure(loop), JointMotion([0.0], [q]), loop=loop)
+    data = loop.model.createData()
+    pin.framesForwardKinematics(loop.model, data, q)
+    rod = matrix(commands(scene.window), "/meshcat/closures/0/rod")
+    for end, name in ((0.0, "crank"), (1.0, "rocker_tip")):
+        place = data.oMf[loop.model.getFrameId(name, pin.FrameType.BODY)].translation
+        np.testing.assert_allclose(moved(rod, np.array([0.0, 0.0, end])), place, rtol=0, atol=1e-12)
+
+
+def test_layers_hide_parts_of_the_picture(gripper):
+    loop, motion = gripper
+    scene = RobotScene(StickFigure(loop), motion, loop=loop, layers={"closures": False})
+    assert scene.layers.seen == {
+        "sticks": True,
+        "forces": True,
+        "closures": False,
+        "numbers": True,
+        "closure_forces": False,
+    }
+    found = commands(scene.window)
+    assert not found["set_property", "/meshcat/closures", "visible"]["value"]
+    scene.layers.choose({"closures": True, "shapes": True})
+    assert commands(scene.window)["set_property", "/meshcat/closures", "visible"]["value"]
+    for bad in ({"axes": True}, {"closures": 1}, "closures"):
+        with pytest.raises(InputError, match="layers: "):
+            RobotScene(StickFigure(loop), motion, loop=loop, layers=bad)
+
+
+def test_external_wrenches_have_arrows(gripper):
+    loop, motion = gripper
+    push = {"left_finger": np.array([3.0, 0.0, 4.0, 0.0, 0.1, 0.0])}
+    pushed = JointMotion.at_rest(loop, motion.q[0], push)
+    scene = RobotScene(StickFigure(loop), pushed, loop=loop)
+    arrow = matrix(commands(scene.window), "/meshcat/wrenches/0/force")
+    np.testing.assert_allclose(arrow[:3, 2], [0.6, 0.0, 0.8], atol=1e-12)
+    assert abs(pushed.known[0, 0]) > abs(motion.known[0, 0])
+
+
+def test_a_page_has_boxes_for_what_is_seen_and_says_the_forces_in_closures(gripper, tmp_path):
+    loop, motion = gripper
+    path = tmp_path / "gripper.html"
+    path.write_text(robot_animation_html(StickFigure(loop), motion, title="gripper", loop=loop), "utf-8")
+    with chromium() as browser, opened(browser, path.as_uri(), 640, 480) as watched:
+        rows = watched.page.inner_text("#closures").splitlines()
+        assert [row.split("\t")[1] for row in rows] == ["point", "point", "coupling"]
+        assert rows[0].endswith("in part")
+        hidden = "!nodeOf('meshcat/closure_forces').object.visible"
+        watched.wait(hidden)
+        watched.page.check("#layer_closure_forces")
+        watched.wait(f"!({hidden})")
+        watched.healthy()

@@ -12,8 +12,9 @@ from p3dof.methods import InverseDynamics
 from p3dof.motion import Motion
 from p3dof.viewer.animation import animation_html, save_animation
 from p3dof.viewer.machine import Machine
-from p3dof.viewer.robot_animation import robot_animation_html
-from p3dof.viewer.robot_scene import JointMotion, RobotScene
+from p3dof.viewer.robots.animation import robot_animation_html, robot_picture
+from p3dof.viewer.robots.motion import JointMotion
+from p3dof.viewer.robots.scene import RobotScene
 from p3dof.viewer.scale import ArrowScale
 from p3dof.viewer.scene import Scene, joints_of, trace_of
 from p3dof.viewer.video import save_screenshot, save_video
@@ -32,6 +33,7 @@ __all__ = [
     "animation_html",
     "joints_of",
     "robot_animation_html",
+    "robot_picture",
     "save_animation",
     "save_screenshot",
     "save_video",

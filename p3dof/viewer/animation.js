@@ -30,6 +30,36 @@ const cells = motion.names.map((name, i) => {
   return cell;
 });
 
+/* ---- closures, and what of the picture is seen ---- */
+
+const box = document.getElementById("parts");
+if (!motion.layers.length) box.remove();
+for (const [name, words, seen, nodes] of motion.layers) {
+  const label = element("label", "", box);
+  const check = element("input", "", label);
+  check.type = "checkbox";
+  check.id = `layer_${name}`;
+  check.checked = seen;
+  label.append(words);
+  check.addEventListener("change", () => {
+    for (const node of nodes) viewer.set_property(["meshcat", ...node.split("/")], "visible", check.checked);
+    viewer.set_dirty();
+  });
+}
+const list = motion.closures.length ? element("table", "", box) : null;
+if (list) list.id = "closures";
+const readings = motion.closures.map((closure) => {
+  const row = element("tr", "", list);
+  element("td", closure.number || "\u2013", row);
+  const name = element("td", closure.kind, row);
+  name.title = closure.name;
+  return element("td", "", row);
+});
+
+if (motion.closures.some((closure) => closure.texts.some((text) => text.endsWith("in part")))) {
+  element("small", "in part: what is determined of it, drawn pale", box);
+}
+
 const clock = element("span", "", heading);
 clock.id = "time";
 element("small", ` \u2003 lines of the floor every ${motion.mesh} m`, heading);
@@ -54,6 +84,8 @@ function show() {
   forcesAt(shown).forEach((force, i) => {
     cells[i].textContent = force === null ? "not determined" : `${force.toFixed(motion.digits)} ${motion.units[i]}`;
   });
+  const frame = Math.min(Math.max(Math.round(shown * motion.rate), 0), motion.forces.length - 1);
+  readings.forEach((cell, i) => { cell.textContent = motion.closures[i].texts[frame]; });
 }
 
 /* Show an instant and stop there: for pictures and films. */

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from p3dof.checks import FloatArray
 from p3dof.viewer.pages import as_script, filled, resource, standalone
@@ -56,6 +57,10 @@ class Labels:
         Of each force, ``"N"`` or ``"N m"``; newtons by default.
     digits : int
         Digits behind the point.
+    layers : sequence of [str, str, bool, list of str]
+        Parts of the picture that can be hidden: name, words, whether it is seen at first, nodes.
+    closures : sequence of dict
+        ``number``, ``kind`` and ``name`` of each closure, and ``texts``, what is said of it in each frame.
     """
 
     names: tuple[str, ...]
@@ -63,6 +68,8 @@ class Labels:
     legend: str
     units: tuple[str, ...] | None = None
     digits: int = 1
+    layers: Sequence[Any] = ()
+    closures: Sequence[Mapping[str, Any]] = ()
 
 
 def page_of(window: Recorder, frames: Frames, labels: Labels, speed: float, title: str, mesh: float) -> str:
@@ -101,6 +108,8 @@ def page_of(window: Recorder, frames: Frames, labels: Labels, speed: float, titl
         "units": list(units),
         "digits": labels.digits,
         "colours": [_web_colour(colour) for colour in labels.colours],
+        "layers": list(labels.layers),
+        "closures": [dict(closure) for closure in labels.closures],
         "forces": [[_plain(force, max(4, labels.digits)) for force in row] for row in frames.forces],
     }
     script = filled(resource("animation.js"), MOTION=as_script(motion))

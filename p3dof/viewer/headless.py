@@ -41,6 +41,7 @@ SIZE = (960, 720)
 _READY = "typeof viewer === 'object' && viewer.renderer.domElement.width > 0"
 _HIDE = """
 for (const part of [viewer.gui.domElement, document.getElementById('licences')]) part.style.display = 'none';
+for (const box of document.querySelectorAll('#parts label')) box.style.display = 'none';
 """
 _Result = TypeVar("_Result")
 

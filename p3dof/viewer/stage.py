@@ -18,7 +18,7 @@ ZOOM = 2.4
 """Of MeshCat's camera, which sees 75° without: a longer lens distorts less."""
 VIEW = (0.85, -0.45, 0.36)
 """Direction from the machine to the eye in the fixed frame: from the front, the right and above."""
-_FILLED = 0.94
+FILLED = 0.94
 """How much of the picture is filled."""
 _USUAL = (0.25, 1.5)
 """Sizes of machines that are drawn as they are [m]: MeshCat's lights and near plane are made for metres."""
@@ -36,7 +36,11 @@ def mesh_of(half: float) -> float:
 
 
 def set_stage(
-    viewer: Any, points: FloatArray, scale: float, middle: tuple[float, float] = (0.0, 0.0)
+    viewer: Any,
+    points: FloatArray,
+    scale: float,
+    middle: tuple[float, float] = (0.0, 0.0),
+    filled: float = FILLED,
 ) -> None:
     """Set background and camera, and move the scene so that the camera looks at what is drawn.
 
@@ -50,12 +54,14 @@ def set_stage(
         By how much it is drawn larger than it is.
     middle : tuple of float
         x and y of what the camera looks at [m].
+    filled : float
+        How much of the picture is filled.
     """
     viewer["/Background"].set_property("top_color", list(TOP))
     viewer["/Background"].set_property("bottom_color", list(BOTTOM))
     viewer["/Grid"].set_property("visible", False)
     viewer["/Axes"].set_property("visible", False)
-    height, distance = _view(points - np.array([*middle, 0.0]))
+    height, distance = _view(points - np.array([*middle, 0.0]), filled)
     shift = np.diag((scale, scale, scale, 1.0))
     shift[:3, 3] = -scale * np.array([*middle, height])
     viewer.set_transform(shift)
@@ -77,11 +83,11 @@ def _towards_eye() -> FloatArray:
     return np.asarray(np.array(VIEW) / np.linalg.norm(VIEW))
 
 
-def _view(points: FloatArray) -> tuple[float, float]:
+def _view(points: FloatArray, filled: float) -> tuple[float, float]:
     """Return how high over O the camera looks, and from how far, so that it just sees all points (N, 3)."""
     eye, right = _towards_eye(), sideways()
     up = np.cross(eye, right)
-    sight = _FILLED * math.tan(math.radians(75 / 2)) / ZOOM  # half the height that is seen at a distance of 1
+    sight = filled * math.tan(math.radians(75 / 2)) / ZOOM  # half the height that is seen at a distance of 1
     heights = np.linspace(points[:, 2].min(), points[:, 2].max(), 201)
     seen = points - heights[:, None, None] * [0.0, 0.0, 1.0]  # (201, N, 3)
     spread = np.maximum(np.abs(seen @ up), np.abs(seen @ right) / ASPECT) / sight
@@ -95,8 +101,8 @@ def above(points: FloatArray, height: float) -> FloatArray:
     return np.asarray(points + np.array([0.0, 0.0, height]))
 
 
-def draw_floor(node: Any, half: float, bottom: float) -> None:
-    """Draw a square grid, its middle lines darker.
+def draw_floor(node: Any, half: float, bottom: float, middle: tuple[float, float] = (0.0, 0.0)) -> None:
+    """Draw a square grid around what stands on it; lines through the origin are darker.
 
     Parameters
     ----------
@@ -106,17 +112,17 @@ def draw_floor(node: Any, half: float, bottom: float) -> None:
         Half the size of what stands on it [m].
     bottom : float
         Its height [m].
+    middle : tuple of float
+        x and y about which it is [m].
     """
     mesh = mesh_of(half)
     count = math.ceil(2.2 * half / mesh)
-    edge = count * mesh
-    lines = np.arange(-count, count + 1) * mesh
-    ends = np.array([-edge, edge])
-    along_y = np.stack(np.broadcast_arrays(lines[:, None], ends, bottom), axis=-1)
-    along_x = along_y[..., [1, 0, 2]]
+    x, y = (mesh * (np.arange(-count, count + 1) + round(centre / mesh)) for centre in middle)
+    along_y = np.stack(np.broadcast_arrays(x[:, None], y[[0, -1]], bottom), axis=-1)
+    along_x = np.stack(np.broadcast_arrays(x[[0, -1]], y[:, None], bottom), axis=-1)
     fine = np.concatenate((along_x, along_y)).reshape(-1, 3)
     node["grid"].set_object(_lines(fine, 0xC3CBD3))
-    cross = np.array([[-edge, 0.0, 0.0], [edge, 0.0, 0.0], [0.0, -edge, 0.0], [0.0, edge, 0.0]])
+    cross = np.array([[x[0], 0.0, 0.0], [x[-1], 0.0, 0.0], [0.0, y[0], 0.0], [0.0, y[-1], 0.0]])
     node["middle"].set_object(_lines(above(cross, bottom + 1e-3 * mesh), 0x8D99A6))
 
 

@@ -54,6 +54,11 @@ class Forces:
     residual: float
     remarks: tuple[str, ...] = ()
 
+    @property
+    def forces(self) -> FloatArray:
+        """Forces of the actuated joints, as a run in time calls them."""
+        return self.tau
+
     def to_csv(self, path: Path) -> Path:
         """Write times, actuated joints, their forces and all joints; see `p3dof.files.write_table`."""
         units = units_of_actuated(self.robot)

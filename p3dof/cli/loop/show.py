@@ -1,22 +1,22 @@
-"""`p3dof loop show`: a motion of any robot as a page that plays in any browser."""
+"""`p3dof loop show`: a motion of any robot as a page that plays in any browser, or as a picture."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import click
-import numpy as np
 from rich.console import Console
 
 from p3dof.cli.files import InputFile, OutputFile, protect, source
 from p3dof.cli.loop.group import AT, assembled, loop, with_robot
 from p3dof.cli.loop.motion import forces_along
-from p3dof.cli.options import Number
+from p3dof.cli.options import Number, Whole
 from p3dof.cli.output import print_plain
 from p3dof.closed_loop import ClosedLoopModel
-from p3dof.files import write_atomic
-from p3dof.viewer import JointMotion, robot_animation_html
-from p3dof.viewer.sticks import StickFigure
+from p3dof.files import SUFFIXES, suffix_of, write_atomic
+from p3dof.viewer import JointMotion, robot_animation_html, robot_picture
+from p3dof.viewer.headless import MAX_PIXELS, SIZE
+from p3dof.viewer.robots.sticks import StickFigure
 
 
 @loop.command()
@@ -29,11 +29,22 @@ from p3dof.viewer.sticks import StickFigure
     help="Motion of the actuated joints, as of 'forces'; the robot stands still without it.",
 )
 @click.option("--speed", type=Number(0.01, 100), default=1.0, show_default=True, help="Times faster.")
+@click.option("--at", type=float, help="Time of the motion that a picture shows [s]; its first without it.")
+@click.option(
+    "--size",
+    type=Whole(16, MAX_PIXELS),
+    nargs=2,
+    default=SIZE,
+    show_default=True,
+    metavar="WIDTH HEIGHT",
+    help="Of a picture [pixels].",
+)
+@click.option("--closure-forces", is_flag=True, help="Show the forces in the closures from the beginning.")
 @click.option(
     "--out",
-    type=OutputFile("animation"),
+    type=OutputFile("still"),
     required=True,
-    help="HTML file, which plays with no network.",
+    help="HTML file, which plays with no network, or PNG (needs a Chromium, and playwright).",
 )
 def show(
     robot: ClosedLoopModel,
@@ -41,9 +52,12 @@ def show(
     values: tuple[str, ...],
     motion_file: Path | None,
     speed: float,
+    at: float | None,
+    size: tuple[int, int],
+    closure_forces: bool,
     out: Path,
 ) -> int:
-    """Write a page that shows a robot as rods, moving with the forces of its actuators.
+    """Write a page or a picture that shows a robot as rods, its closures, and the forces on it.
 
     Exit code 1 when the loops do not close, or the robot cannot make the motion. Needs the extra 'viz'.
     """
@@ -51,10 +65,15 @@ def show(
         raise click.UsageError("--set and --motion exclude each other")
     protect([*inputs, *([] if motion_file is None else [motion_file])], [out])
     if motion_file is None:
-        motion = JointMotion(np.zeros(1), assembled(robot, values).q[None])
+        motion = JointMotion.at_rest(robot, assembled(robot, values).q)
     else:
-        found = forces_along(robot, source(motion_file))
-        motion = JointMotion(found.time - found.time[0], found.q, robot.actuated, found.tau)
-    page = robot_animation_html(StickFigure(robot), motion, speed, title=str(robot.model.name))
-    print_plain(Console(), f"wrote {write_atomic(out, page)}")
+        motion = JointMotion.of_run(robot, forces_along(robot, source(motion_file)))
+    title, layers = str(robot.model.name), {"closure_forces": closure_forces}
+    figure = StickFigure(robot)
+    content: str | bytes
+    if suffix_of(out, "still") in SUFFIXES["picture"]:
+        content = robot_picture(figure, motion, at, title, robot, layers, size)
+    else:
+        content = robot_animation_html(figure, motion, speed, title=title, loop=robot, layers=layers)
+    print_plain(Console(), f"wrote {write_atomic(out, content)}")
     return 0
