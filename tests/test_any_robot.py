@@ -103,7 +103,7 @@ def test_a_free_body_keeps_its_momentum_and_turns_under_a_load():
     model.addFrame(pin.Frame("centre", 1, 0, place, pin.FrameType.OP_FRAME))
     model.gravity.linear = np.zeros(3)
     loop = ClosedLoopModel(model, loop.sidecar)
-    plant = ConstrainedPlant(loop, frame="centre")
+    plant = ConstrainedPlant(loop, frames=("centre",))
     tumbling = plant.checked_state(pin.neutral(model), np.array([0.1, 0.2, 0.3, 3.0, 0.2, 1.0]), 1e-9)
     record = run(plant, tumbling, 1.0)
     q, v, _, _ = plant.motion(np.array(record.states), np.array(record.rates))
@@ -166,11 +166,11 @@ class Ceiling:
     def __init__(self, angle):
         self.angle = angle
 
-    def __call__(self, state):
+    def __call__(self, _, state):
         return np.array([self.angle - state[0]])
 
-    def trend(self, state, time):
-        return self(state), self(state) - time * state[3]
+    def trend(self, time, state, ahead):
+        return self(time, state), self(time, state) - ahead * state[3]
 
     def stop(self, index, time):
         return Stop("stop", time, f"crank at its stop {index}")

@@ -477,12 +477,12 @@ def test_joints_may_be_the_start_and_open_loops_are_refused_with_their_gap():
         (
             {"control": {"saturation": -1}},
             InputError,
-            "saturation: expected True, False, or one or three positive forces",
+            "saturation: expected True, False, or one positive force, or one an actuator, got -1",
         ),
         (
             {"control": {"saturation": [1, 2]}},
             InputError,
-            "saturation: expected True, False, or one or three",
+            "saturation: expected one force or 3, got 2",
         ),
         ({"control": {"noise": 0.1, "rate": 100}}, InputError, "noise: expected a Noise, got 0.1"),
         ({"control": {"noise": p3dof.Noise()}}, InputError, "noise: needs a control rate"),

@@ -3,10 +3,22 @@
 from p3dof.simulation.actuation import Noise
 from p3dof.simulation.control import Controller, ControllerLike, Measurement
 from p3dof.simulation.controllers import PD, ComputedTorque, Feedforward, Springs
+from p3dof.simulation.events import Event, Occurrence
+from p3dof.simulation.joint_controllers import (
+    JointComputedTorque,
+    JointFeedforward,
+    JointPD,
+    RobotMeasurement,
+    gains,
+    moved_inertia,
+)
+from p3dof.simulation.joint_reference import JointReference
 from p3dof.simulation.limits import KINDS
 from p3dof.simulation.margins import Stop
 from p3dof.simulation.reference import Reference
-from p3dof.simulation.robots import RobotMeasurement, RobotRun, simulate_robot
+from p3dof.simulation.robot_margins import ROBOT_KINDS
+from p3dof.simulation.robot_run import JointExceedance, RobotRun
+from p3dof.simulation.robots import RobotController, simulate_robot
 from p3dof.simulation.run import Simulation
 from p3dof.simulation.settings import ControlLoop, InitialState, Integration
 from p3dof.simulation.simulate import AT_HOME, CONTINUOUS, PRECISE, simulate
@@ -19,23 +31,34 @@ __all__ = [
     "KINDS",
     "PD",
     "PRECISE",
+    "ROBOT_KINDS",
     "TIME_LIMIT",
     "ComputedTorque",
     "ControlLoop",
     "Controller",
     "ControllerLike",
+    "Event",
     "Feedforward",
     "InitialState",
     "Integration",
+    "JointComputedTorque",
+    "JointExceedance",
+    "JointFeedforward",
+    "JointPD",
+    "JointReference",
     "Measurement",
     "Noise",
+    "Occurrence",
     "Reference",
+    "RobotController",
     "RobotMeasurement",
     "RobotRun",
     "Simulation",
     "Springs",
     "Stop",
     "errors_table",
+    "gains",
+    "moved_inertia",
     "simulate",
     "simulate_robot",
 ]

@@ -13,7 +13,7 @@ import numpy as np
 from p3dof.checks import LARGEST, FloatArray, Progress
 from p3dof.errors import ControllerError
 from p3dof.simulation.actuation import Actuation
-from p3dof.simulation.crossings import Crossings
+from p3dof.simulation.crossings import Crossings, Watch
 from p3dof.simulation.margins import Margins, Stop
 from p3dof.simulation.plants import Plant
 
@@ -129,6 +129,8 @@ class Integrator:
         Of the integrator.
     progress : callable, optional
         Called with (done, total) samples.
+    watch : Watch, optional
+        What is noted on the way.
     """
 
     def __init__(
@@ -140,7 +142,9 @@ class Integrator:
         schedule: Schedule,
         tolerances: Tolerances,
         progress: Progress | None = None,
+        watch: Watch | None = None,
     ) -> None:
+        self._watch = watch
         self._plant, self._actuation, self._load = plant, actuation, load
         self._margins, self._crossings = margins, Crossings(margins)
         self._schedule, self._times = schedule, schedule.times
@@ -199,15 +203,22 @@ class Integrator:
             dense = solver.dense_output() if self._needs_dense(*before, time, state) else None
             crossed = None if dense is None else self._crossings.first(dense, before[0], time)
             if crossed is not None and dense is not None:
+                self._watched(dense, before[0], crossed[0])
                 time, index = crossed
                 self.recording.stop = self._margins.stop(index, time)
                 self._samples(dense, time)
                 state = np.asarray(dense(time))
                 self._record_end(time, state)
                 return time, state
+            self._watched(dense, before[0], time)
             self._samples(dense, time)
         self._step = float(solver.h_abs)
         return until, state
+
+    def _watched(self, dense: Any, start: float, end: float) -> None:
+        """Let the watch look at a step."""
+        if self._watch is not None and end > start:
+            self._watch(dense, start, end)
 
     def _stepped(self, solver: Any) -> bool:
         """Take a step; return whether there was one to take."""
@@ -224,7 +235,7 @@ class Integrator:
 
     def _failed(self, time: float, state: FloatArray) -> tuple[float, FloatArray]:
         """End the run where the integrator cannot go on."""
-        margins = self._margins(state)
+        margins = self._margins(time, state)
         near = int(np.argmin(margins))
         if margins[near] < _NEAR:  # what keeps it from going on is a limit, beyond which nothing is defined
             self.recording.stop = self._margins.stop(near, time)
@@ -236,7 +247,7 @@ class Integrator:
     def _needs_dense(self, start: float, before: FloatArray, end: float, after: FloatArray) -> bool:
         """Return whether a step holds samples or may cross a limit."""
         sampled = self._next < len(self._times) and self._times[self._next] < end
-        return bool(sampled or self._crossings.possible(before, after, end - start))
+        return bool(sampled or self._watch is not None or self._crossings.possible(start, before, end, after))
 
     def _samples(self, dense: Any, last: float) -> None:
         """Take the samples up to a time, where a step reaches beyond them."""
@@ -293,7 +304,7 @@ class Integrator:
         try:
             return self._forces(time, state)[0]
         except ControllerError:
-            if self._margins(state).min() <= 0:
+            if self._margins(time, state).min() <= 0:
                 return np.full(self._actuation.size, np.nan)
             raise
 

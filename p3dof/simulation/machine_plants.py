@@ -56,15 +56,15 @@ class MachineMargins:
     def __init__(self, plant: MachinePlant, limiter: Limiter) -> None:
         self._plant, self._limiter = plant, limiter
 
-    def __call__(self, state: FloatArray) -> FloatArray:
+    def __call__(self, time: float, state: FloatArray) -> FloatArray:  # noqa: ARG002 - they stay as they are
         """Return the margins of a state, shape (12,)."""
         return self._limiter(self._plant.pose(state)[0], self._plant.drops(state))
 
-    def trend(self, state: FloatArray, time: float) -> tuple[FloatArray, FloatArray]:
-        """Return the margins of a state, and those a short time later at its present velocity."""
+    def trend(self, time: float, state: FloatArray, ahead: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
+        """Return the margins of a state, and those a short time ahead at its present velocity."""
         pose, velocity = self._plant.pose(state)
         drops = self._plant.drops(state)
-        return self._limiter(pose, drops), self._limiter(pose + time * velocity, drops)
+        return self._limiter(pose, drops), self._limiter(pose + ahead * velocity, drops)
 
     def stop(self, index: int, time: float) -> Stop:
         """Return why a run ends at a margin."""
@@ -141,7 +141,7 @@ class MachineJoints(ConstrainedPlant):
     """
 
     def __init__(self, parameters: Parameters, loop: ClosedLoopModel, stabilisation: float) -> None:
-        super().__init__(loop, stabilisation, PLATFORM, FrictionForces(loop, parameters.friction).at)
+        super().__init__(loop, stabilisation, (PLATFORM,), FrictionForces(loop, parameters.friction).at)
         self._depth = parameters.geometry.h
         self._data = self.loop.model.createData()
         self._frame = self.loop.model.getFrameId(PLATFORM)

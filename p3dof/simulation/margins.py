@@ -17,8 +17,9 @@ class Stop:
     Parameters
     ----------
     kind : str
-        What ended it, one of `p3dof.simulation.KINDS` for the manipulator; ``"accuracy"`` when the integrator
-        could not go on, ``"controller"`` when the controller failed.
+        What ended it, one of `p3dof.simulation.KINDS` for the manipulator, of
+        `p3dof.simulation.ROBOT_KINDS` for any robot, ``"event"`` for an event; ``"accuracy"`` when the
+        integrator could not go on, ``"controller"`` when the controller failed.
     time : float
         When [s].
     reason : str
@@ -36,11 +37,11 @@ class Stop:
 class Margins(Protocol):
     """How far a plant is from everything that can end a run: m numbers, positive inside."""
 
-    def __call__(self, state: FloatArray) -> FloatArray:
-        """Return the margins of a state, shape (m,); at least one."""
+    def __call__(self, time: float, state: FloatArray) -> FloatArray:
+        """Return the margins of a state at a time, shape (m,); at least one."""
 
-    def trend(self, state: FloatArray, time: float) -> tuple[FloatArray, FloatArray]:
-        """Return the margins of a state, and those a short time later at its present velocity."""
+    def trend(self, time: float, state: FloatArray, ahead: float) -> tuple[FloatArray, FloatArray]:
+        """Return the margins of a state at a time, and those a short time ahead at its present velocity."""
 
     def stop(self, index: int, time: float) -> Stop:
         """Return why a run ends at a margin."""
@@ -49,13 +50,13 @@ class Margins(Protocol):
 class Unlimited:
     """Margins of a plant that nothing stops."""
 
-    def __call__(self, state: FloatArray) -> FloatArray:  # noqa: ARG002 - as the others
+    def __call__(self, time: float, state: FloatArray) -> FloatArray:  # noqa: ARG002 - as the others
         """Return that there is room everywhere."""
         return np.array([np.inf])
 
-    def trend(self, state: FloatArray, time: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
+    def trend(self, time: float, state: FloatArray, ahead: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
         """Return that there is room, and stays."""
-        return self(state), self(state)
+        return self(time, state), self(time, state)
 
     def stop(self, index: int, time: float) -> Stop:
         """Never asked for: no margin is ever crossed."""

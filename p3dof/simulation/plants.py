@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol, TypeAlias
 
 import numpy as np
@@ -52,8 +52,9 @@ class ConstrainedPlant:
         The robot; the workspaces of a copy are used.
     stabilisation : float
         β of Baumgarte's stabilisation [1/s].
-    frame : str, optional
-        Where the load acts, a wrench (6,): force [N] and moment [N m] at the frame's origin, in world axes.
+    frames : sequence of str
+        Where the load acts, a wrench (6,) for each of them, one after the other: force [N] and moment [N m]
+        at the frame's origin, in world axes.
     resisting : callable, optional
         What acts in the joints and on frames by itself; nothing by default.
 
@@ -67,13 +68,13 @@ class ConstrainedPlant:
         self,
         loop: ClosedLoopModel,
         stabilisation: float = 0.0,
-        frame: str | None = None,
+        frames: Sequence[str] = (),
         resisting: Resisting | None = None,
     ) -> None:
         self.loop = loop.copy()
         self.names = tuple(str(name) for name in self.loop.model.names[1:])
         self._beta = stabilisation
-        self._load_frame, self._resisting = frame, resisting
+        self._load_frames, self._resisting = tuple(frames), resisting
         self._nq, self._nv = int(self.loop.model.nq), int(self.loop.model.nv)
         self._rates = ConfigurationRates(self.loop.model)
         joints = [self.loop.model.getJointId(name) for name in self.loop.actuated]
@@ -113,8 +114,8 @@ class ConstrainedPlant:
         q, v = self.split(state)
         external: dict[str, FloatArray] = {}
         joint_forces = None
-        if self._load_frame is not None and load.any():
-            external[self._load_frame] = load
+        if self._load_frames and load.any():
+            external.update(zip(self._load_frames, load.reshape(-1, 6), strict=True))
         if self._resisting is not None:
             acting = self._resisting(q, v)
             joint_forces = acting.joint_forces

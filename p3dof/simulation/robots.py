@@ -2,149 +2,60 @@
 
 from __future__ import annotations
 
-import os
 import time as clock
-from collections.abc import Callable
-from dataclasses import dataclass
-from pathlib import Path
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, Progress, positive, shown
 from p3dof.closed_loop import ClosedLoopModel
-from p3dof.closed_loop.tables import joint_values, units_of_actuated
-from p3dof.errors import DynamicsError, InputError
-from p3dof.files import write_table
+from p3dof.errors import ControllerError, DynamicsError, InputError
 from p3dof.motion.times import evenly, sample_count
 from p3dof.simulation.actuation import Actuation
+from p3dof.simulation.crossings import CHECKED, Watch
+from p3dof.simulation.events import Event, Occurrence, checked_events
 from p3dof.simulation.integration import Integrator, Recording, Schedule, Tolerances
-from p3dof.simulation.margins import Stop, Unlimited
+from p3dof.simulation.joint_controllers import RobotMeasurement
+from p3dof.simulation.joint_reference import JointReference, reference_of
 from p3dof.simulation.plants import ConstrainedPlant
-from p3dof.simulation.settings import Integration
+from p3dof.simulation.robot_loads import ExternalOverTime, Loads
+from p3dof.simulation.robot_margins import ROBOT_KINDS, RobotMargins
+from p3dof.simulation.robot_run import RobotRun
+from p3dof.simulation.settings import ControlLoop, InitialState, Integration
 from p3dof.simulation.work import Work, require_affordable
 
-_CLOSED = 1e-9
+RobotController: TypeAlias = Callable[[RobotMeasurement], ArrayLike] | ArrayLike | None
+"""A controller, forces (n_actuated,) that stay, or None for none at all."""
+
+CLOSED = 1e-9
 """Largest gap of a start, and share of its velocity that may open the loops."""
+ROBOT_PRECISE, ROBOT_CONTINUOUS = Integration(rtol=1e-9, atol=1e-11), ControlLoop()
 _STEPS, _PER_STEP = 50.0, 14
 """Steps a second that are expected of a robot that moves freely, and evaluations in each."""
-_CHECKED = 2e-3
-"""Longest step while a function of the state acts, which could change unseen in between [s]."""
-
-
-class RobotMeasurement(NamedTuple):
-    """What a controller of a robot sees.
-
-    Parameters
-    ----------
-    time : float
-        Since the start of the run [s].
-    positions, velocities : (n,) array
-        Of the actuated joints [m or rad, and per second].
-    """
-
-    time: float
-    positions: FloatArray
-    velocities: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class RobotRun:
-    """A run of any robot in time.
-
-    Parameters
-    ----------
-    loop : ClosedLoopModel
-        The robot.
-    time : (N,) array
-        Times of the samples [s].
-    q : (N, nq) array
-        Configurations in Pinocchio's order [m, rad].
-    v, a : (N, nv) array
-        Velocities and accelerations.
-    forces : (N, n_actuated) array
-        Of the actuated joints [N or N m].
-    gap : (N,) array
-        Largest distance by which a loop is open [m or rad].
-    energy : (N,) array
-        Kinetic and potential energy [J].
-    stop : Stop, optional
-        What ended the run before its time.
-    evaluations : int
-        Of the equations of motion.
-    """
-
-    loop: ClosedLoopModel
-    time: FloatArray
-    q: FloatArray
-    v: FloatArray
-    a: FloatArray
-    forces: FloatArray
-    gap: FloatArray
-    energy: FloatArray
-    stop: Stop | None
-    evaluations: int
-
-    @property
-    def finished(self) -> bool:
-        """Whether it went on to its end."""
-        return self.stop is None
-
-    def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write time, joints, velocities, forces, energy and gap to a CSV file.
-
-        Parameters
-        ----------
-        path : path-like
-            The file, which ends in ``.csv``; replaced whole or not at all.
-
-        Returns
-        -------
-        Path
-            The path written.
-
-        Raises
-        ------
-        InputError, FileError
-            If its name does not fit, or it cannot be written.
-        """
-        model = self.loop.model
-        each = [joint_values(self.loop, q) for q in self.q]
-        header, columns = ["t [s]"], [self.time]
-        for name in each[0]:
-            values = np.array([values[name] for values in each])
-            if model.nqs[model.getJointId(name)] == 2:
-                values = np.unwrap(values, axis=0)
-            header += [name if values.shape[1] == 1 else f"{name}.{i}" for i in range(values.shape[1])]
-            columns += list(values.T)
-        for name in each[0]:
-            joint = model.getJointId(name)
-            span = self.v[:, model.idx_vs[joint] : model.idx_vs[joint] + model.nvs[joint]]
-            header += [
-                f"{name} dot" if span.shape[1] == 1 else f"{name}.{i} dot" for i in range(span.shape[1])
-            ]
-            columns += list(span.T)
-        units = units_of_actuated(self.loop)
-        header += [
-            f"force {name} [{unit}]" for name, (_, unit) in zip(self.loop.actuated, units, strict=True)
-        ]
-        columns += [*self.forces.T, self.energy, self.gap]
-        return write_table(path, [*header, "energy [J]", "gap"], tuple(columns))
 
 
 def simulate_robot(
     loop: ClosedLoopModel,
     duration: float,
-    q: ArrayLike | None = None,
+    q: ArrayLike | InitialState | None = None,
     v: ArrayLike | None = None,
-    controller: Callable[[RobotMeasurement], ArrayLike] | ArrayLike | None = None,
+    controller: RobotController = None,
     *,
+    control: ControlLoop = ROBOT_CONTINUOUS,
+    reference: JointReference | ArrayLike | None = None,
+    external: ExternalOverTime | None = None,
+    stop_at: Sequence[str] = ROBOT_KINDS,
+    events: Sequence[Event] = (),
     samples: int = 1001,
-    integration: Integration = Integration(rtol=1e-9, atol=1e-11),  # noqa: B008 - it is frozen
+    integration: Integration = ROBOT_PRECISE,
     progress: Progress | None = None,
 ) -> RobotRun:
     """Follow any robot with closed loops in time.
+
+    It ends early, with its reason in `RobotRun.stop` and all samples so far, where a joint reaches a limit of
+    the robot's file, where closures become dependent, or at an event.
 
     Parameters
     ----------
@@ -152,13 +63,26 @@ def simulate_robot(
         The robot.
     duration : float
         How long [s].
-    q : (nq,) array, optional
-        Where it starts, with closed loops; by default the assembly of the reference configuration.
+    q : (nq,) array or InitialState, optional
+        Where it starts, with closed loops; by default the assembly of the reference configuration. Or an
+        `InitialState` with the `joints` (q, v).
     v : (nv,) array, optional
         How fast, not opening the loops; at rest by default.
     controller : callable or (n_actuated,) array, optional
-        Takes a `RobotMeasurement`, returns the forces of the actuated joints [N or N m]; or forces that stay,
-        none by default.
+        Takes a `RobotMeasurement`, returns the forces of the actuated joints [N or N m], such as a `JointPD`;
+        or forces that stay, none by default.
+    control : ControlLoop
+        How it acts: how often, how strongly, with which noise; continuously and exactly by default.
+    reference : JointReference or (n_actuated,) array, optional
+        What the run should follow, for `RobotRun.error`; what the controller follows by default.
+    external : mapping of str to array-like (6,) or callable, optional
+        Wrenches on frames from outside: force [N] and moment [N m] in world axes at the frame's origin; or
+        functions of one time since the start of the run, such as a `p3dof.WrenchHistory`.
+    stop_at : sequence of str
+        What ends the run, of ``"joint limit"``, ``"singular closures"``. A joint whose lower limit is not
+        below its upper one has none.
+    events : sequence of Event
+        What else ends it, or is noted.
     samples : int
         How many samples to keep, evenly spaced.
     integration : Integration
@@ -175,54 +99,171 @@ def simulate_robot(
     AssemblyError
         If the loops do not close at the reference configuration.
     ControllerError
-        If the controller raises or returns something else than finite forces.
+        If the controller raises or returns something else than finite forces; with the time, and the run so
+        far in ``run``.
     InputError
-        If an argument does not fit, the loops are open, or the run would take too long.
+        If an argument does not fit, the loops are open, the run starts beyond a limit, or it would take too
+        long.
     """
+    _check(loop, control, integration)
+    times = evenly(0.0, positive("duration", duration, InputError), sample_count(samples, least=2))
+    loads, chosen = Loads(loop, external), checked_events(events)
+    plant = ObservedPlant(loop, integration.stabilisation, loads.frames)
+    state = plant.checked_state(*_start(loop, q, v), CLOSED)
+    margins = RobotMargins(plant, stop_at, [event for event in chosen if event.stops], state)
+    count = len(loop.actuated)
+    effort = np.asarray(loop.model.upperEffortLimit)[loop.actuated_v]
+    limits = control.largest_forces(np.where(effort > 0, effort, np.inf), count)
+    actuation = Actuation(plant.measurement, controller, control.period, limits, control.noise)
+    followed = _followed(loop, reference, controller)
+    longest = integration.longest_step(_careful_step(control, controller, loads))
+    _require_affordable(plant, state, count, times, longest, control, integration.time_limit)
+    ends = [] if followed is None else [followed.duration]
+    schedule = Schedule(times, control.period, np.union1d(loads.kinks, ends))
+    tolerances = Tolerances(integration.rtol, integration.atol, longest)
+    noted = [event for event in chosen if not event.stops]
+    watch = _watch(plant, noted) if noted else None
+    integrator = Integrator(plant, actuation, loads, margins, schedule, tolerances, progress, watch)
+    finish = _Finish(loop, plant, loads, followed, noted, watch)
+    try:
+        record = integrator.run(state)
+    except ControllerError as error:
+        if integrator.recording.times:
+            error.run = finish(integrator.recording)
+        raise
+    if not record.times:
+        raise DynamicsError(f"the run cannot start: {record.stop}")
+    return finish(record)
+
+
+class ObservedPlant(ConstrainedPlant):
+    """A robot whose whole state controllers may read.
+
+    Parameters
+    ----------
+    loop : ClosedLoopModel
+        The robot.
+    stabilisation : float
+        β of Baumgarte's stabilisation [1/s].
+    frames : sequence of str
+        Where wrenches act.
+    """
+
+    def __init__(self, loop: ClosedLoopModel, stabilisation: float, frames: Sequence[str]) -> None:
+        super().__init__(loop, stabilisation, frames)
+        self._seen: FloatArray = np.zeros(0)
+
+    def actuated(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return positions and velocities of the actuated joints, (n,) each [m or rad, and per second]."""
+        self._seen = state
+        return super().actuated(state)
+
+    def measurement(
+        self, time: float, period: float, positions: FloatArray, velocities: FloatArray, saturated: Any
+    ) -> RobotMeasurement:
+        """Return what a controller sees, at the state that was asked for last."""
+        return RobotMeasurement(time, positions, velocities, period, saturated, *self.split(self._seen))
+
+
+class _Finish:
+    """Makes a `RobotRun` of what was recorded."""
+
+    def __init__(
+        self,
+        loop: ClosedLoopModel,
+        plant: ConstrainedPlant,
+        loads: Loads,
+        reference: JointReference | None,
+        noted: Sequence[Event],
+        watch: Watch | None,
+    ) -> None:
+        self._loop, self._plant, self._loads = loop, plant, loads
+        self._reference, self._noted, self._watch = reference, noted, watch
+
+    def __call__(self, record: Recording) -> RobotRun:
+        q, v, a, gap = self._plant.motion(np.array(record.states), np.array(record.rates))
+        time = np.array(record.times)
+        loads = np.array(record.loads).reshape(len(time), -1, 6)
+        changes = () if self._watch is None else self._watch.changes
+        return RobotRun(
+            self._loop,
+            time,
+            q,
+            v,
+            a,
+            np.array(record.forces).reshape(len(time), -1),
+            np.array(record.asked).reshape(len(time), -1),
+            gap,
+            self._loop.body_energies(q, v).total,
+            record.stop,
+            record.evaluations,
+            record.seconds,
+            {name: loads[:, i] for i, name in enumerate(self._loads.frames)},
+            None if self._reference is None else self._reference.over(time)[0],
+            tuple(Occurrence(self._noted[i].name, when, rose) for when, i, rose in changes),
+        )
+
+
+def _check(loop: Any, control: Any, integration: Any) -> None:
     if not isinstance(loop, ClosedLoopModel):
         raise InputError(f"loop: expected a ClosedLoopModel, got {shown(loop)}")
     if not loop.model.nv:
         raise InputError("loop: expected a robot with joints, this one has none")
-    if not isinstance(integration, Integration):
-        raise InputError(f"integration: expected Integration(...), got {shown(integration)}")
-    times = evenly(0.0, positive("duration", duration, InputError), sample_count(samples, least=2))
-    plant = ConstrainedPlant(loop, integration.stabilisation)
-    start = loop.assemble().q if q is None else q
-    state = plant.checked_state(start, np.zeros(loop.model.nv) if v is None else v, _CLOSED)
-    count = len(loop.actuated)
-    actuation = Actuation(_measurement, controller, 0.0, np.full(count, np.inf))
-    longest = integration.longest_step(_CHECKED if callable(controller) else np.inf)
-    _require_affordable(plant, state, count, times, longest, integration.time_limit)
-    schedule = Schedule(times, 0.0, np.zeros(0))
-    tolerances = Tolerances(integration.rtol, integration.atol, longest)
-    nothing = np.zeros(6)
-    integrator = Integrator(plant, actuation, lambda _: nothing, Unlimited(), schedule, tolerances, progress)
-    record = integrator.run(state)
-    if not record.times:
-        raise DynamicsError(f"the run cannot start: {record.stop}")
-    return _run_of(loop, plant, record)
+    for name, value, kind in (("control", control, ControlLoop), ("integration", integration, Integration)):
+        if not isinstance(value, kind):
+            raise InputError(f"{name}: expected {kind.__name__}(...), got {shown(value)}")
 
 
-def _measurement(time: float, _period: float, q: FloatArray, v: FloatArray, _cut: object) -> RobotMeasurement:
-    return RobotMeasurement(time, q, v)
+def _start(
+    loop: ClosedLoopModel, q: ArrayLike | InitialState | None, v: ArrayLike | None
+) -> tuple[ArrayLike, ArrayLike]:
+    if isinstance(q, InitialState):
+        if q.joints is None or v is not None:
+            raise InputError("q: of any robot an InitialState gives the joints, and v belongs to it")
+        return q.joints
+    return loop.assemble().q if q is None else q, np.zeros(loop.model.nv) if v is None else v
+
+
+def _followed(
+    loop: ClosedLoopModel, reference: JointReference | ArrayLike | None, controller: RobotController
+) -> JointReference | None:
+    if reference is not None:
+        return reference_of(loop, reference)
+    own = getattr(controller, "reference", None)
+    return reference_of(loop, own) if isinstance(own, JointReference) else None
+
+
+def _careful_step(control: ControlLoop, controller: RobotController, loads: Loads) -> float:
+    """Return the longest step [s]: short where a function acts that could change unseen in between."""
+    known = np.inf if getattr(controller, "autonomous", False) else CHECKED
+    acting = not control.rate and callable(controller)
+    own = float(getattr(controller, "longest_step", known)) if acting else np.inf
+    return min(own, CHECKED if loads.watched else np.inf)
+
+
+def _watch(plant: ConstrainedPlant, events: Sequence[Event]) -> Watch:
+    def values(time: float, state: FloatArray) -> FloatArray:
+        q, v = plant.split(state)
+        return np.array([event.at(time, q, v) for event in events])
+
+    return Watch(values)
 
 
 def _require_affordable(
-    plant: ConstrainedPlant, state: FloatArray, count: int, times: FloatArray, longest: float, limit: float
+    plant: ConstrainedPlant,
+    state: FloatArray,
+    count: int,
+    times: FloatArray,
+    longest: float,
+    control: ControlLoop,
+    limit: float,
 ) -> None:
     """Raise if a run would take too long, by the time that the equations of motion take here."""
     began = clock.perf_counter()
     for _ in range(3):
-        plant.rate(state, np.zeros(count), np.zeros(6))
+        plant.rate(state, np.zeros(count), np.zeros(0))
     seconds = (clock.perf_counter() - began) / 3
-    steps = float(times[-1]) * max(_STEPS, 1 / longest)
+    steps = float(times[-1]) * max(_STEPS, 1 / longest, control.rate or 0.0)
     require_affordable(
         Work(steps, seconds * (_PER_STEP * steps + len(times))), len(times), limit, "time_limit"
     )
-
-
-def _run_of(loop: ClosedLoopModel, plant: ConstrainedPlant, record: Recording) -> RobotRun:
-    q, v, a, gap = plant.motion(np.array(record.states), np.array(record.rates))
-    forces = np.array(record.forces).reshape(len(q), -1)
-    time, energy = np.array(record.times), loop.body_energies(q, v).total
-    return RobotRun(loop, time, q, v, a, forces, gap, energy, record.stop, record.evaluations)

@@ -28,8 +28,9 @@ class InitialState(FrozenArrays):
     ----------
     pose, velocity : array-like, shape (3,)
         Of the platform: (y, z, θ) [m, m, rad] and per second; at rest at home by default.
-    joints : tuple of two array-like, shape (10,), optional
-        Positions and velocities of all joints [m or rad, m/s or rad/s] instead, for ``method="pinocchio"``.
+    joints : tuple of two array-like, optional
+        Positions and velocities of all joints [m or rad, m/s or rad/s] instead: (10,) each, for
+        ``method="pinocchio"``; (nq,) and (nv,) for any robot.
 
     Raises
     ------
@@ -64,10 +65,11 @@ class ControlLoop(FrozenArrays):
     ----------
     rate : float, optional
         How often it acts, its forces held in between [Hz]; continuously by default.
-    saturation : bool or array-like, shape () or (3,)
-        Cut forces off at these values [N]; True for those of `p3dof.Limits`.
+    saturation : bool or array-like, shape () or (n,)
+        Cut the forces of the n actuators off at these values [N or N m]; True for those of `p3dof.Limits`, or
+        for any robot those of its file (effort).
     noise : Noise, optional
-        Errors of the measured slider positions and velocities; needs a `rate`.
+        Errors of the measured positions and velocities of the actuated joints; needs a `rate`.
 
     Raises
     ------
@@ -89,33 +91,44 @@ class ControlLoop(FrozenArrays):
         if isinstance(self.saturation, bool | np.bool_):
             return
         forces = as_floats("saturation", self.saturation)
-        if forces.shape not in ((), (3,)) or not (forces > 0).all():
+        if forces.ndim > 1 or not (forces > 0).all():
             raise InputError(
-                f"saturation: expected True, False, or one or three positive forces, got {forces.tolist()}"
+                "saturation: expected True, False, or one positive force, or one an actuator, got "
+                f"{forces.tolist()}"
             )
-        object.__setattr__(self, "saturation", np.broadcast_to(forces, 3))
+        object.__setattr__(self, "saturation", forces)
 
     @property
     def period(self) -> float:
         """How long forces are held [s]; zero if they are not."""
         return 1.0 / self.rate if self.rate else 0.0
 
-    def largest_forces(self, limit: float) -> FloatArray:
-        """Return where the forces of A, B, C are cut off, shape (3,) [N].
+    def largest_forces(self, limits: ArrayLike, count: int = 3) -> FloatArray:
+        """Return where the forces of the actuators are cut off, shape (n,) [N or N m].
 
         Parameters
         ----------
-        limit : float
-            That of the machine [N].
+        limits : array-like, shape () or (n,)
+            Those of the machine [N or N m].
+        count : int
+            How many actuators there are, n.
 
         Returns
         -------
-        ndarray, shape (3,)
+        ndarray, shape (n,)
             Infinite for not at all.
+
+        Raises
+        ------
+        InputError
+            If there are not as many forces as actuators.
         """
         if isinstance(self.saturation, bool | np.bool_):
-            return np.full(3, limit if self.saturation else np.inf)
-        return np.asarray(self.saturation)
+            return np.array(np.broadcast_to(limits, count)) if self.saturation else np.full(count, np.inf)
+        forces = np.asarray(self.saturation)
+        if forces.shape not in ((), (count,)):
+            raise InputError(f"saturation: expected one force or {count}, got {len(forces)}")
+        return np.array(np.broadcast_to(forces, count))
 
 
 @dataclass(frozen=True)
