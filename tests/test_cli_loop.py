@@ -15,7 +15,7 @@ from test_cli import run
 import p3dof
 from p3dof.closed_loop import ClosedLoopModel, Closure, Coupling, Sidecar
 from p3dof.closed_loop.overview import overview
-from p3dof.closed_loop.write_urdf import texts
+from p3dof.closed_loop.writers.urdf import texts
 from p3dof.errors import InputError, ModelError
 from p3dof.simulation import Integration, simulate_robot
 from p3dof.viewer.headless import as_image

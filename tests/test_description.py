@@ -37,8 +37,8 @@ from p3dof.description import (
     with_masses,
     write,
 )
-from p3dof.description.xml_text import numbers, roll_pitch_yaw
 from p3dof.errors import FileError, InputError, ModelError
+from p3dof.markup import numbers, roll_pitch_yaw
 from p3dof.parameters import PAPER, SOLIDS, STEEL_DENSITY, Bodies, Body, Dimensions, Geometry, Parameters
 
 ROOT = Path(__file__).parents[1]
@@ -690,7 +690,7 @@ def test_arrays_are_frozen():
 
 def test_all_names_exist_and_only_lower_floors_are_imported():
     assert all(hasattr(description, name) for name in description.__all__)
-    allowed = {"errors", "checks", "files", "parameters", "description"}
+    allowed = {"errors", "checks", "files", "markup", "parameters", "description"}
     for path in (ROOT / "p3dof" / "description").glob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []

@@ -19,7 +19,7 @@ from p3dof.closed_loop import (
     Sidecar,
     reactions_batch,
 )
-from p3dof.closed_loop.write_urdf import texts
+from p3dof.closed_loop.writers.urdf import texts
 from p3dof.errors import InputError, ModelError
 from p3dof.simulation import simulate_robot
 

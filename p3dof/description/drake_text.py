@@ -7,7 +7,8 @@ from xml.etree import ElementTree as ET
 
 from p3dof.description.mechanism import Mechanism
 from p3dof.description.urdf_text import urdf_tree
-from p3dof.description.xml_text import document, sub
+from p3dof.description.xml_text import document
+from p3dof.markup import sub
 
 NAMESPACE = "http://drake.mit.edu"
 

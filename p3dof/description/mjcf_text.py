@@ -9,15 +9,11 @@ import numpy as np
 
 from p3dof.checks import FloatArray
 from p3dof.description.mechanism import Box, Cylinder, Joint, Link, Mechanism, Placement, Solid
-from p3dof.description.xml_text import document, moments, numbers, sub
+from p3dof.description.xml_text import document
 from p3dof.errors import ModelError
+from p3dof.markup import moments, numbers, sub
+from p3dof.markup.mjcf import option, stiff_equalities
 from p3dof.parameters import Body
-
-TIME_STEP = 1e-3
-"""Step of the simulation [s]."""
-
-STIFFNESS = 1e6
-"""Stiffness of a closed loop by mass [1/s²]: a step is 1 rad of its vibration, RK4 is stable up to 2.7."""
 
 _RANK = 1e-9
 """Relative size of the singular values that are zero: closures in space of a planar loop are redundant."""
@@ -53,7 +49,7 @@ def mjcf(mechanism: Mechanism) -> str:
             raise ModelError(f"MJCF: expected a mass for every moving link, {joint.child!r} has none")
     root = ET.Element("mujoco", model=mechanism.name)
     sub(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false")
-    _option(root, mechanism)
+    option(root, mechanism.gravity)
     _defaults(root)
     _materials(root, mechanism)
     _bodies(root, mechanism, links)
@@ -121,25 +117,8 @@ def _home(mechanism: Mechanism) -> dict[str, Placement]:
     return places
 
 
-def _option(root: ET.Element, mechanism: Mechanism) -> None:
-    # Dense: MuJoCo 4.0.0 factorises some sparse Jacobians wrongly (its release notes of 4.0.1).
-    sub(
-        root,
-        "option",
-        gravity=numbers(mechanism.gravity),
-        timestep=numbers(TIME_STEP),
-        integrator="RK4",
-        solver="Newton",
-        jacobian="dense",
-        tolerance="1e-12",
-    )
-
-
 def _defaults(root: ET.Element) -> None:
-    defaults = sub(root, "default")
-    damping = np.sqrt(STIFFNESS)  # half of critical, where position and speed are most exact at this step
-    # .9999 is the most that MuJoCo takes; the other numbers are its own.
-    sub(defaults, "equality", solref=numbers(-STIFFNESS, -damping), solimp="0.9999 0.9999 0.001 0.5 2")
+    defaults = stiff_equalities(root)
     drawn = {"group": "2", "contype": "0", "conaffinity": "0"}
     for name, attributes in (("visual", drawn), ("collision", {"group": "3"})):
         sub(sub(defaults, "default", **{"class": name}), "geom", **attributes, mass="0")
@@ -186,7 +165,7 @@ def _contents(element: ET.Element, link: Link, joint: Joint | None = None) -> No
 
 def _inertia(body: Body) -> dict[str, str]:
     # MuJoCo diagonalises a full matrix, and then refuses moments below 1e-14.
-    inertia = moments(body)
+    inertia = moments(body.inertia)
     across = [inertia[name] for name in ("ixy", "ixz", "iyz")]
     along = [inertia[name] for name in ("ixx", "iyy", "izz")]
     return {"fullinertia": numbers(along, across)} if any(across) else {"diaginertia": numbers(along)}

@@ -5,12 +5,11 @@ from __future__ import annotations
 from xml.etree import ElementTree as ET
 
 from p3dof.description.mechanism import Box, Colour, Cylinder, Joint, Link, Mechanism, Placement, Solid
-from p3dof.description.xml_text import document, moments, numbers, roll_pitch_yaw, sub
+from p3dof.description.xml_text import document
 from p3dof.errors import ModelError
+from p3dof.markup import moments, numbers, roll_pitch_yaw, sub
+from p3dof.markup.sdf import VERSION, check_names, joint_between
 from p3dof.parameters import Body
-
-VERSION = "1.9"
-"""Of SDF: what libsdformat 12 (Gazebo Fortress) and everything newer reads."""
 
 
 def sdf(mechanism: Mechanism) -> str:
@@ -36,7 +35,8 @@ def sdf(mechanism: Mechanism) -> str:
         is used twice among links, joints and closures, or reserved in SDF.
     """
     anchor = f"{mechanism.links[0].name}_fixed"
-    _check_names(mechanism, anchor)
+    names = [anchor, *(link.name for link in mechanism.links), *(joint.name for joint in mechanism.joints)]
+    check_names([*names, *(closure.name for closure in mechanism.closures)])
     frames = _frames(mechanism)
     bodies = _bodies(mechanism, frames)
     placed = {joint.child: joint.name for joint in mechanism.joints}
@@ -45,29 +45,18 @@ def sdf(mechanism: Mechanism) -> str:
     for link in mechanism.links:
         if link.name not in frames:
             _link(model, link, placed.get(link.name), bodies[link.name])
-    _joint(model, anchor, "fixed", "world", mechanism.links[0].name)
+    joint_between(model, anchor, "fixed", "world", mechanism.links[0].name)
     for joint in mechanism.joints:
         if joint.child in frames:
             frame = sub(model, "frame", name=joint.child, attached_to=joint.parent)
             _pose(frame, joint.placement, joint.parent)
         else:
-            element = _joint(model, joint.name, joint.kind, joint.parent, joint.child)
+            element = joint_between(model, joint.name, joint.kind, joint.parent, joint.child)
             _pose(element, joint.placement, joint.parent)
             _axis(element, joint)
     for closure in mechanism.closures:
-        _joint(model, closure.name, "ball", closure.frame1, closure.frame2)
+        joint_between(model, closure.name, "ball", closure.frame1, closure.frame2)
     return document(root, mechanism, "Gravity belongs to the world that this model is put in.")
-
-
-def _check_names(mechanism: Mechanism, anchor: str) -> None:
-    """Refuse names that SDF cannot hold: all names of a model are in one scope."""
-    names = [anchor, *(link.name for link in mechanism.links), *(joint.name for joint in mechanism.joints)]
-    names += [closure.name for closure in mechanism.closures]
-    for name in names:
-        if names.count(name) > 1:
-            raise ModelError(f"SDF: links, joints and closures share one scope, {name!r} is there twice")
-        if name == "world" or "::" in name or (name.startswith("__") and name.endswith("__")):
-            raise ModelError(f"SDF: the name {name!r} is reserved")
 
 
 def _frames(mechanism: Mechanism) -> set[str]:
@@ -117,7 +106,7 @@ def _link(model: ET.Element, link: Link, joint: str | None, body: Body) -> None:
     _pose(inertial, Placement(body.com))
     sub(inertial, "mass", numbers(body.mass))
     inertia = sub(inertial, "inertia")
-    for name, value in moments(body).items():
+    for name, value in moments(body.inertia).items():
         sub(inertia, name, numbers(value))
     for number, solid in enumerate(link.visuals, start=1):
         _material(_geometry(element, "visual", f"{link.name}_visual_{number}", solid), solid.colour)
@@ -144,13 +133,6 @@ def _material(visual: ET.Element, colour: Colour) -> None:
     material = sub(visual, "material")
     for light in ("ambient", "diffuse"):
         sub(material, light, numbers(colour.rgba))
-
-
-def _joint(model: ET.Element, name: str, kind: str, parent: str, child: str) -> ET.Element:
-    element = sub(model, "joint", name=name, type=kind)
-    sub(element, "parent", parent)
-    sub(element, "child", child)
-    return element
 
 
 def _axis(element: ET.Element, joint: Joint) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from xml.etree import ElementTree as ET
 
 from p3dof.description.mechanism import Mechanism
-from p3dof.description.xml_text import document, sub
+from p3dof.description.xml_text import document
+from p3dof.markup import sub
 
 ALL, ACTUATORS = "mechanism", "actuators"
 """The groups: all moving joints, and those with an actuator."""

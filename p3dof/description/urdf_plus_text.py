@@ -6,7 +6,8 @@ from dataclasses import replace
 
 from p3dof.description.mechanism import Mechanism, Placement
 from p3dof.description.urdf_text import urdf_tree
-from p3dof.description.xml_text import document, numbers, roll_pitch_yaw, sub
+from p3dof.description.xml_text import document
+from p3dof.markup import numbers, roll_pitch_yaw, sub
 
 
 def urdf_plus(mechanism: Mechanism) -> str:

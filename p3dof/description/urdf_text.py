@@ -7,7 +7,8 @@ from xml.etree import ElementTree as ET
 import yaml
 
 from p3dof.description.mechanism import Box, Cylinder, Joint, Link, Mechanism, Placement, Solid
-from p3dof.description.xml_text import document, moments, numbers, roll_pitch_yaw, sub
+from p3dof.description.xml_text import document
+from p3dof.markup import moments, numbers, roll_pitch_yaw, sub
 
 
 def urdf(mechanism: Mechanism) -> str:
@@ -94,7 +95,11 @@ def _link(root: ET.Element, link: Link) -> None:
         inertial = sub(element, "inertial")
         _origin(inertial, Placement(link.body.com))
         sub(inertial, "mass", value=numbers(link.body.mass))
-        sub(inertial, "inertia", **{name: numbers(value) for name, value in moments(link.body).items()})
+        sub(
+            inertial,
+            "inertia",
+            **{name: numbers(value) for name, value in moments(link.body.inertia).items()},
+        )
     for solid in link.visuals:
         sub(_geometry(element, "visual", solid), "material", name=solid.colour.name)
     for solid in link.collisions:

@@ -33,8 +33,9 @@ from scipy.integrate import solve_ivp
 import p3dof
 from p3dof import P3dofError, description
 from p3dof.description.mechanism import Closure, Joint, JointLimits, Link, Mechanism, Placement
-from p3dof.description.mjcf_text import STIFFNESS, TIME_STEP, holding_forces, mjcf
+from p3dof.description.mjcf_text import holding_forces, mjcf
 from p3dof.errors import ModelError
+from p3dof.markup.mjcf import STIFFNESS, TIME_STEP
 from p3dof.parameters import PAPER, SOLIDS, Body, Geometry, of_solids
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco not installed: pip install 'p3dof[test]'")

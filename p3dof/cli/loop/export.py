@@ -11,7 +11,7 @@ from p3dof.cli.files import OutputFile, protect
 from p3dof.cli.loop.group import loop, with_robot
 from p3dof.cli.output import print_plain
 from p3dof.closed_loop import ClosedLoopModel
-from p3dof.closed_loop.write_urdf import texts
+from p3dof.closed_loop.writers.urdf import texts
 from p3dof.files import together, write_atomic
 
 

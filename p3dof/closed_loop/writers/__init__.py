@@ -1,0 +1,1 @@
+"""Any robot with closed loops as files of other formats."""
