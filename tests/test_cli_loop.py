@@ -17,7 +17,14 @@ from p3dof.closed_loop import ClosedLoopModel, Closure, Coupling, Sidecar
 from p3dof.closed_loop.overview import overview
 from p3dof.closed_loop.writers.urdf import texts
 from p3dof.errors import InputError, ModelError
-from p3dof.simulation import Integration, simulate_robot
+from p3dof.simulation import (
+    ControlLoop,
+    Integration,
+    JointComputedTorque,
+    JointReference,
+    gains,
+    simulate_robot,
+)
 from p3dof.viewer.headless import as_image
 
 ONE_LINE = 1
@@ -238,6 +245,69 @@ def test_simulate_keeps_energy_and_loops(capsys, tmp_path, five_bar):
     assert found["gap"].max() < 1e-8
 
 
+def test_simulate_follows_a_motion_under_a_controller(capsys, tmp_path, five_bar):
+    """Computed torque at 200 Hz, pushed at the tip; the same run in Python."""
+    pytest.importorskip("matplotlib", reason="matplotlib is not installed")
+    time = np.linspace(0, 0.2, 21)
+    angles = np.column_stack([1.9 + 2.0 * time**3, 1.2 - 1.0 * time**3])
+    rows = "\n".join(",".join(map(repr, map(float, row))) for row in np.column_stack([time, angles]))
+    (tmp_path / "m.csv").write_text(f"t,left_joint,right_joint\n{rows}\n")
+    files = ("--out", tmp_path / "run.csv", "--multipliers", "--plot", tmp_path / "run.png")
+    options = ("--controller", "computed-torque", "--rate", 200, "--external", "left_tip=0,0,-5,0,0,0")
+    code, out, _ = loop(capsys, "simulate", five_bar, "--motion", tmp_path / "m.csv", *options, *files)
+    assert code == 0
+    assert "largest error of an actuated joint" in out
+    assert (tmp_path / "run.png").read_bytes().startswith(b"\x89PNG")
+    model, found = p3dof.load_robot(five_bar), columns(tmp_path / "run.csv")
+    wanted = JointReference(time, angles)
+    state = model.complete(*wanted.at(0.0), robots.five_bar_q(1.9, 1.2))
+    run_ = simulate_robot(
+        model,
+        0.2,
+        state.q,
+        state.v,
+        JointComputedTorque(model, wanted, *gains(5)),
+        control=ControlLoop(rate=200),
+        external={"left_tip": [0, 0, -5, 0, 0, 0]},
+    )
+    np.testing.assert_allclose(found["left_joint"], run_.q[:, 0], rtol=0, atol=1e-8)
+    np.testing.assert_allclose(found["force left_joint [N m]"], run_.forces[:, 0], rtol=0, atol=1e-6)
+    assert np.abs(found["multiplier left_tip/right_tip.0"]).max() > 1
+    assert found["t [s]"][-1] == 0.2
+
+
+def test_simulate_stops_at_limits_or_ignores_them(capsys, five_bar):
+    text = five_bar.read_text()
+    five_bar.write_text(text.replace('lower="-9" upper="9" effort="9"', 'lower="-9" upper="1.95" effort="1"'))
+    start = (
+        "--set",
+        "left_joint=1.9",
+        "--set",
+        "right_joint=1.2",
+        "--force",
+        "left_joint=3",
+        "--duration",
+        0.3,
+    )
+    code, out, _ = loop(capsys, "simulate", five_bar, *start)
+    assert code == 1
+    assert re.search(
+        r"ended by joint limit at t = 0\.\d+ s: the joint 'left_joint' at its upper limit, 1\.95", out
+    )
+    assert "limit exceeded: force of left_joint: 3 N m" in out
+    code, out, _ = loop(capsys, "simulate", five_bar, *start, "--limits", "ignore")
+    assert code == 0
+    assert "ended by" not in out
+    holding = ("--controller", "pd", "--kp", "30,20", "--kd", 2, "--rate", 100, "--duration", 0.1)
+    code, out, _ = loop(capsys, "simulate", five_bar, *start[:4], *holding)
+    assert code == 0
+    error = re.search(r"largest error of an actuated joint\W+(\S+) m or rad", out)
+    assert float(error[1]) < 1e-9  # it stays where it is
+    code, out, _ = loop(capsys, "simulate", five_bar, *start[:4], *holding, "--saturation", "file")
+    assert code == 0
+    assert re.search(r"largest force of an actuator\W+1 N", out)
+
+
 def test_a_controller_of_any_robot_brings_it_to_rest():
     model, goal = p3dof.ClosedLoopModel.from_urdf(robots.five_bar(), robots.FIVE_BAR_SIDECAR), (2.0, 1.1)
     q = robots.five_bar_q(*goal)
@@ -289,6 +359,28 @@ def test_runs_that_cannot_be(five_bar):
         ),
         (("simulate", "FILE", "--force", "left_joint=1 N"), "--force left_joint: expected a moment"),
         (("simulate", "FILE", "--duration", "0"), "Invalid value for '--duration'"),
+        (("simulate", "FILE", "--controller", "lqr"), "'lqr' is not one of 'none', 'pd', 'computed-torque'"),
+        (("simulate", "FILE", "--controller", "pd", "--kp", "1,2,3"), "kp: expected one number or 2"),
+        (("simulate", "FILE", "--controller", "pd", "--kp", "much"), "--kp: expected numbers with commas"),
+        (("simulate", "FILE", "--controller", "pd", "--kd", "nan"), "--kd: expected finite numbers"),
+        (("simulate", "FILE", "--controller", "pd", "--force", "left_joint=1"), "exclude each other"),
+        (("simulate", "FILE", "--motion", "FILE"), "--motion: needs a --controller that follows it"),
+        (("simulate", "FILE", "--noise", "1", "1"), "--noise: needs a --controller"),
+        (("simulate", "FILE", "--saturation", "-1"), "'--saturation': -1.0 is not in the range"),
+        (("simulate", "FILE", "--multipliers"), "--multipliers needs --out"),
+        (
+            ("simulate", "FILE", "--external", "left_tip=1,2"),
+            "--external left_tip: expected six numbers, got 2",
+        ),
+        (("simulate", "FILE", "--external", "1,2"), "--external: expected FRAME=FX,FY,FZ,MX,MY,MZ"),
+        (("simulate", "FILE", "--external", "hand=1,2,3,4,5,6"), "external: the frame 'hand' does not exist"),
+        (("simulate", "FILE", "--external", "left_tip=no.csv"), "no.csv: cannot be read"),
+        (
+            ("simulate", "FILE", "--external", "a=1,2,3,4,5,6", "--external", "a=1,2,3,4,5,6"),
+            "--external: the frame 'a' is named twice",
+        ),
+        (("simulate", "FILE", "--limits", "bounce"), "'bounce' is not one of 'stop', 'ignore'"),
+        (("simulate", "FILE", "--plot", "run.txt"), "expected a file name that ends in"),
         (("info", "nowhere.urdf"), "nowhere.urdf"),
         (("info", "FILE", "nowhere.yaml"), "nowhere.yaml"),
         (("info", "FILE", "--reference", "home"), "needs an SRDF"),

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import closed_loop_robots as robots
 import numpy as np
 import pytest
 
 import p3dof
 from p3dof import plots
+from p3dof.closed_loop import ClosedLoopModel, Sidecar
 from p3dof.errors import FileError, InputError, MissingExtraError
+from p3dof.simulation import Event, JointPD, simulate_robot
 
 
 @pytest.fixture(scope="module")
@@ -50,3 +53,43 @@ def test_bad_input(results, tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "matplotlib.figure", None)
     with pytest.raises(MissingExtraError, match=r"p3dof\[plot\]"):
         plots.forces_figure(results)
+
+
+def test_the_figure_of_any_robots_run_has_its_joints_and_forces(tmp_path):
+    """A robot with hinges and slides has a row for each; references, events and the end are drawn."""
+    text = robots.robot(
+        robots.link("base"),
+        robots.link("arm", robots.ROD),
+        robots.link("body", robots.BAR),
+        robots.joint("turn", "base", "arm", kind="continuous"),
+        robots.joint("slide", "arm", "body", (0.3, 0, 0), (1, 0, 0), kind="prismatic"),
+    )
+    loop = ClosedLoopModel.from_urdf(text, ())
+    upper = np.array(loop.model.upperPositionLimit)
+    upper[2] = 0.4
+    loop.model.upperPositionLimit = upper
+    controller = JointPD(loop, [3.0, 0.1], [20.0, 0.0], 2.0)
+    passing = Event("passing", lambda *given: given[0] - 0.1, stops=False)
+    run = simulate_robot(loop, 2.0, controller=controller, events=[passing], samples=101)
+    assert run.stop.kind == "joint limit"
+    figure = plots.robot_run_figure(run)
+    axes = figure.axes
+    assert [axis.get_ylabel() for axis in axes] == [
+        "joints [rad]",
+        "forces [N m]",
+        "joints [m]",
+        "forces [N]",
+        "energy [J]",
+        "largest gap [m or rad]",
+    ]
+    lines = axes[0].get_lines()
+    np.testing.assert_array_equal(lines[1].get_ydata(), run.values("turn"))
+    np.testing.assert_allclose(lines[0].get_ydata(), 3.0, atol=1e-12)
+    np.testing.assert_array_equal(axes[3].get_lines()[0].get_ydata(), run.forces[:, 1])
+    assert "ended by joint limit" in figure.get_suptitle()
+    assert plots.save(figure, tmp_path / "run.png").stat().st_size > 10_000
+    passive = ClosedLoopModel(loop.model, Sidecar((), ()))
+    figure = plots.robot_run_figure(simulate_robot(passive, 0.1, samples=5))
+    assert [axis.get_visible() for axis in figure.axes] == [True, False, True, False, True, True]
+    with pytest.raises(InputError, match="run: expected a RobotRun"):
+        plots.robot_run_figure(3)

@@ -6,6 +6,7 @@ from p3dof.plots.forces import forces_figure
 from p3dof.plots.joints import joints_figure
 from p3dof.plots.mechanism import mechanism_figure
 from p3dof.plots.reactions import reactions_figure
+from p3dof.plots.robot_run import robot_run_figure
 from p3dof.plots.tracking import tracking_figure
 
 __all__ = [
@@ -14,6 +15,7 @@ __all__ = [
     "joints_figure",
     "mechanism_figure",
     "reactions_figure",
+    "robot_run_figure",
     "save",
     "save_all",
     "tracking_figure",

@@ -113,7 +113,7 @@ class RobotRun:
     def actuated(self) -> FloatArray:
         """Values of the actuated joints (N, n_actuated) [m or rad]; of continuous ones without jumps."""
         return np.column_stack(
-            [np.zeros((len(self), 0)), *(self._values(name) for name in self.loop.actuated)]
+            [np.zeros((len(self), 0)), *(self.values(name) for name in self.loop.actuated)]
         )
 
     @property
@@ -216,7 +216,7 @@ class RobotRun:
         model, names = self.loop.model, [str(name) for name in self.loop.model.names[1:]]
         header, columns = ["t [s]"], [self.time]
         for name in names:
-            values = np.atleast_2d(self._values(name).T)
+            values = np.atleast_2d(self.values(name).T)
             header += _numbered(name, len(values))
             columns += list(values)
         for name in names:
@@ -234,8 +234,14 @@ class RobotRun:
             columns += list(self.multipliers().T)
         return write_table(path, [*header, "energy [J]", "gap"], (*columns, self.energy, self.gap))
 
-    def _values(self, name: str) -> FloatArray:
-        """Return the values of a joint, (N,) or (N, n); those of a continuous one go on after a turn."""
+    def values(self, name: str) -> FloatArray:
+        """Return the values of a joint (N,) or (N, n) [m, rad]; those of a continuous one go on after a turn.
+
+        Parameters
+        ----------
+        name : str
+            The joint; it must exist.
+        """
         model, joint = self.loop.model, self.loop.model.getJointId(name)
         at, size = model.idx_qs[joint], model.nqs[joint]
         if size == 2 and model.nvs[joint] == 1:
