@@ -12,9 +12,18 @@ from p3dof.closed_loop.batch.energy import BodyEnergies
 from p3dof.closed_loop.batch.hybrid import BatchHybridDynamics
 from p3dof.closed_loop.batch.states import BatchStates
 from p3dof.closed_loop.batch.targets import FrameTargets
+from p3dof.closed_loop.derivatives import (
+    ByForces,
+    ByMotion,
+    ByPrescription,
+    ForwardDynamicsDerivatives,
+    HybridDynamicsDerivatives,
+    InverseDynamicsDerivatives,
+)
 from p3dof.closed_loop.dynamics import ForwardDynamics, InverseDynamics
 from p3dof.closed_loop.hybrid import HybridDynamics
 from p3dof.closed_loop.joint_data import JointData
+from p3dof.closed_loop.minimal import FrameJacobian, MinimalDynamics
 from p3dof.closed_loop.model import ClosedLoopModel
 from p3dof.closed_loop.reactions import ClosureJoint, JointReactions, ReactionSolver
 from p3dof.closed_loop.reactions_batch import BatchReactions, reactions_batch, reactions_by_each
@@ -29,17 +38,25 @@ __all__ = [
     "BatchReactions",
     "BatchStates",
     "BodyEnergies",
+    "ByForces",
+    "ByMotion",
+    "ByPrescription",
     "ClosedLoopModel",
     "Closure",
     "ClosureJoint",
     "Coupling",
     "ForwardDynamics",
+    "ForwardDynamicsDerivatives",
+    "FrameJacobian",
     "FrameTarget",
     "FrameTargets",
     "HybridDynamics",
+    "HybridDynamicsDerivatives",
     "InverseDynamics",
+    "InverseDynamicsDerivatives",
     "JointData",
     "JointReactions",
+    "MinimalDynamics",
     "ReactionSolver",
     "Sidecar",
     "State",

@@ -69,6 +69,16 @@ class Passive:
             found[..., self._v] -= self._stiffness * self._stretch(q)
         return found
 
+    def derivatives(self, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the derivatives (..., nv) of the force in each freedom by its position and by its speed.
+
+        Friction is smooth: away from rest its derivative fades out within a few times `SMOOTHING`.
+        """
+        by_q = np.zeros_like(v)
+        if len(self._q):
+            by_q[..., self._v] = -self._stiffness
+        return by_q, -self._damping - self._friction / SMOOTHING * (1.0 - np.tanh(v / SMOOTHING) ** 2)
+
     def energy(self, q: FloatArray) -> FloatArray:
         """Return the energy in the springs (...) [J]."""
         return np.asarray(np.sum(self._stiffness * self._stretch(q) ** 2, axis=-1) / 2)

@@ -1,0 +1,57 @@
+"""A robot as its analyses compute it: in its own unit of length, with the factors to SI units."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager, nullcontext
+
+import numpy as np
+
+from p3dof.checks import FloatArray
+from p3dof.closed_loop.independent import Independent, coordinate_names
+from p3dof.closed_loop.loop_model import LoopModel
+from p3dof.closed_loop.tree_tangents import Tree
+
+
+class Setting:
+    """A robot in its own unit of length.
+
+    Parameters
+    ----------
+    loop : LoopModel
+        The robot.
+
+    Raises
+    ------
+    ModelError
+        If a joint is of a kind whose axes turn within its body.
+    """
+
+    def __init__(self, loop: LoopModel) -> None:
+        scaled, model = loop._scaled, loop.model
+        self.core: LoopModel = loop if scaled is None else scaled.core
+        """The robot in these units; itself if they are metres."""
+        self._scaled = scaled
+        self.kinematics, self.couplings = self.core._kinematics, self.core.sidecar.couplings
+        self.actuated = loop.actuated_v
+        self.names = coordinate_names(model)
+        self.tree = Tree(self.core.model)
+        self.si_tree = self.tree if scaled is None else Tree(model)
+        lengths = self.kinematics.lengths
+        self.length = 1.0 if scaled is None else scaled.units.length
+        """The unit of length [m]."""
+        u = self.length
+        self.q = np.ones(model.nq) if scaled is None else scaled.units.motion(scaled.units.q)
+        self.v: FloatArray = np.where(lengths, u, 1.0)
+        self.force: FloatArray = np.where(lengths, u, u**2)
+        self.rows = np.ones(self.kinematics.size) if scaled is None else scaled.units.force(scaled.units.rows)
+        linear = np.arange(6) < 3
+        self.twist: FloatArray = np.where(linear, u, 1.0)
+        self.wrench: FloatArray = np.where(linear, u, u**2)
+
+    def open(self) -> AbstractContextManager[None]:
+        """Bring masses up to date, and say in errors in which unit their numbers are."""
+        return nullcontext() if self._scaled is None else self._scaled.in_words()
+
+    def motion(self, independent: Independent) -> FloatArray:
+        """Return N (nv, n) of coordinates in SI units."""
+        return np.asarray(self.v[:, None] * independent.N / self.v[independent.v])

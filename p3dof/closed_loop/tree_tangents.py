@@ -1,0 +1,195 @@
+"""How the motion of the bodies of a tree changes with configuration and velocity; exact.
+
+All velocities V and accelerations A are spatial: linear, then angular, of the point of the body that is at
+the world's origin, in world axes. With the columns J_k of the joints there, a displacement along J_j turns
+all that the joint carries, so that for a body behind the joint of j, whose parent has V_p and A_p,
+
+    ∂V/∂q_j = J_j × (V - V_p),    ∂A/∂q_j = J_j × (A - A_p) + (V_p × J_j) × (V - V_p),    (1)
+    ∂V/∂v_j = J_j,                ∂A/∂v_j = J_j × (V - V_p) + V_j × J_j.                  (2)
+
+References
+----------
+J. Carpentier, N. Mansard, Analytical derivatives of rigid body dynamics algorithms, Robotics: Science and
+Systems 2018.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from p3dof.checks import FloatArray
+from p3dof.closed_loop.rotations import cross, skew
+from p3dof.errors import ModelError
+
+_TURNING_AXES = ("SphericalZYX", "Universal", "Composite", "Ellipsoid", "Mimic")
+"""Kinds of joint whose axes turn within the body that they carry."""
+
+
+class Tree:
+    """Which joints carry which; and a workspace.
+
+    Parameters
+    ----------
+    model : pin.Model
+        The tree.
+
+    Raises
+    ------
+    ModelError
+        If a joint is of a kind whose axes turn within its body.
+    """
+
+    def __init__(self, model: pin.Model) -> None:
+        for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):
+            kind = joint.shortname().removeprefix("JointModel")
+            if kind.startswith(_TURNING_AXES):
+                raise ModelError(
+                    f"the joint {str(name)!r} ({kind}) has no derivatives: expected simple joints"
+                )
+        self.model, self.data = model, model.createData()
+        self.joint_of = np.array([i for i in range(model.njoints) for _ in range(model.nvs[i])], dtype=int)
+        """Joint of each entry of v."""
+        self.parent_of = np.array(model.parents, dtype=int)[self.joint_of]
+        """The joint before that."""
+        self.carries: NDArray[np.bool_] = np.zeros((model.nv, model.njoints), dtype=bool)
+        """Whether an entry of v moves a body, (nv, njoints)."""
+        for i in range(1, model.njoints):
+            self.carries[:, i] = self.carries[:, model.parents[i]]
+            self.carries[model.idx_vs[i] : model.idx_vs[i] + model.nvs[i], i] = True
+        self.before: NDArray[np.bool_] = self.carries[:, self.joint_of]
+        """Whether j moves the axis of k, (nv, nv); within one joint it does."""
+
+    def mass_matrix(self, q: FloatArray) -> FloatArray:
+        """Return M (nv, nv), rotors included, at a configuration."""
+        upper = np.triu(np.array(pin.crba(self.model, self.data, q)))
+        return np.asarray(upper + np.triu(upper, 1).T)
+
+
+class TreeMotion:
+    """The motion of all bodies, and how it changes.
+
+    Parameters
+    ----------
+    tree : Tree
+        The tree.
+    q : (nq,) array
+        Configuration.
+    v, a : (nv,) array
+        Velocity and acceleration.
+    """
+
+    def __init__(self, tree: Tree, q: FloatArray, v: FloatArray, a: FloatArray) -> None:
+        self.tree, data = tree, tree.data
+        self.J = np.array(pin.computeJointJacobians(tree.model, data, q)).T  # (nv, 6)
+        self.M = [data.oMi[i].copy() for i in range(tree.model.njoints)]
+        """Placements of the bodies."""
+        moved = tree.carries.T.astype(float)
+        self.V: FloatArray = moved @ (self.J * v[:, None])
+        """Velocities of the bodies (njoints, 6)."""
+        self.J_dot = motion_cross(self.V[tree.joint_of], self.J)
+        """d/dt of the joints' columns (nv, 6)."""
+        self.A: FloatArray = moved @ (self.J * a[:, None] + self.J_dot * v[:, None])
+        """Accelerations of the bodies (njoints, 6)."""
+
+    @cached_property
+    def _carried(self) -> FloatArray:
+        """V_p × J of every column."""
+        return motion_cross(self.V[self.tree.parent_of], self.J)
+
+    def velocity(self, body: int) -> FloatArray:
+        """Return ∂V/∂q (nv, 6) of a body; its ∂V/∂v is `columns`."""
+        relative = self.V[body] - self.V[self.tree.parent_of]
+        return motion_cross(self.J, relative) * self.tree.carries[:, body, None]
+
+    def acceleration(self, body: int) -> tuple[FloatArray, FloatArray]:
+        """Return ∂A/∂q and ∂A/∂v (nv, 6) of a body."""
+        parent, carried = self.tree.parent_of, self.tree.carries[:, body, None]
+        relative = self.V[body] - self.V[parent]
+        turned = motion_cross(self.J, self.A[body] - self.A[parent])
+        by_q = turned + motion_cross(self._carried, relative)
+        by_v = motion_cross(self.J, relative) + self.J_dot
+        return by_q * carried, by_v * carried
+
+    def columns(self, body: int) -> FloatArray:
+        """Return the Jacobian (nv, 6) of a body, transposed."""
+        return self.J * self.tree.carries[:, body, None]
+
+    def force_by_q(self, F: FloatArray) -> FloatArray:
+        """Return the derivative of J_k·F by q_j (k, j), of a constant wrench F (6,) at the world's origin."""
+        linear, angular = self.J[:, :3], self.J[:, 3:]
+        turned = np.concatenate(
+            (-cross(angular, F[:3]), -cross(linear, F[:3]) - cross(angular, F[3:])), axis=1
+        )  # (J_j × J_k)·F = J_k·turned_j
+        return np.asarray((self.J @ turned.T) * self.tree.before.T)
+
+    def wrench_by_q(self, body: int, point: FloatArray, wrench: FloatArray) -> FloatArray:
+        """Return the derivative (nv, nv) by q of the generalised force of a wrench on a body.
+
+        Parameters
+        ----------
+        body : int
+            The joint that carries the body.
+        point : (3,) array
+            Where it acts, in the world; it moves with the body.
+        wrench : (6,) array
+            Force and moment, which stay in world axes.
+        """
+        columns, force = self.columns(body), wrench[:3]
+        F = np.concatenate((force, wrench[3:] + cross(point, force)))
+        moved = columns[:, :3] + cross(columns[:, 3:], point)
+        by_place = columns[:, 3:] @ cross(moved, force).T
+        return np.asarray(self.force_by_q(F) * self.tree.carries[:, body, None] + by_place)
+
+    def frame(self, frame: pin.Frame) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return Jacobian and classical acceleration of a frame, in world axes, and how the latter changes.
+
+        Parameters
+        ----------
+        frame : pin.Frame
+            The frame.
+
+        Returns
+        -------
+        J : (6, nv) array
+        acceleration : (6,) array
+        by_q, by_v : (6, nv) array
+            Of the acceleration.
+        """
+        body = frame.parentJoint
+        p = self.M[body].act(frame.placement.translation)
+        V, A = self.V[body], self.A[body]
+        J = shifted(self.columns(body), p)
+        p_dot = V[:3] + cross(V[3:], p)
+        acceleration = shifted(A, p)
+        acceleration[:3] += cross(V[3:], p_dot)
+        V_q, (A_q, A_v) = self.velocity(body), self.acceleration(body)
+        by_q, by_v = shifted(A_q, p), shifted(A_v, p)
+        p_dot_q = V_q[:, :3] + cross(V_q[:, 3:], p) + cross(V[3:], J[:, :3])
+        by_q[:, :3] += cross(A[3:], J[:, :3]) + cross(V_q[:, 3:], p_dot) + cross(V[3:], p_dot_q)
+        by_v[:, :3] += cross(J[:, 3:], p_dot) + cross(V[3:], J[:, :3])
+        return J.T, acceleration, by_q.T, by_v.T
+
+
+def motion_cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return a × b (..., 6) of motions: linear, then angular."""
+    linear = cross(a[..., 3:], b[..., :3]) + cross(a[..., :3], b[..., 3:])
+    return np.concatenate((linear, cross(a[..., 3:], b[..., 3:])), axis=-1)
+
+
+def shifted(motion: FloatArray, point: FloatArray) -> FloatArray:
+    """Return motions (..., 6) of the points that are at a point (3,), from those at the world's origin."""
+    result = np.array(motion)
+    result[..., :3] += cross(motion[..., 3:], point)
+    return result
+
+
+def hat(motion: FloatArray) -> FloatArray:
+    """Return the matrices (..., 4, 4) of motions (..., 6)."""
+    result = np.zeros((*motion.shape[:-1], 4, 4))
+    result[..., :3, :3] = skew(motion[..., 3:])
+    result[..., :3, 3] = motion[..., :3]
+    return result
