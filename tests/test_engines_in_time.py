@@ -61,6 +61,7 @@ def run(request):
     ours = p3dof.simulation.simulate_robot(
         loop, DURATION, start, samples=SAMPLES, integration=Integration(rtol=1e-11, atol=1e-13)
     )
+    assert ours.finished
     assert np.ptp(ours.energy) < 1e-9 * max(1.0, np.abs(ours.energy).max())
     assert np.ptp(ours.q, axis=0).max() > 0.1  # it moves
     return Run(name, loop, start, ours.q)

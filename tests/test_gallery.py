@@ -59,6 +59,13 @@ def test_the_four_bar_keeps_its_energy_and_a_whole_turn_takes_no_work(page):
     assert abs(work) < 1e-9 * np.abs(power).max()  # of a periodic function: the rule is exact
 
 
+def test_the_four_bar_turns_freely_without_end():
+    robot = p3dof.load_robot(FOLDER / "four_bar.urdf")
+    run = p3dof.simulation.simulate_robot(robot, 2.0, samples=11)
+    assert run.finished  # no limit is in its way
+    assert np.ptp(run.q[:, 0]) > 5.0
+
+
 def test_the_delta_shifts_and_does_not_turn(page):
     np.testing.assert_allclose(page["turning"], 0, atol=1e-12)
     assert page["mobility"] == 3
