@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from p3dof.closed_loop import ClosedLoopModel, Closure, FrameTarget, Sidecar
-from p3dof.closed_loop.dynamics import _ForwardSolver
+from p3dof.closed_loop.forward import _ProximalSolver
 from p3dof.errors import DynamicsError, InputError, SingularityError
 
 
@@ -308,7 +308,7 @@ def test_pinocchios_constraint_dynamics_agrees_before_any_refinement(request, na
     force = np.zeros(loop.model.nv)
     force[loop.actuated_v] = loop.inverse_dynamics(q, v, a).tau
     for each in (loop, twice):
-        raw = _ForwardSolver(each._kinematics).acceleration(q, v, force)
+        raw = _ProximalSolver(each._kinematics).acceleration(q, v, force)
         assert raw == pytest.approx(a, abs=1e-8 * np.abs(a).max())
 
 

@@ -20,13 +20,13 @@ from p3dof.closed_loop.derivatives import (
     HybridDynamicsDerivatives,
     InverseDynamicsDerivatives,
 )
-from p3dof.closed_loop.dynamics import ForwardDynamics, InverseDynamics
-from p3dof.closed_loop.hybrid import HybridDynamics
+from p3dof.closed_loop.hybrid_results import HybridDynamics
 from p3dof.closed_loop.joint_data import JointData
 from p3dof.closed_loop.minimal import FrameJacobian, MinimalDynamics
 from p3dof.closed_loop.model import ClosedLoopModel
 from p3dof.closed_loop.reactions import ClosureJoint, JointReactions, ReactionSolver
 from p3dof.closed_loop.reactions_batch import BatchReactions, reactions_batch, reactions_by_each
+from p3dof.closed_loop.results import ForwardDynamics, InverseDynamics
 from p3dof.closed_loop.robots import load_robot
 from p3dof.closed_loop.sidecar import Closure, Coupling, Sidecar
 from p3dof.closed_loop.targets import FrameTarget

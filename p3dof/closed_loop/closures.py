@@ -15,9 +15,12 @@ from p3dof.closed_loop.closure_kinds import PARTS, KindRows, lengths_of
 from p3dof.closed_loop.coordinates import length_coordinates
 from p3dof.closed_loop.couplings import CouplingRows
 from p3dof.closed_loop.linear import RANK_TOLERANCE, Decomposition
-from p3dof.closed_loop.relative_motion import Ends, OtherClosures, frame_acceleration, point_acceleration
+from p3dof.closed_loop.relative_motion import Ends, OtherClosures
 from p3dof.closed_loop.sidecar import Closure, Sidecar, suggestion
 from p3dof.errors import ModelError, P3dofError
+
+TIGHT = 1e-11
+"""Gap so small that rank tolerances do not depend on it [m or rad]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,10 +41,15 @@ class ClosurePoint:
     error: FloatArray
     J: FloatArray
 
-    @property
+    @cached_property
     def gap(self) -> float:
         """The largest entry of `error` [m or rad]; zero without closures."""
         return max_abs(self.error)
+
+    @cached_property
+    def tight(self) -> bool:
+        """Whether the gap is smaller than all that tolerances look at."""
+        return bool(self.error.dot(self.error) <= TIGHT**2)
 
     @cached_property
     def rank_tolerance(self) -> float:
@@ -51,7 +59,7 @@ class ClosurePoint:
         elsewhere, so the tolerance grows with the gap. Without this, Gauss-Newton chases those rows and
         slides along the free motions, and a rank read off a slightly open configuration is too large.
         """
-        return max(RANK_TOLERANCE, min(1e-3, 100.0 * self.gap))
+        return RANK_TOLERANCE if self.tight else max(RANK_TOLERANCE, min(1e-3, 100.0 * self.gap))
 
     @cached_property
     def svd(self) -> Decomposition:
@@ -119,12 +127,13 @@ class LoopKinematics:
             self.constraint_models.append(pin.ConstraintModel(kind(model, *self.ends[i])))
         for constraint in self.constraint_models:
             self._constraint_datas.append(constraint.createData())
-        # Taken out once the vectors have their final place in memory: they are references.
-        pairs = list(zip(self.constraint_models, self._constraint_datas, strict=True))
-        self._pairs = [
-            (constraint, data, data.extract(), self.rows[i])
-            for i, (constraint, data) in zip(self._anchors, pairs, strict=True)
-        ]
+        # Taken out once the vectors have their final place in memory: they are references, and so are the
+        # arrays that `calc` writes to.
+        self._pairs = list(zip(self.constraint_models, self._constraint_datas, strict=True))
+        contents = [data.extract() for data in self._constraint_datas]
+        self._errors = [content.constraint_position_error for content in contents]
+        self._accelerations = [content.constraint_acceleration_error for content in contents]
+        self._contents = contents  # own that memory
         self.lengths = length_coordinates(model)[1]
         """Which of v are rates of lengths."""
         self._zero = np.zeros(model.nv)
@@ -147,15 +156,25 @@ class LoopKinematics:
         if self._last is not None and key == self._key:
             return self._last
         pin.computeJointJacobians(self.model, self.data, q)
-        error = np.zeros(self.size)
-        for constraint, data, content, rows in self._pairs:
-            constraint.calc(self.model, self.data, data)
-            error[rows] = content.constraint_position_error
+        self._calculate()
+        return self._evaluated(q, key)
+
+    def _calculate(self) -> None:
+        """Let the constraint models look at what `data` holds."""
+        model, data = self.model, self.data
+        for constraint, own in self._pairs:
+            constraint.calc(model, data, own)
+        if len(self.own):
+            self._others.calculate(data)
+
+    def _evaluated(self, q: FloatArray, key: bytes) -> ClosurePoint:
+        """Return the closures at the configuration that `data` and the constraint models hold."""
+        error = np.concatenate(self._errors) if self._errors else np.zeros(0)
         J = self._anchor_jacobian()
         if not self.plain:
-            J = self._complete(q, error, J)
+            error, J = self._complete(q, error, J)
         self._key = key
-        self._last = ClosurePoint(np.array(q), error, J)
+        self._last = ClosurePoint(q.copy(), error, J)
         return self._last
 
     def _anchor_jacobian(self) -> Any:
@@ -166,16 +185,18 @@ class LoopKinematics:
             self.model, self.data, self.constraint_models, self._constraint_datas
         )
 
-    def _complete(self, q: FloatArray, error: FloatArray, anchored: FloatArray) -> FloatArray:
-        """Enter all other errors, and return the Jacobian of all rows."""
-        J = np.zeros((self.size, self.model.nv))
-        J[self._anchored] = anchored
+    def _complete(
+        self, q: FloatArray, errors: FloatArray, anchored: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the errors and the Jacobian of all rows, those of the constraint models being known."""
+        error, J = np.zeros(self.size), np.zeros((self.size, self.model.nv))
+        error[self._anchored], J[self._anchored] = errors, anchored
         if len(self.own):
             self._others.evaluate(self.data, error, J)
         if self.couplings.size:
             error[self.coupled] = self.couplings.errors(q)
             J[self.coupled] = self.couplings.jacobian(q)
-        return J
+        return error, J
 
     def move(self, q: FloatArray, v: FloatArray, a: FloatArray | None = None) -> None:
         """Bring the velocities and accelerations of all bodies into `data`.
@@ -187,21 +208,28 @@ class LoopKinematics:
         v, a : (nv,) array
             Velocity and acceleration; zero acceleration by default.
         """
-        self.at(q)
         self._v, self._a = v, self._zero if a is None else a
         pin.forwardKinematics(self.model, self.data, q, v, self._a)
+        key = q.tobytes()
+        known = self._last is not None and key == self._key
+        if not known:
+            pin.computeJointJacobians(self.model, self.data)
+        self._calculate()
+        if not known:
+            self._evaluated(q, key)
 
     def acceleration(self) -> FloatArray:
         """Return the closures' relative acceleration d(J v)/dt (rows,) of the motion given to `move`.
 
         With zero joint acceleration it is the drift J̇ v. It is exact also where the loops are a little open.
         """
+        anchored: FloatArray = np.concatenate(self._accelerations) if self._accelerations else np.zeros(0)
+        if self.plain:
+            return anchored
         result = np.zeros(self.size)
-        for i in self._anchors:
-            relative = point_acceleration if _is_point(self.closures[i]) else frame_acceleration
-            result[self.rows[i]] = relative(self.model, self.data, self.ends[i])
+        result[self._anchored] = anchored
         if len(self.own):
-            self._others.accelerate(self.data, self._v, result)
+            self._others.accelerate(self._v, result)
         if self.couplings.size and self._last is not None:
             J = self._last.J[self.coupled]
             result[self.coupled] = self.couplings.drift(self._last.q, self._v) + J @ self._a

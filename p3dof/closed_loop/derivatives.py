@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray
-from p3dof.closed_loop.dynamics import ForwardDynamics, InverseDynamics
-from p3dof.closed_loop.hybrid import HybridDynamics
+from p3dof.closed_loop.hybrid_results import HybridDynamics
+from p3dof.closed_loop.results import ForwardDynamics, InverseDynamics
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,11 +16,11 @@ from p3dof.closed_loop.derivatives import (
     parts,
     where_unique,
 )
-from p3dof.closed_loop.hybrid import ByName, joint_freedoms
 from p3dof.closed_loop.independent import Independent, IndexArray
 from p3dof.closed_loop.linearised import Acting, Linearised, Motion
 from p3dof.closed_loop.loop_model import External
 from p3dof.closed_loop.minimal_model import MinimalModel, Names
+from p3dof.closed_loop.prescriptions import ByName, joint_freedoms
 from p3dof.errors import InputError
 
 _UNIQUE = 1e-7

@@ -1,7 +1,7 @@
 """Hybrid dynamics: forces for prescribed accelerations, while idle freedoms move as they must.
 
 With S a = s the prescribed accelerations, N the null space of the closures' Jacobian J, and the equation of
-motion (1) of `p3dof.closed_loop.dynamics`, unknown are τ and a of
+motion (1) of `p3dof.closed_loop.inverse`, unknown are τ and a of
 
     Nᵀ B τ = Nᵀ (rnea(q, v, a) - Σ Jeᵀ w),    J a = -J̇ v,    S a = s        (1)
 
@@ -12,6 +12,10 @@ in which idle freedoms move as they would if they were pushed, so that Tᵀ M Z 
 
 for any a0 that closures and S allow. The idle motions follow from Zᵀ M Z.
 
+Z and P come from a partition of the rows of J and S together (see `p3dof.closed_loop.partitions`), where one
+is good enough and there are as many prescribed accelerations as actuators. Else they come from the singular
+value decomposition of J, which decides on whatever cannot be done.
+
 References
 ----------
 R. Featherstone, Rigid Body Dynamics Algorithms, Springer 2008, sections 9.1 (hybrid dynamics) and 9.4
@@ -20,288 +24,223 @@ R. Featherstone, Rigid Body Dynamics Algorithms, Springer 2008, sections 9.1 (hy
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypeAlias
+from math import sqrt
+from typing import Any
 
 import numpy as np
-import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
 
-from p3dof.checks import FloatArray, as_floats, frozen_array, shown
-from p3dof.closed_loop.closures import ClosurePoint, LoopKinematics, max_abs
-from p3dof.closed_loop.dynamics import Dynamics, read_only
+from p3dof.checks import FloatArray
+from p3dof.closed_loop.closures import ClosurePoint, max_abs
+from p3dof.closed_loop.hybrid_results import HybridDynamics, PrescribedMotion
 from p3dof.closed_loop.linear import RANK_TOLERANCE, Decomposition
-from p3dof.closed_loop.sidecar import suggestion
-from p3dof.errors import DynamicsError, InputError, SingularityError
-
-ByName: TypeAlias = Mapping[str, ArrayLike]
-"""Joint or frame name → acceleration."""
+from p3dof.closed_loop.partitions import Memory, Split, lapack
+from p3dof.closed_loop.prescriptions import Prescription
+from p3dof.closed_loop.results import read_only
+from p3dof.closed_loop.terms import Terms
+from p3dof.errors import DynamicsError, SingularityError
 
 _ACCURACY = 1e-9
 """Largest error of the equation of motion, relative to the forces in it."""
 _ENOUGH = 1e-14
 """The same, from which on nothing is refined."""
+_NO_CHANGE = 1e-13
+"""Change of forces and accelerations, relative to them, that is not made any more."""
 _SOLUTIONS = 3
 """Solutions of the linear equations at most; each further one refines the one before."""
 _UNSEEN = 1e-7
 """What a force that the prescribed accelerations leave open may do to the idle freedoms."""
 _MASSLESS = 1e-15
 """Inertia of an idle motion, relative to the largest, that is none."""
+_WELL = 1e-5
+"""Least reciprocal condition number of what the actuators do to the prescribed accelerations."""
+_KINDS = 16
+"""How many kinds of prescription are remembered."""
+
+
+class Hybrid:
+    """Hybrid dynamics of one model.
+
+    Parameters
+    ----------
+    terms : Terms
+        The model.
+    """
+
+    def __init__(self, terms: Terms) -> None:
+        self._terms, self._actuated = terms, terms.actuated_v
+        self._memories: dict[Any, Memory] = {}
+
+    def solve(
+        self, point: ClosurePoint, v: FloatArray, given: Prescription, external: FloatArray
+    ) -> HybridDynamics:
+        """Return the forces that produce prescribed accelerations, and the motion with them.
+
+        Parameters
+        ----------
+        point : ClosurePoint
+            The closures at the configuration.
+        v : (nv,) array
+            Velocity.
+        given : Prescription
+            The prescribed accelerations.
+        external : (nv,) array
+            Generalised force of everything that is no actuator.
+
+        Returns
+        -------
+        HybridDynamics
+
+        Raises
+        ------
+        SingularityError
+            If the actuators cannot produce such accelerations at this configuration.
+        DynamicsError
+            If the accelerations depend on each other, leave forces open, or need one that no actuator gives.
+        """
+        k = self._terms.kinematics
+        S = given.rows(point.q)
+        k.move(point.q, v)
+        task = _Task(point, v, S, k.acceleration(), given.values - given.drift(), external)
+        if len(S) == len(self._actuated) > 0:
+            both = ClosurePoint(point.q, point.error, np.concatenate((point.J, S)))
+            split = self._memory(given.kind).at(both)
+            found = None if split is None else self._partitioned(split, task)
+            if found is not None:
+                return found
+        return self._projected(task)
+
+    def _memory(self, kind: Any) -> Memory:
+        """Return what was of use at the last sample where the same accelerations were prescribed."""
+        if kind not in self._memories:
+            if len(self._memories) >= _KINDS:
+                self._memories.clear()
+            self._memories[kind] = Memory(np.arange(self._terms.model.nv))
+        return self._memories[kind]
+
+    def _partitioned(self, split: Split, task: _Task) -> HybridDynamics | None:
+        """Return the forces by a partition of J and S together; None where these are not certain."""
+        terms, actuated, partition, rows = self._terms, self._actuated, split.partition, split.rows
+        closures, size = len(task.point.J), len(task.S)
+        own = partition.rows < closures
+        if len(own) - np.count_nonzero(own) != size:
+            return None  # some are redundant
+        # The chosen rows of S are the last ones, in their order. Unknown are Z | P | a.
+        known, free, idle = len(own) - size, partition.free, len(partition.free)
+        asked = np.zeros((len(own), idle + size + 1), order="F")
+        asked[:, :idle] = -rows.take(free, axis=1)
+        asked[known:, idle:-1] = np.eye(size)
+        asked[:known, -1] = -task.drift[partition.rows[:known]]
+        asked[known:, -1] = task.wanted
+        found = np.zeros((len(task.v), idle + size + 1))
+        found[free, :idle] = np.eye(idle)
+        found[partition.dependent] = split.solve(asked)
+        Z, T, a = found[:, :idle], found[:, idle:-1], found[:, -1].copy()
+        if idle:
+            half = terms.half_mass_matrix(task.point.q)
+            MZ = half.dot(Z) + half.T.dot(Z)
+            root, wrong = lapack().dpotrf(Z.T.dot(MZ))
+            inertia = root.diagonal()
+            if wrong or not inertia.min() ** 2 > 1e3 * _MASSLESS * inertia.max() ** 2:
+                return None
+            T = T - Z.dot(lapack().dpotrs(root, MZ.T.dot(T))[0])
+        lu, pivots, _ = lapack().dgetrf(T[actuated].T)
+        if not lapack().dgecon(lu, sqrt(np.vdot(T, T)))[0] >= _WELL:
+            return None
+        tau: FloatArray = np.zeros(size)
+        for step in range(_SOLUTIONS + 1):
+            left = terms.tree_force(task.point.q, task.v, a) - task.external
+            left[actuated] -= tau
+            if step == _SOLUTIONS:
+                break
+            more = lapack().dgetrs(lu, pivots, left.dot(T))[0]
+            remaining = left.copy()
+            remaining[actuated] -= more
+            change = lapack().dpotrs(root, remaining.dot(Z))[0] if idle else tau[:0]
+            settled = change.dot(change) <= _NO_CHANGE**2 * a.dot(a)
+            if step and settled and more.dot(more) <= _NO_CHANGE**2 * tau.dot(tau):
+                break
+            tau = tau + more
+            a -= Z.dot(change)
+        borne = split.solve_transpose(left.take(partition.dependent))
+        missing = left - borne[:known].dot(rows[:known])
+        result = self._result(task, left, tau, a, None)
+        opened, off = result.evidence.opening, result.evidence.off
+        forces = (tau.dot(tau) + left.dot(left)) / len(left)  # no more than the largest ones, squared
+        rates = max(1.0, a.dot(a) / len(a), task.drift.dot(task.drift) / max(1, len(task.drift)))
+        good = missing.dot(missing) <= _ACCURACY**2 * forces
+        good = good and opened.dot(opened) + off.dot(off) <= _ACCURACY**2 * rates
+        return result if good else None  # not good also when something is not a number
+
+    def _projected(self, task: _Task) -> HybridDynamics:
+        """Return the forces by the singular value decomposition of J, or say why there are none."""
+        terms, point, v, S, svd = self._terms, task.point, task.v, task.S, task.point.svd
+        actuated, drift, wanted, external = self._actuated, task.drift, task.wanted, task.external
+        N = svd.null_space
+        seen = Decomposition.of(S @ N, RANK_TOLERANCE, max(1.0, max_abs(S)))
+        _check_choice(seen, len(S), N.shape[1])
+        a = -svd.solve(drift) if point.J.size else np.zeros(len(v))
+        a = a + N @ seen.solve(wanted - S @ a)
+        T, Z = _motions(terms.mass_matrix(point.q), N @ seen.Vt[: seen.rank].T, N @ seen.null_space)
+        actuation = Decomposition.of(T[actuated].T, RANK_TOLERANCE, float(np.linalg.norm(T)))
+        _check_determined(actuation, N[actuated], len(wanted))
+        tau: FloatArray = np.zeros(len(actuated))
+        for step in range(_SOLUTIONS + 1):
+            force = terms.tree_force(point.q, v, a) - external
+            size = max(max_abs(force), max_abs(tau))
+            force[actuated] -= tau
+            if step == _SOLUTIONS or (step and max_abs(N.T @ force) <= _ENOUGH * size):
+                break
+            more = actuation.solve(T.T @ force)
+            tau = tau + more
+            remaining = force.copy()
+            remaining[actuated] -= more
+            a = a - Z @ (Z.T @ remaining)
+        missing = max_abs(N.T @ force)
+        fits = missing <= _ACCURACY * size or missing <= _ACCURACY * terms.scale(point.q, v, a, external)
+        if not fits:  # also when something is not a number
+            _refuse(missing, actuation, len(wanted), len(tau))
+        return self._result(task, force, tau, a, actuation)
+
+    def _result(
+        self,
+        task: _Task,
+        force: FloatArray,
+        tau: FloatArray,
+        a: FloatArray,
+        actuation: Decomposition | None,
+    ) -> HybridDynamics:
+        opening, off = task.point.J.dot(a) + task.drift, task.S.dot(a) - task.wanted
+        evidence = PrescribedMotion(task.point, force, self._actuated, task.S, (opening, off), actuation)
+        return HybridDynamics(read_only(tau), read_only(a), evidence)
 
 
 @dataclass(frozen=True, eq=False)
-class HybridDynamics:
-    """Actuator forces that produce prescribed accelerations, the motion with them, and the evidence.
+class _Task:
+    """What is asked at one sample.
 
     Parameters
     ----------
-    tau : (n_actuated,) array
-        Forces of the actuated joints [N or N m]; the smallest possible if they are not unique.
-    a : (nv,) array
-        Acceleration of the whole tree: as prescribed, and of the idle freedoms what follows.
-    lambda_ : (rows,) array
-        Multipliers of closures and couplings, as in `InverseDynamics`.
-    unique : (rows,) array of bool
-        Which multipliers are determined.
-    tau_unique : bool
-        Whether `tau` is determined; not so if actuators can work against each other without any motion.
-    rank, mobility : int
-        Rank of the closures' Jacobian, and nv - rank.
-    conditioning : float
-        Smallest singular value of S N, where S picks the prescribed accelerations and N are the orthonormal
-        free motions: how well they are seen. It is 0 where they cannot be chosen freely.
-    residual : float
-        Largest error of the full equation of motion [N or N m].
-    prescribed_residual : float
-        Largest error of a prescribed acceleration [m/s² or rad/s²].
-    closure_residual : float
-        Largest relative acceleration that is left at a closure, J a + J̇ v [m/s² or rad/s²].
-    gap : float
-        Largest closure error of the configuration [m or rad].
-    """
-
-    tau: FloatArray
-    a: FloatArray
-    lambda_: FloatArray
-    unique: NDArray[np.bool_]
-    tau_unique: bool
-    rank: int
-    mobility: int
-    conditioning: float
-    residual: float
-    prescribed_residual: float
-    closure_residual: float
-    gap: float
-
-
-class Prescription:
-    """Prescribed accelerations of joints and frames, checked against a model.
-
-    Parameters
-    ----------
-    kinematics : LoopKinematics
-        The model.
-    joints : mapping of str to (n,) array
-        Accelerations by joint, as many as it has freedoms.
-    frames : mapping of str to (6,) array
-        Classical ``LOCAL_WORLD_ALIGNED`` accelerations of frames; NaN where one is left free.
-
-    Raises
-    ------
-    InputError
-        If a name does not exist, or values have the wrong shape or are not finite.
-    """
-
-    def __init__(self, kinematics: LoopKinematics, joints: ByName, frames: ByName) -> None:
-        self._kinematics, model = kinematics, kinematics.model
-        parts = [joint_freedoms(model, name) for name in joints]
-        self.v = np.array([k for part in parts for k in part], dtype=int)
-        """Indices in v of the prescribed joints."""
-        values = [joint_values(name, joints[name], len(k)) for name, k in zip(joints, parts, strict=True)]
-        self._frames = [kinematics.frame(name, "frames", InputError) for name in frames]
-        wanted = [frame_values(name, value) for name, value in frames.items()]
-        self._masks = [np.isfinite(value) for value in wanted]
-        chosen = [value[mask] for value, mask in zip(wanted, self._masks, strict=True)]
-        self.values = np.concatenate([np.zeros(0), *values, *chosen])
-        """All prescribed accelerations, (size,)."""
-
-    def rows(self, q: FloatArray) -> FloatArray:
-        """Return S (size, nv) at a configuration."""
-        k = self._kinematics
-        k.at(q)
-        S = np.zeros((len(self.values), k.model.nv))
-        S[np.arange(len(self.v)), self.v] = 1.0
-        start = len(self.v)
-        for frame, mask in zip(self._frames, self._masks, strict=True):
-            ends = (frame.parentJoint, frame.placement, pin.LOCAL_WORLD_ALIGNED)
-            J = pin.getFrameJacobian(k.model, k.data, *ends)[mask]
-            S[start : start + len(J)] = J
-            start += len(J)
-        return S
-
-    def drift(self) -> FloatArray:
-        """Return the accelerations (size,) at zero joint acceleration, after `LoopKinematics.move`."""
-        k, parts = self._kinematics, [np.zeros(len(self.v))]
-        for frame, mask in zip(self._frames, self._masks, strict=True):
-            ends = (frame.parentJoint, frame.placement, pin.LOCAL_WORLD_ALIGNED)
-            parts.append(pin.getFrameClassicalAcceleration(k.model, k.data, *ends).vector[mask])
-        return np.concatenate(parts)
-
-
-def joint_freedoms(model: pin.Model, name: str) -> range:
-    """Return the indices in v of a joint.
-
-    Parameters
-    ----------
-    model : pin.Model
-        The tree.
-    name : str
-        The joint's name.
-
-    Returns
-    -------
-    range
-
-    Raises
-    ------
-    InputError
-        If there is no such joint.
-    """
-    if not isinstance(name, str) or not model.existJointName(name) or not model.getJointId(name):
-        known = [str(joint) for joint in model.names[1:]]
-        raise InputError(
-            f"prescribed: the joint {shown(name)} does not exist; {suggestion(str(name), known)}"
-        )
-    joint = model.getJointId(name)
-    return range(model.idx_vs[joint], model.idx_vs[joint] + model.nvs[joint])
-
-
-def joint_values(name: str, value: ArrayLike, size: int) -> FloatArray:
-    """Return the accelerations (size,) of a joint; those of one freedom may be a plain number.
-
-    Parameters
-    ----------
-    name : str
-        The joint's name.
-    value : float or (size,) array
-        Its accelerations.
-    size : int
-        How many it has.
-
-    Returns
-    -------
-    (size,) array
-
-    Raises
-    ------
-    InputError
-        If the shape is another one, or a value is not finite.
-    """
-    array = as_floats(f"prescribed {name}", value)
-    if array.shape == () and size == 1:
-        return frozen_array(f"prescribed {name}", array, ()).reshape(1)
-    return frozen_array(f"prescribed {name}", array, (size,))
-
-
-def frame_values(name: str, value: ArrayLike) -> FloatArray:
-    """Return the accelerations (6,) of a frame, NaN where free.
-
-    Parameters
-    ----------
-    name : str
-        The frame's name.
-    value : (6,) array
-        Its accelerations.
-
-    Returns
-    -------
-    (6,) array
-
-    Raises
-    ------
-    InputError
-        If the shape is another one, a value is infinite, or none is prescribed.
-    """
-    array = as_floats(f"frames {name}", value)
-    frozen_array(f"frames {name}", np.where(np.isnan(array), 0.0, array), (6,))
-    if np.isnan(array).all():
-        raise InputError(f"frames {name}: expected at least one prescribed component, all are NaN")
-    return array
-
-
-def hybrid_dynamics(
-    dynamics: Dynamics, point: ClosurePoint, v: FloatArray, given: Prescription, external: FloatArray
-) -> HybridDynamics:
-    """Return the forces that produce prescribed accelerations, and the motion with them.
-
-    Parameters
-    ----------
-    dynamics : Dynamics
-        The model.
     point : ClosurePoint
-        The closures at the configuration.
+        The closures.
     v : (nv,) array
         Velocity.
-    given : Prescription
-        The prescribed accelerations.
+    S : (size, nv) array
+        The matrix from accelerations to the prescribed ones.
+    drift : (rows,) array
+        J̇ v.
+    wanted : (size,) array
+        S a.
     external : (nv,) array
         Generalised force of everything that is no actuator.
-
-    Returns
-    -------
-    HybridDynamics
-
-    Raises
-    ------
-    SingularityError
-        If the actuators cannot produce such accelerations at this configuration.
-    DynamicsError
-        If the accelerations depend on each other, leave forces open, or need one that no actuator gives.
     """
-    k, svd, actuated = dynamics.kinematics, point.svd, dynamics.actuated_v
-    S = given.rows(point.q)
-    k.move(point.q, v)
-    drift, wanted = k.acceleration(), given.values - given.drift()
-    N = svd.null_space
-    seen = Decomposition.of(S @ N, RANK_TOLERANCE, max(1.0, max_abs(S)))
-    _check_choice(seen, len(S), N.shape[1])
-    a = -svd.solve(drift) if point.J.size else np.zeros(len(v))
-    a = a + N @ seen.solve(wanted - S @ a)
-    T, Z = _motions(dynamics.mass_matrix(point.q), N @ seen.Vt[: seen.rank].T, N @ seen.null_space)
-    actuation = Decomposition.of(T[actuated].T, RANK_TOLERANCE, float(np.linalg.norm(T)))
-    _check_determined(actuation, N[actuated], len(wanted))
-    tau: FloatArray = np.zeros(len(actuated))
-    for step in range(_SOLUTIONS + 1):
-        force = dynamics.tree_force(point.q, v, a) - external
-        size = max(max_abs(force), max_abs(tau))
-        force[actuated] -= tau
-        if step == _SOLUTIONS or (step and max_abs(N.T @ force) <= _ENOUGH * size):
-            break
-        more = actuation.solve(T.T @ force)
-        tau = tau + more
-        remaining = force.copy()
-        remaining[actuated] -= more
-        a = a - Z @ (Z.T @ remaining)
-    missing = max_abs(N.T @ force)
-    fits = missing <= _ACCURACY * size or missing <= _ACCURACY * dynamics.scale(point.q, v, a, external)
-    if not fits:  # also when something is not a number
-        _refuse(missing, actuation, len(wanted), len(tau))
-    lambda_ = svd.solve_transpose(force)
-    return HybridDynamics(
-        tau=read_only(tau),
-        a=read_only(a),
-        lambda_=read_only(lambda_),
-        unique=read_only(dynamics.determined(svd, actuation)),
-        tau_unique=actuation.rank == len(tau),
-        rank=svd.rank,
-        mobility=N.shape[1],
-        conditioning=float(seen.s[-1]) if seen.s.size else 1.0,
-        residual=max_abs(force - point.J.T @ lambda_),
-        prescribed_residual=max_abs(S @ a - wanted),
-        closure_residual=max_abs(point.J @ a + drift),
-        gap=point.gap,
-    )
+
+    point: ClosurePoint
+    v: FloatArray
+    S: FloatArray
+    drift: FloatArray
+    wanted: FloatArray
+    external: FloatArray
 
 
 def _motions(M: FloatArray, P: FloatArray, Z: FloatArray) -> tuple[FloatArray, FloatArray]:

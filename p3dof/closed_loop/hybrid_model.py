@@ -13,9 +13,10 @@ from numpy.typing import ArrayLike
 from p3dof.checks import FloatArray, as_floats, frozen_array
 from p3dof.closed_loop.batch.hybrid import BatchHybrid, BatchHybridDynamics
 from p3dof.closed_loop.batch.linear import BoolArray, IndexArray
-from p3dof.closed_loop.dynamics import read_only
-from p3dof.closed_loop.hybrid import ByName, HybridDynamics, Prescription, hybrid_dynamics, joint_freedoms
+from p3dof.closed_loop.hybrid_results import HybridDynamics
 from p3dof.closed_loop.loop_model import External, LoopModel
+from p3dof.closed_loop.prescriptions import ByName, JointAccelerations, Prescription, joint_freedoms
+from p3dof.closed_loop.results import read_only
 from p3dof.closed_loop.units import ScaledModel
 from p3dof.errors import InputError, P3dofError
 
@@ -70,15 +71,30 @@ class HybridModel(LoopModel):
             If an argument has the wrong shape or is not finite, a name does not exist, the loops are open by
             more than 1e-3, or the velocity opens them by more than 1e-2 of itself.
         """
-        joints, frames = self._prescribed(prescribed, ()), _by_name("frames", frames or {})
-        given = Prescription(self._kinematics, joints, frames)
+        if isinstance(prescribed, Mapping) or prescribed is None:
+            joints = JointAccelerations.by_name(self.model, _by_name("prescribed", prescribed or {}))
+        else:
+            values = frozen_array("prescribed", prescribed, (len(self.actuated),))
+            joints = JointAccelerations(self.actuated_v, values)
+        given = Prescription(self._kinematics, joints, _by_name("frames", frames or {}))
+        return self._hybrid(q, v, given, external, joint_forces)
+
+    def _hybrid(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        given: Prescription,
+        external: External | None,
+        joint_forces: ArrayLike | None,
+    ) -> HybridDynamics:
+        """Return the forces for accelerations that are prescribed properly."""
         v = frozen_array("v", v, (self.model.nv,))
         point = self._closed_at(q, v)
         joint_forces = self._acting(q, v, joint_forces)
         force = self._external(external, joint_forces)
         if self._scaled is not None:
-            return _hybrid_scaled(self._scaled, (point.q, v), joints, frames, external, joint_forces)
-        return hybrid_dynamics(self._dynamics, point, v, given, force)
+            return _hybrid_scaled(self._scaled, (point.q, v), given, external, joint_forces)
+        return self._dynamics.hybrid.solve(point, v, given, force)
 
     def hybrid_dynamics_batch(
         self,
@@ -190,35 +206,25 @@ def _by_name(what: str, values: ByName) -> dict[str, FloatArray]:
 def _hybrid_scaled(
     scaled: ScaledModel[HybridModel],
     state: tuple[FloatArray, FloatArray],
-    joints: Mapping[str, FloatArray],
-    frames: Mapping[str, FloatArray],
+    given: Prescription,
     external: External | None,
     joint_forces: ArrayLike | None,
 ) -> HybridDynamics:
     """`HybridModel.hybrid_dynamics` in the model's own unit of length."""
-    core, units = scaled.core, scaled.units
-    parts = {name: list(joint_freedoms(core.model, name)) for name in joints}
-    given = {name: value / units.motion(units.v[parts[name]]) for name, value in joints.items()}
-    given = {name: value.reshape(len(parts[name])) for name, value in given.items()}
-    places = {name: value / units.motion(np.arange(6) < 3) for name, value in frames.items()}
+    core, units, joints = scaled.core, scaled.units, given.joints
+    places = {
+        name: np.asarray(value) / units.motion(np.arange(6) < 3) for name, value in given.frames.items()
+    }
+    rates = JointAccelerations(joints.v, joints.values / units.motion(units.v[joints.v]))
+    asked = Prescription(core._kinematics, rates, places)
+    acting = scaled.wrenches(external), scaled.forces(joint_forces)
     with scaled.in_words():
-        found = core.hybrid_dynamics(
-            scaled.q(state[0]),
-            scaled.v(state[1]),
-            given,
-            places,
-            scaled.wrenches(external),
-            scaled.forces(joint_forces),
-        )
+        found = core._hybrid(scaled.q(state[0]), scaled.v(state[1]), asked, *acting)
     return replace(
         found,
         tau=read_only(found.tau * units.force(units.v[core.actuated_v])),
         a=read_only(found.a * units.motion(units.v)),
-        lambda_=read_only(found.lambda_ * units.force(units.rows)),
-        residual=found.residual * max(units.length, units.length**2),
-        prescribed_residual=found.prescribed_residual * max(units.length, 1.0),
-        closure_residual=found.closure_residual * max(units.length, 1.0),
-        gap=found.gap * units.length,
+        evidence=scaled.evidence(found.evidence),
     )
 
 

@@ -1,6 +1,6 @@
 """Equations of motion of a closed mechanism, linearised at one motion in independent coordinates; exact.
 
-With v = N ẏ and the equation of motion (1) of `p3dof.closed_loop.dynamics`, a change dy of the coordinates
+With v = N ẏ and the equation of motion (1) of `p3dof.closed_loop.inverse`, a change dy of the coordinates
 and dẏ of their speeds changes the tree's motion by
 
     dq = N dy,    dv = N dẏ - C ∂(J v)/∂q dq,    da = N dÿ - C (∂α/∂q dq + ∂α/∂v dv),        (1)

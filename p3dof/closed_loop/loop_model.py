@@ -14,13 +14,14 @@ from typing_extensions import Self
 from p3dof.checks import FloatArray, frozen_array, positive, shown
 from p3dof.closed_loop.assembly import TOLERANCE, Assembler, Assembly, State
 from p3dof.closed_loop.closures import ClosurePoint, LoopKinematics, max_abs
-from p3dof.closed_loop.dynamics import Dynamics, ForwardDynamics, InverseDynamics
+from p3dof.closed_loop.dynamics import Dynamics
 from p3dof.closed_loop.energy import energy_rate
 from p3dof.closed_loop.formats import pinocchio_models, urdf
 from p3dof.closed_loop.joints import configuration_of, joint_named, single_joint
 from p3dof.closed_loop.locks import locked_at, without
 from p3dof.closed_loop.modes import assemble_within_limits, assembly_modes
 from p3dof.closed_loop.passive import Passive
+from p3dof.closed_loop.results import ForwardDynamics, InverseDynamics
 from p3dof.closed_loop.sidecar import Coupling, Sidecar, SidecarLike
 from p3dof.closed_loop.targets import (
     BoundFrameTarget,
@@ -515,9 +516,8 @@ class LoopModel:
             q = self._at(q).q
             self._external(external, joint_forces)
             return self._scaled.inverse_dynamics(q, v, a, external, joint_forces)
-        point = self._at(q, CLOSED)
-        self._check_motion(point, v, a)
-        return self._dynamics.inverse(point, v, a, self._external(external, joint_forces))
+        point = self._moving(q, v, a)
+        return self._dynamics.inverse.solve(point, v, a, self._external(external, joint_forces))
 
     def residual(
         self,
@@ -616,7 +616,7 @@ class LoopModel:
         if self._scaled is not None:
             return self._scaled.forward_dynamics(point.q, v, tau, external, joint_forces, beta)
         force[self.actuated_v] += tau
-        return self._dynamics.forward(point, v, force, beta)
+        return self._dynamics.forward.solve(point, v, force, beta)
 
     def power(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> float:
         """Return the rate of change of the mechanical energy, summed body by body.
@@ -678,18 +678,23 @@ class LoopModel:
 
     def _at(self, q: ArrayLike, largest_gap: float = np.inf) -> ClosurePoint:
         point = self._kinematics.at(self._configuration("q", q))
-        if not point.gap <= largest_gap:
+        self._check_gap(point, largest_gap)
+        return point
+
+    def _check_gap(self, point: ClosurePoint, largest_gap: float) -> None:
+        if not point.tight and not point.gap <= largest_gap:
             raise InputError(
                 f"q: the {self._kinematics.worst(point.error)} is open by {point.gap:.3g} m or rad, "
                 f"expected at most {largest_gap:g}; assemble(None, guess=q) closes it"
             )
-        return point
 
     def _closed_at(self, q: ArrayLike, v: FloatArray) -> ClosurePoint:
         """Return the closures at a state that nearly keeps them closed; a scaled core checks for itself."""
         point = self._at(q, NEARLY_CLOSED if self._scaled is None else np.inf)
         if self._scaled is None and point.J.size:
-            self._check_opening("v", point.J @ v, NEARLY_CONSISTENT * max(1.0, max_abs(v)))
+            opening = point.J @ v
+            if not opening.dot(opening) <= NEARLY_CONSISTENT**2:  # else the largest is less, too
+                self._check_opening("v", opening, NEARLY_CONSISTENT * max(1.0, max_abs(v)))
         return point
 
     def _target(self, target: TargetLike) -> Target:
@@ -709,14 +714,22 @@ class LoopModel:
         except ModelError as error:
             raise InputError(str(error)) from error
 
-    def _check_motion(self, point: ClosurePoint, v: FloatArray, a: FloatArray) -> None:
-        if not point.J.size:
-            return
-        relative = CONSISTENT + 100.0 * point.gap
-        self._check_opening("v", point.J @ v, relative * max(1.0, max_abs(v)))
-        self._kinematics.move(point.q, v, a)
-        opening = self._kinematics.acceleration()
-        self._check_opening("a", opening, relative * max(1.0, max_abs(a), max_abs(v) ** 2))
+    def _moving(self, q: ArrayLike, v: FloatArray, a: FloatArray) -> ClosurePoint:
+        """Return the closures at a motion that keeps them closed."""
+        k, q = self._kinematics, self._configuration("q", q)
+        k.move(q, v, a)
+        point = k.at(q)
+        if point.J.size:
+            self._check_gap(point, CLOSED)
+            relative = CONSISTENT + (0.0 if point.tight else 100.0 * point.gap)
+            opening = point.J @ v
+            if not opening.dot(opening) <= relative**2:  # else the largest is less, too
+                self._check_opening("v", opening, relative * max(1.0, max_abs(v)))
+            opening = k.acceleration()
+            if not opening.dot(opening) <= relative**2:
+                allowed = relative * max(1.0, max_abs(a), max_abs(v) ** 2)
+                self._check_opening("a", opening, allowed)
+        return point
 
     def _check_opening(self, name: str, opening: FloatArray, allowed: float) -> None:
         worst = max_abs(opening)
@@ -740,7 +753,7 @@ class LoopModel:
                 f"external: expected a mapping of frame names to wrenches, got {type(external).__name__}"
             )
         wrenches = []
-        for name, wrench in (external or {}).items():
+        for name, wrench in external.items() if external else ():
             frame = self._kinematics.frame(name, "external", InputError)
             wrenches.append((frame, frozen_array(f"external {name}", wrench, (6,))))
         force = self._dynamics.external(wrenches)

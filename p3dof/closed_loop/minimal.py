@@ -1,6 +1,6 @@
 """Equations of motion of a closed mechanism in independent coordinates y, and Jacobians from their speeds.
 
-With v = N ẏ, where J N = 0, the equation of motion (1) of `p3dof.closed_loop.dynamics` becomes
+With v = N ẏ, where J N = 0, the equation of motion (1) of `p3dof.closed_loop.inverse` becomes
 
     Nᵀ M N ÿ + Nᵀ (C N + M Ṅ) ẏ + Nᵀ g = Nᵀ B τ + Nᵀ (passive and external forces),        (1)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -30,15 +30,12 @@ class OtherClosures:
     """
 
     def __init__(self, model: pin.Model, ends: Sequence[Ends], kinds: KindRows) -> None:
-        self._model, self._ends, self._kinds = model, ends, kinds
+        self._model, self._kinds = model, kinds
         self._turn, self._J = np.zeros((len(ends), 3)), np.zeros((len(ends), 6, model.nv))
-        self._d, self._at = (
-            np.zeros((len(ends), 3)),
-            kinds.at(self._turn, np.zeros((len(ends), 3, 3)), self._turn),
-        )
-        self._anchors = (
-            pin.StdVec_ConstraintModel()
-        )  # frame anchors tell how frame 2 moves relative to frame 1
+        self._d = np.zeros((len(ends), 3))
+        self._at = kinds.at(self._turn, np.zeros((len(ends), 3, 3)), self._turn)
+        # Frame anchors tell how frame 2 moves relative to frame 1.
+        self._anchors = pin.StdVec_ConstraintModel()
         self._datas = pin.StdVec_ConstraintData()
         for one in ends:
             self._anchors.append(pin.ConstraintModel(pin.FrameAnchorConstraintModel(model, *one)))
@@ -47,11 +44,15 @@ class OtherClosures:
         # Taken out once the vectors have their final place in memory: they are references.
         pairs = zip(list(self._anchors), list(self._datas), strict=True)
         self._pairs = [(anchor, anchored, anchored.extract()) for anchor, anchored in pairs]
+        self._accelerations = [content.constraint_acceleration_error for _, _, content in self._pairs]
 
-    def evaluate(self, data: pin.Data, error: FloatArray, J: FloatArray) -> None:
-        """Enter errors (size,) and their Jacobian (size, nv), from placements and joint Jacobians."""
+    def calculate(self, data: pin.Data) -> None:
+        """Let the frame anchors look at what `data` holds."""
         for anchor, anchored, _ in self._pairs:
             anchor.calc(self._model, data, anchored)
+
+    def evaluate(self, data: pin.Data, error: FloatArray, J: FloatArray) -> None:
+        """Enter errors (size,) and their Jacobian (size, nv), after `calculate`."""
         places = [content.c1Mc2 for _, _, content in self._pairs]
         self._d = np.array([M.translation for M in places])
         E = np.array([M.rotation for M in places])
@@ -66,36 +67,11 @@ class OtherClosures:
             group.errors(error)
             group.jacobian(self._J, J)
 
-    def accelerate(self, data: pin.Data, v: FloatArray, result: FloatArray) -> None:
-        """Enter d²/dt² of the errors (size,) evaluated last, from the motion of all bodies."""
+    def accelerate(self, v: FloatArray, result: FloatArray) -> None:
+        """Enter d²/dt² of the errors (size,) evaluated last, after `calculate` of a motion."""
         rates = self._J @ v
-        accelerations = np.array([frame_acceleration(self._model, data, ends) for ends in self._ends])
+        accelerations = np.array(self._accelerations)
         carried = cross(accelerations[:, 3:], self._d) + cross(rates[:, 3:], rates[:, :3])
         accelerations[:, :3] += carried
         for group in self._at:
             group.drift(rates, accelerations, result)
-
-
-def point_acceleration(model: pin.Model, data: pin.Data, ends: Ends) -> Any:
-    """Return d²/dt² of R1ᵀ (p2 - p1) (3,): the acceleration of frame 2 seen from frame 1, in its axes."""
-    (joint1, M1, joint2, M2), world = ends, pin.LOCAL_WORLD_ALIGNED
-    oM1, oM2 = data.oMi[joint1] * M1, data.oMi[joint2] * M2
-    V1 = pin.getFrameVelocity(model, data, joint1, M1, world)
-    V2 = pin.getFrameVelocity(model, data, joint2, M2, world)
-    A1 = pin.getFrameClassicalAcceleration(model, data, joint1, M1, world)
-    A2 = pin.getFrameClassicalAcceleration(model, data, joint2, M2, world)
-    d, d_dot = oM2.translation - oM1.translation, V2.linear - V1.linear
-    omega = pin.skew(V1.angular)
-    relative = A2.linear - A1.linear - pin.skew(A1.angular) @ d - omega @ (2.0 * d_dot - omega @ d)
-    return oM1.rotation.T @ relative
-
-
-def frame_acceleration(model: pin.Model, data: pin.Data, ends: Ends) -> Any:
-    """Return d/dt of Ad(M12) V2 - V1 (6,), both in the axes of frame 1."""
-    (joint1, M1, joint2, M2), local = ends, pin.LOCAL
-    M12 = (data.oMi[joint1] * M1).actInv(data.oMi[joint2] * M2)
-    V1 = pin.getFrameVelocity(model, data, joint1, M1, local)
-    V2 = M12.act(pin.getFrameVelocity(model, data, joint2, M2, local))
-    A1 = pin.getFrameAcceleration(model, data, joint1, M1, local)
-    A2 = M12.act(pin.getFrameAcceleration(model, data, joint2, M2, local))
-    return (A2 - V1.cross(V2) - A1).vector

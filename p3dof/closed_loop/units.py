@@ -22,7 +22,7 @@ from p3dof.checks import LARGEST, FloatArray
 from p3dof.closed_loop.assembly import Assembly, State
 from p3dof.closed_loop.closure_kinds import lengths_of
 from p3dof.closed_loop.coordinates import length_coordinates
-from p3dof.closed_loop.dynamics import ForwardDynamics, InverseDynamics
+from p3dof.closed_loop.results import ClosureForces, ForwardDynamics, InverseDynamics
 from p3dof.closed_loop.sidecar import Coupling, Sidecar
 from p3dof.closed_loop.targets import FrameTarget
 from p3dof.errors import AssemblyError, DynamicsError, InputError, ModelError, P3dofError
@@ -157,6 +157,7 @@ class Core(Protocol):
         """Return the acceleration."""
 
 
+EvidenceT = TypeVar("EvidenceT", bound=ClosureForces)
 CoreT_co = TypeVar("CoreT_co", bound=Core, covariant=True)
 
 
@@ -271,14 +272,12 @@ class ScaledModel(Generic[CoreT_co]):
             found = self.core.inverse_dynamics(
                 self.q(q), self.v(v), self.v(a), self.wrenches(external), self.forces(forces)
             )
-        tau, lambda_ = (self.units.force(lengths) for lengths in (self._actuated, self.units.rows))
-        return replace(
-            found,
-            tau=_read_only(found.tau * tau),
-            lambda_=_read_only(found.lambda_ * lambda_),
-            residual=found.residual * self._largest_force(),
-            gap=found.gap * self._u,
-        )
+        tau = _read_only(found.tau * self.units.force(self._actuated))
+        return InverseDynamics(tau, self.evidence(found.evidence))
+
+    def evidence(self, found: EvidenceT) -> EvidenceT:
+        """Return evidence of forces in SI units."""
+        return found.in_units(self.units.force(self.units.rows), self._largest_force(), self._u)
 
     def forward_dynamics(
         self,
@@ -298,10 +297,7 @@ class ScaledModel(Generic[CoreT_co]):
         return replace(
             found,
             a=self._out(found.a, self.units.v),
-            lambda_=_read_only(found.lambda_ * self.units.force(self.units.rows)),
-            residual=found.residual * self._largest_force(),
-            closure_residual=found.closure_residual * self._u,
-            gap=found.gap * self._u,
+            evidence=self.evidence(found.evidence),
         )
 
     @contextmanager

@@ -1,7 +1,7 @@
 """Inverse dynamics of many samples at once; see `p3dof.closed_loop.batch.states`.
 
 With no more actuators than freedoms a square system replaces the singular value decompositions of
-`p3dof.closed_loop.dynamics`: J = [Ja Jp] being the closures' Jacobian by actuated and passive joints, as many
+`p3dof.closed_loop.inverse`: J = [Ja Jp] being the closures' Jacobian by actuated and passive joints, as many
 independent rows as there are passive joints give
 
     Jpᵀ λ = fp,    τ = fa - Jaᵀ λ,    f = rnea(q, v, a) - Σ Jeᵀ w        (1)

@@ -33,7 +33,7 @@ from p3dof.closed_loop.batch.linear import (
 )
 from p3dof.closed_loop.closures import LoopKinematics
 from p3dof.closed_loop.coordinates import rounding
-from p3dof.closed_loop.hybrid import HybridDynamics
+from p3dof.closed_loop.hybrid_results import HybridDynamics
 from p3dof.closed_loop.linear import Decomposition
 from p3dof.closed_loop.loop_model import LoopModel
 from p3dof.errors import P3dofError
