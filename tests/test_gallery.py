@@ -76,6 +76,40 @@ def test_the_five_bar_has_one_force_that_is_open(page):
     assert page["five_bar"].unique.tolist() == [True, False, True]
 
 
+def test_controllers_bring_robots_where_they_should_be(page):
+    for name, motors, wanted in (
+        ("settled", ("left_motor", "right_motor"), [1.8, 1.3]),
+        ("shifted", ("motor_a", "motor_b", "motor_c"), [0.3, 0.5, 0.6]),
+    ):
+        found, model = page[name], page[name].loop.model
+        assert found.finished
+        assert found.gap.max() < 1e-10
+        last = [found.q[-1][model.idx_qs[model.getJointId(motor)]] for motor in motors]
+        np.testing.assert_allclose(last, wanted, rtol=0, atol=1e-3)
+
+
+def test_the_pushed_stewart_platform_gives_way_as_springs_do(page):
+    found, loop = page["pushed_run"], page["pushed_run"].loop
+    assert found.finished
+    assert np.abs(found.v[-1]).max() < 1e-2
+    legs = [loop.model.idx_qs[loop.model.getJointId(name)] for name in loop.actuated]
+    # At rest the springs bear the push: held is what the controller adds against the weight.
+    spring = 2000.0 * (np.array(page["lengths"]) - found.q[-1][legs])
+    still = np.zeros(loop.model.nv)
+    held = loop.inverse_dynamics(found.q[-1], still, still).tau
+    pushed = loop.inverse_dynamics(found.q[-1], still, still, external=page["pushed"]).tau
+    damped = 150.0 * np.abs(found.v[-1]).max()  # what dampers still give
+    np.testing.assert_allclose(spring, pushed - held, rtol=0, atol=2 * damped)
+
+
+def test_the_gripper_closes_until_its_fingers_meet(page):
+    closing = page["closing"]
+    assert not closing.finished
+    assert "'left_drive' at its lower limit" in str(closing.stop)
+    apart = 2 * (0.02 + 0.09 * np.sin(closing.q[-1][0]))
+    assert 0 < apart < 5e-3
+
+
 def test_the_stewart_platform_bears_its_weight_and_what_pushes_it(page):
     np.testing.assert_allclose(page["back"].a, page["wanted"], rtol=0, atol=1e-9)
     assert page["legs"].residual < 1e-11
