@@ -53,6 +53,7 @@ from .compiled import BoundInverseDynamics, MachineKernels
 
 # Any robot with closed loops
 from .closed_loop import ClosedLoopModel, Closure, Coupling, FrameTarget, JointData, Sidecar, load_robot
+from .viewer import show_robot
 
 # Errors
 from .errors import (
@@ -156,6 +157,7 @@ __all__ = [
     "plots",
     "read_parameters",
     "report",
+    "show_robot",
     "simulation",
     "viewer",
     "write_parameters",

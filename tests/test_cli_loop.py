@@ -393,6 +393,13 @@ def test_runs_that_cannot_be(five_bar):
             ("show", "FILE", "--out", "p.html", "--set", "left_joint=1", "--motion", "FILE"),
             "exclude each other",
         ),
+        (("show", "FILE", "--no-open", "--simulate", "1", "--motion", "FILE"), "exclude each other"),
+        (("show", "FILE", "--no-open", "--force", "left_joint=1"), "--force needs --simulate"),
+        (("show", "FILE", "--no-open", "--at", "2"), "--at: expected a time from 0 to 0 s, got 2"),
+        (("show", "FILE", "--no-open", "--wrench", "left_tip=1,2"), "expected FRAME=FX,FY,FZ"),
+        (("show", "FILE", "--no-open", "--wrench", "nowhere=1,2,3"), "'nowhere' does not exist"),
+        (("show", "FILE", "--no-open", "--wrench", "left_tip=1,2,nan"), "expected finite numbers"),
+        (("show", "FILE", "--out", "p.txt"), "expected a file name that ends in .html or .png"),
     ],
 )
 def test_bad_input_is_one_line(capsys, tmp_path, monkeypatch, five_bar, arguments, words):

@@ -237,3 +237,58 @@ def test_signals_are_given_back(capsys):
         taken.listen()
         run(capsys, "--no-open", "--samples", 11, "--port", taken.getsockname()[1])
     assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
+
+
+GALLERY = ROOT / "docs/_static/gallery"
+
+
+@contextlib.contextmanager
+def running_loop(*arguments):
+    """`p3dof loop show` as a process, and the URL that it prints."""
+    command = [
+        sys.executable,
+        "-m",
+        "p3dof",
+        "loop",
+        "show",
+        *map(str, arguments),
+        "--no-open",
+        "--port",
+        "0",
+    ]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        line = process.stdout.readline()
+        found = re.match(r"(http://127\.0\.0\.1:(\d+)/\?token=[\w-]+) shows the robot; Ctrl-C ends it", line)
+        assert found, line + (process.stderr.read() if process.poll() is not None else "")
+        yield process, found[1]
+    finally:
+        if process.poll() is None:
+            process.kill()
+        process.communicate()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_any_robot_is_served_until_it_is_told_to_end(number):
+    with running_loop(GALLERY / "gripper.urdf", "--set", "left_drive=0.5", "--closure-forces") as (
+        process,
+        url,
+    ):
+        state = state_of(url)
+        assert state["joints"] == pytest.approx([0.5], abs=1e-9)
+        assert state["layers"]["closure_forces"] is True
+        assert state["source"] == "pose"
+        own = psutil.Process(process.pid)
+        listening = [c.laddr.ip for c in own.net_connections() if c.status == psutil.CONN_LISTEN]
+        assert listening == ["127.0.0.1"]
+        process.send_signal(number)
+        out, err = process.communicate(timeout=5)
+    assert (process.returncode, out, err) == (0, "", "")
+
+
+def test_a_run_of_any_robot_is_served():
+    arguments = (GALLERY / "four_bar.urdf", "--simulate", "0.1", "--force", "crank_joint=0.5 N m")
+    with running_loop(*arguments, "--at", "0.1", "--paused") as (_, url):
+        state = state_of(url)
+    assert (state["time"], state["playing"], state["source"]) == (0.1, False, "motion")
+    assert state["forces"] == ["0.5 N m"]

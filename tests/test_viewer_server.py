@@ -42,7 +42,7 @@ from p3dof.viewer.server import PORT, Server
 from p3dof.viewer.states import States
 from p3dof.viewer.window import SceneWindow
 
-FILES = ("", "licences.txt", "pane.js", "fit.js", "panel.js", "panel.css", "meshcat.js")
+FILES = ("", "licences.txt", "pane.js", "fit.js", "common.js", "panel.js", "panel.css", "meshcat.js")
 
 
 @pytest.fixture

@@ -21,13 +21,16 @@ from p3dof.viewer.video import save_screenshot, save_video
 from p3dof.viewer.window import SceneWindow
 
 if TYPE_CHECKING:
+    from p3dof.closed_loop import ClosedLoopModel
     from p3dof.viewer.live import LiveViewer
+    from p3dof.viewer.robots.live import RobotViewer
 
 __all__ = [
     "ArrowScale",
     "JointMotion",
     "LiveViewer",
     "RobotScene",
+    "RobotViewer",
     "Scene",
     "SceneWindow",
     "animation_html",
@@ -38,6 +41,7 @@ __all__ = [
     "save_screenshot",
     "save_video",
     "show",
+    "show_robot",
     "trace_of",
     "viewer",
 ]
@@ -48,6 +52,10 @@ def __getattr__(name: str) -> Any:
         from p3dof.viewer.live import LiveViewer
 
         return LiveViewer
+    if name == "RobotViewer":
+        from p3dof.viewer.robots.live import RobotViewer
+
+        return RobotViewer
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
@@ -56,6 +64,37 @@ def show(robot: Machine, motion: Motion | InverseDynamics | None = None, **optio
     from p3dof.viewer.live import LiveViewer
 
     return LiveViewer(robot, motion, **options)
+
+
+def show_robot(robot: ClosedLoopModel, motion: Any = None, **options: Any) -> RobotViewer:
+    """Show any robot in a page with controls: closures, forces, sliders for its actuated joints.
+
+    Parameters
+    ----------
+    robot : ClosedLoopModel
+        The robot, as of `p3dof.load_robot`.
+    motion : RobotRun or JointMotion, optional
+        What to play; without, the robot stands where its loops close near the reference.
+    **options
+        Those of `p3dof.viewer.robots.live.RobotViewer`: port, speed, layers, external, ...
+
+    Returns
+    -------
+    RobotViewer
+        With ``url`` and ``stop()``; it shows itself in a notebook.
+
+    Raises
+    ------
+    AssemblyError
+        If the loops do not close.
+    InputError
+        If an argument does not fit, or the port is busy.
+    MissingExtraError
+        If MeshCat is not installed.
+    """
+    from p3dof.viewer.robots.live import RobotViewer
+
+    return RobotViewer(robot, motion, **options)
 
 
 def viewer(robot: Machine, port: int | None = None) -> Any:

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import html
-import threading
-from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from p3dof import kinematics
-from p3dof.checks import FloatArray, frozen_array, positive, shown
+from p3dof.checks import FloatArray, frozen_array, shown
 from p3dof.errors import InputError, ReachError, SingularityError
 from p3dof.methods import InverseDynamics
 from p3dof.motion import Motion, WrenchOverTime
 from p3dof.viewer.connections import Message
+from p3dof.viewer.live_page import LivePage, Request, player_of
 from p3dof.viewer.machine import Machine, require_machine
 from p3dof.viewer.panel import AXES, arrow_scales, off_scale, plain, setup_message, slider_ranges
-from p3dof.viewer.player import FASTEST, SLOWEST, Frames, Player, within
+from p3dof.viewer.player import within
 from p3dof.viewer.scene import Scene, trace_of
 from p3dof.viewer.server import ServedWindow, Server
 from p3dof.viewer.states import CASES, Shown, States
@@ -27,7 +25,7 @@ _HOME = np.zeros(3)
 _TRACE_POINTS = 2001
 
 
-class LiveViewer:
+class LiveViewer(LivePage):
     """A machine in the browser, with its controls, until it is stopped or the process ends.
 
     In the page a motion is played, and the platform follows three sliders. Whatever a page can do, the
@@ -69,6 +67,10 @@ class LiveViewer:
         If MeshCat is not installed.
     """
 
+    KINDS: ClassVar[tuple[str, ...]] = (*LivePage.KINDS, "case", "pose")
+    PAGE: ClassVar[str] = "machine"
+    scene: Scene
+
     def __init__(
         self,
         robot: Machine,
@@ -84,13 +86,11 @@ class LiveViewer:
         require_machine(robot)
         self.robot = robot
         self._result = _solved(robot, motion, wrench)
+        times = None if self._result is None else self._result.time
+        super().__init__(player_of(times, speed, playing, at), self._result is not None, fps)
         self._states = States(robot, self._result)
-        self._player = _player(self._result, speed, playing, at)
-        self._frames = Frames(self._draw, positive("fps", fps, InputError), "p3dof frames")
-        self._lock = threading.Lock()
-        self._requests: dict[str, Callable[[], None]] = {}
         self._case = CASES[0]
-        self._by_hand: FloatArray | None = _HOME if self._result is None else None
+        self._by_hand = _HOME if self._result is None else None
         self._refused: tuple[str | None, str] = (None, "")
         self._marked: str | None = None
         self._shown = self._states.of_pose(_HOME, self._player.time, _HOME, self._case)
@@ -100,100 +100,12 @@ class LiveViewer:
         self.scene = Scene(robot, scale=self._scales[0])
         if self._result is not None:
             self.scene.draw_trace(_trace(robot, self._result.motion))
-        self._step()
-        self.server = Server(self.scene.window, port, self)
-        self._frames.start()
-
-    def __enter__(self) -> LiveViewer:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.stop()
-
-    def __repr__(self) -> str:
-        return f"LiveViewer({self.url if self.server.running else 'stopped'})"
-
-    def _repr_html_(self) -> str:
-        """Show the page in a notebook; after `stop`, the scene as it was then."""
-        source = f'src="{self.url}"'
-        if not self.server.running:
-            source = f'srcdoc="{html.escape(self.scene.window.get_scene())}"'
-        return f'<iframe {source} style="width: 100%; height: 640px; border: 0"></iframe>'
-
-    @property
-    def url(self) -> str:
-        """Where the page is."""
-        return self.server.url
-
-    @property
-    def visualizer(self) -> Any:
-        """Pinocchio's `MeshcatVisualizer` of the page, to draw more into it."""
-        return self.scene.visualizer
+        self._serve(port)
 
     @property
     def shown(self) -> Shown:
         """What is shown now, while a page is open."""
         return self._shown
-
-    @property
-    def frames(self) -> int:
-        """How many frames have been drawn."""
-        return self._frames.count
-
-    def open(self) -> LiveViewer:
-        """Open the page in the user's browser."""
-        self.scene.window.open()
-        return self
-
-    def play(self) -> None:
-        """Play the motion.
-
-        Raises
-        ------
-        InputError
-            If there is none.
-        """
-        self.received({"type": "play"})
-
-    def pause(self) -> None:
-        """Stop the motion where it is.
-
-        Raises
-        ------
-        InputError
-            If there is none.
-        """
-        self.received({"type": "pause"})
-
-    def seek(self, time: float) -> None:
-        """Stop at a time of the motion.
-
-        Parameters
-        ----------
-        time : float
-            [s]
-
-        Raises
-        ------
-        InputError
-            If there is no motion, or it has no such time.
-        """
-        self.received({"type": "time", "value": time})
-
-    def set_speed(self, speed: float) -> None:
-        """Play faster or slower.
-
-        Parameters
-        ----------
-        speed : float
-            How many times faster than in reality, from 0.1 to 4.
-
-        Raises
-        ------
-        InputError
-            If there is no motion, or the speed is out of range.
-        """
-        self.received({"type": "speed", "value": speed})
 
     def show_forces(self, case: str) -> None:
         """Show other forces.
@@ -228,94 +140,17 @@ class LiveViewer:
         kinematics.inverse_kinematics(self.robot.parameters.geometry, frozen_array("pose", pose, (3,)))
         self.received({"type": "pose", "value": np.asarray(pose, dtype=float).tolist()})
 
-    def wait(self, timeout: float | None = None) -> bool:
-        """Wait until it is stopped.
-
-        Parameters
-        ----------
-        timeout : float, optional
-            How long [s]; for ever without.
-
-        Returns
-        -------
-        bool
-            Whether it was stopped.
-        """
-        return self._frames.wait(timeout)
-
-    def stop(self) -> None:
-        """End playing and serving: no thread and no port is left. May be called more than once."""
-        self._frames.stop()
-        self.server.stop()
-
-    def greeting(self) -> list[Message]:
-        """Return what a page is told when it is opened (for the server)."""
-        self._frames.ask()
-        return [self._setup, self._state]
-
-    def received(self, message: Message) -> None:
-        """Take what a page asks for, to be done with the next frame (for the server).
-
-        Parameters
-        ----------
-        message : dict
-            A ``type`` and mostly a ``value``.
-
-        Raises
-        ------
-        InputError
-            If it cannot be done.
-        """
-        kind = message.get("type")
-        request = self._request(kind, message.get("value"))
-        with self._lock:
-            self._requests.pop(kind, None)  # type: ignore[arg-type]  # a str, as `_request` has seen
-            self._requests[kind] = request  # type: ignore[index]  # likewise
-        self._frames.ask()
-
-    def _request(self, kind: object, value: Any) -> Callable[[], None]:
-        """Return what a message asks for, checked."""
+    def _own_request(self, kind: str, value: Any) -> Request:
         if kind == "case":
             if value not in CASES:
                 raise InputError(f"case: expected one of {', '.join(CASES)}, got {shown(value)}")
             return lambda: setattr(self, "_case", value)
-        if kind == "pose":
-            pose = frozen_array("pose", value, (3,))
-            for name, number, (low, high) in zip(AXES, pose, self._ranges, strict=True):
-                within(name, float(number), low, high)
-            return lambda: self._take(pose)
-        if not isinstance(kind, str) or kind not in {"play", "pause", "time", "speed"}:
-            raise InputError(f"type: expected play, pause, time, speed, case or pose, got {shown(kind)}")
-        if self._result is None:
-            raise InputError(f"{kind}: there is no motion to play")
-        if kind == "time":
-            time = within("time", value, self._player.start, self._player.end)
-            return lambda: self._release(lambda: self._player.seek(time))
-        if kind == "speed":
-            speed = within("speed", value, SLOWEST, FASTEST)
-            return lambda: self._player.set_speed(speed)
-        return (lambda: self._release(self._player.play)) if kind == "play" else self._player.pause
+        pose = frozen_array("pose", value, (3,))
+        for name, number, (low, high) in zip(AXES, pose, self._ranges, strict=True):
+            within(name, float(number), low, high)
+        return lambda: self._take(pose)
 
-    def _take(self, pose: FloatArray) -> None:
-        self._player.pause()
-        self._by_hand = pose
-
-    def _release(self, then: Callable[[], None]) -> None:
-        self._by_hand = None
-        then()
-
-    def _draw(self) -> bool:
-        """Draw a frame; more are to follow while the motion plays and somebody looks."""
-        self._step()
-        self.server.tell(self._state, "state")
-        return self._player.playing and self.server.pages > 0
-
-    def _step(self) -> None:
-        with self._lock:
-            requests, self._requests = self._requests, {}
-        for request in requests.values():
-            request()
-        time = self._player.time
+    def _show(self, time: float) -> Message:
         try:
             if self._by_hand is None:
                 self._shown = self._states.of_time(time, self._case)
@@ -332,17 +167,8 @@ class LiveViewer:
             self._marked = leg
         self.scene.set_scale(self._scales[self._by_hand is not None])
         self.scene.display(self._shown.q, self._shown.forces)
-        self._state = self._report(time)
-
-    def _report(self, time: float) -> Message:
-        """Return what the panels show."""
         leg, message = self._refused
         return {
-            "type": "state",
-            "source": "motion" if self._by_hand is None else "pose",
-            "playing": self._player.playing,
-            "time": time,
-            "speed": self._player.speed,
             "case": self._case,
             "pose": self._shown.pose.tolist(),
             "sliders": self._shown.sliders.tolist(),
@@ -395,12 +221,6 @@ def _solved(
     if not isinstance(motion, InverseDynamics | None):
         raise InputError(f"motion: expected a Motion or InverseDynamics, got {type(motion).__name__}")
     return motion
-
-
-def _player(result: InverseDynamics | None, speed: float, playing: bool, at: float | None) -> Player:
-    if result is None:
-        return Player(0.0, 0.0, speed, False, at)
-    return Player(float(result.time[0]), float(result.time[-1]), speed, playing, at)
 
 
 def _trace(robot: Machine, motion: Motion) -> FloatArray:

@@ -34,16 +34,19 @@ from p3dof.viewer.window import SceneWindow
 HOST = "127.0.0.1"
 PORT = 7000
 """The first port that is tried."""
+PAGES = ("machine", "robot")
+"""The pages that there are: a file that ends in .html, and one in .js for its panel."""
 
 _GATHERING = 0.003
 """How long to gather the messages of one frame, to send them at once [s]."""
 _PORTS_TRIED = 100
 _FILES = {
-    "/": ("index.html", "text/html"),
+    "/": ("@PAGE@.html", "text/html"),
     "/licences.txt": ("licences.txt", "text/plain"),
     "/pane.js": ("pane.js", "text/javascript"),
     "/fit.js": ("fit.js", "text/javascript"),
-    "/panel.js": ("panel.js", "text/javascript"),
+    "/common.js": ("common.js", "text/javascript"),
+    "/panel.js": ("@PAGE@.js", "text/javascript"),
     "/panel.css": ("panel.css", "text/css"),
     "/meshcat.js": ("main.min.js", "text/javascript"),
 }
@@ -70,6 +73,8 @@ class Server:
         The port, 0 for any; the first free one from 7000 on by default.
     controls : Controls, optional
         Who answers the pages; without, they show the scene only.
+    page : str
+        Which page, one of `PAGES`.
 
     Attributes
     ----------
@@ -87,11 +92,15 @@ class Server:
     """
 
     def __init__(
-        self, window: SceneWindow, port: int | None = None, controls: Controls | None = None
+        self,
+        window: SceneWindow,
+        port: int | None = None,
+        controls: Controls | None = None,
+        page: str = PAGES[0],
     ) -> None:
         self._window = window
         self._token = secrets.token_urlsafe(24)
-        self._files = _load_files(self._token)
+        self._files = _load_files(self._token, page)
         self._socket = _bound_socket(port)
         self.port: int = self._socket.getsockname()[1]
         self.url = f"http://{HOST}:{self.port}/?token={self._token}"
@@ -248,12 +257,13 @@ def _subject_of(message: bytes) -> bytes | None:
     return None
 
 
-def _load_files(token: str) -> dict[str, tuple[bytes, str]]:
+def _load_files(token: str, name: str) -> dict[str, tuple[bytes, str]]:
     """Return the files of the page, which asks for the others with the token."""
     page, meshcat = resources.files("p3dof.viewer") / "page", resources.files("meshcat") / "viewer" / "dist"
     files = {}
-    for path, (name, kind) in _FILES.items():
-        content = ((meshcat if name == "main.min.js" else page) / name).read_bytes()
+    for path, (file, kind) in _FILES.items():
+        folder = meshcat if file == "main.min.js" else page
+        content = (folder / file.replace("@PAGE@", name)).read_bytes()
         files[path] = (content.replace(b"@TOKEN@", token.encode()) if path == "/" else content, kind)
     return files
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -35,13 +36,46 @@ def mesh_of(half: float) -> float:
     return power * max(step for step in (1, 2, 5) if step * power <= half / 4)
 
 
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """What the camera looks at.
+
+    Parameters
+    ----------
+    centre : ndarray, shape (3,)
+        What is in the middle of the picture [m].
+    distance : float
+        How far from it the camera is [m].
+    scale : float
+        By how much all is drawn larger than it is.
+    filled : float
+        How much of the picture is filled.
+    """
+
+    centre: FloatArray
+    distance: float
+    scale: float
+    filled: float
+
+    def share(self, points: FloatArray) -> float:
+        """Return how large points (N, 3) can be drawn so that all are in sight, in the scale; at most 1."""
+        needed = float(_distances(points - self.centre, self.filled).max(initial=0.0))
+        return min(1.0, self.distance / needed) if needed > 0 else 1.0
+
+    def transform(self, share: float = 1.0) -> FloatArray:
+        """Return the matrix that brings what is looked at to where the camera looks, drawn at some share."""
+        matrix = np.diag((*(share * self.scale,) * 3, 1.0))
+        matrix[:3, 3] = -share * self.scale * self.centre
+        return matrix
+
+
 def set_stage(
     viewer: Any,
     points: FloatArray,
     scale: float,
     middle: tuple[float, float] = (0.0, 0.0),
     filled: float = FILLED,
-) -> None:
+) -> Sight:
     """Set background and camera, and move the scene so that the camera looks at what is drawn.
 
     Parameters
@@ -56,21 +90,26 @@ def set_stage(
         x and y of what the camera looks at [m].
     filled : float
         How much of the picture is filled.
+
+    Returns
+    -------
+    Sight
+        Where the camera looks, and from how far.
     """
     viewer["/Background"].set_property("top_color", list(TOP))
     viewer["/Background"].set_property("bottom_color", list(BOTTOM))
     viewer["/Grid"].set_property("visible", False)
     viewer["/Axes"].set_property("visible", False)
     height, distance = _view(points - np.array([*middle, 0.0]), filled)
-    shift = np.diag((scale, scale, scale, 1.0))
-    shift[:3, 3] = -scale * np.array([*middle, height])
-    viewer.set_transform(shift)
+    sight = Sight(np.array([*middle, height]), distance, scale, filled)
+    viewer.set_transform(sight.transform())
     x, y, z = _towards_eye() * distance * scale
     camera = viewer["/Cameras/default/rotated/<object>"]
     camera.set_property("zoom", ZOOM)
     camera.set_property("near", 0.1)  # precise depths: solids that touch do not flicker
     camera.set_property("far", 20.0)
     camera.set_property("position", [float(x), float(z), float(-y)])  # the page's second axis points up
+    return sight
 
 
 def sideways() -> FloatArray:
@@ -85,15 +124,20 @@ def _towards_eye() -> FloatArray:
 
 def _view(points: FloatArray, filled: float) -> tuple[float, float]:
     """Return how high over O the camera looks, and from how far, so that it just sees all points (N, 3)."""
+    heights = np.linspace(points[:, 2].min(), points[:, 2].max(), 201)
+    seen = points - heights[:, None, None] * [0.0, 0.0, 1.0]  # (201, N, 3)
+    distances = _distances(seen, filled).max(axis=1)
+    best = int(distances.argmin())
+    return float(heights[best]), float(distances[best])
+
+
+def _distances(seen: FloatArray, filled: float) -> FloatArray:
+    """Return from how far the camera just sees points (..., 3), given from what it looks at; (...)."""
     eye, right = _towards_eye(), sideways()
     up = np.cross(eye, right)
     sight = filled * math.tan(math.radians(75 / 2)) / ZOOM  # half the height that is seen at a distance of 1
-    heights = np.linspace(points[:, 2].min(), points[:, 2].max(), 201)
-    seen = points - heights[:, None, None] * [0.0, 0.0, 1.0]  # (201, N, 3)
     spread = np.maximum(np.abs(seen @ up), np.abs(seen @ right) / ASPECT) / sight
-    distances = (seen @ eye + spread).max(axis=1)
-    best = int(distances.argmin())
-    return float(heights[best]), float(distances[best])
+    return np.asarray(seen @ eye + spread)
 
 
 def above(points: FloatArray, height: float) -> FloatArray:

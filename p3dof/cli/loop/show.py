@@ -1,22 +1,35 @@
-"""`p3dof loop show`: a motion of any robot as a page that plays in any browser, or as a picture."""
+"""`p3dof loop show`: any robot in the browser, or as a file to look at."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+import numpy as np
 from rich.console import Console
 
+from p3dof.checks import FloatArray, frozen_array, shown
 from p3dof.cli.files import InputFile, OutputFile, protect, source
-from p3dof.cli.loop.group import AT, assembled, loop, with_robot
+from p3dof.cli.loop.group import AT, assembled, forces_of, loop, with_robot
 from p3dof.cli.loop.motion import forces_along
-from p3dof.cli.options import Number, Whole
-from p3dof.cli.output import print_plain
+from p3dof.cli.options import POSITIVE, Number, Whole
+from p3dof.cli.output import print_plain, print_warnings, progress_bar
+from p3dof.cli.serving import OPEN, PAUSED, PORT, SPEED, serve
 from p3dof.closed_loop import ClosedLoopModel
+from p3dof.errors import InputError
 from p3dof.files import SUFFIXES, suffix_of, write_atomic
+from p3dof.simulation import Integration, simulate_robot
 from p3dof.viewer import JointMotion, robot_animation_html, robot_picture
 from p3dof.viewer.headless import MAX_PIXELS, SIZE
 from p3dof.viewer.robots.sticks import StickFigure
+
+if TYPE_CHECKING:
+    from p3dof.viewer.robots.live import RobotViewer
+
+_RUN_SAMPLES = 1001
+"""Of a run that is simulated to be shown."""
 
 
 @loop.command()
@@ -26,10 +39,43 @@ from p3dof.viewer.robots.sticks import StickFigure
     "--motion",
     "motion_file",
     type=InputFile(),
-    help="Motion of the actuated joints, as of 'forces'; the robot stands still without it.",
+    help="Motion of the actuated joints to play, as of 'forces'; the robot stands still without it.",
 )
-@click.option("--speed", type=Number(0.01, 100), default=1.0, show_default=True, help="Times faster.")
-@click.option("--at", type=float, help="Time of the motion that a picture shows [s]; its first without it.")
+@click.option(
+    "--simulate",
+    "duration",
+    type=POSITIVE,
+    help="Play what the robot does in so many seconds when it is let go, as of 'simulate'.",
+)
+@click.option(
+    "--force",
+    "forces",
+    multiple=True,
+    metavar="JOINT=FORCE",
+    help="With --simulate: constant force of an actuated joint [N or N m, or with a unit]; none without it.",
+)
+@click.option(
+    "--wrench",
+    "wrenches",
+    multiple=True,
+    metavar="FRAME=FX,FY,FZ[,MX,MY,MZ]",
+    help="Force [N] and moment [N m] on a frame, in world axes, of a robot that makes no motion.",
+)
+@click.option("--closure-forces", is_flag=True, help="Show the forces in the closures from the beginning.")
+@PORT
+@SPEED
+@click.option("--fps", type=Number(1, 240), default=60.0, show_default=True, help="Frames a second.")
+@click.option(
+    "--at", type=float, help="Time of the motion to begin at, and of the picture [s]; its first without it."
+)
+@PAUSED
+@OPEN
+@click.option(
+    "--out",
+    type=OutputFile("still"),
+    help="Write a file instead of serving: .html (plays with no network) or .png (needs a Chromium, and "
+    "playwright).",
+)
 @click.option(
     "--size",
     type=Whole(16, MAX_PIXELS),
@@ -39,41 +85,133 @@ from p3dof.viewer.robots.sticks import StickFigure
     metavar="WIDTH HEIGHT",
     help="Of a picture [pixels].",
 )
-@click.option("--closure-forces", is_flag=True, help="Show the forces in the closures from the beginning.")
-@click.option(
-    "--out",
-    type=OutputFile("still"),
-    required=True,
-    help="HTML file, which plays with no network, or PNG (needs a Chromium, and playwright).",
-)
 def show(
     robot: ClosedLoopModel,
     inputs: list[Path],
     values: tuple[str, ...],
     motion_file: Path | None,
-    speed: float,
-    at: float | None,
-    size: tuple[int, int],
+    duration: float | None,
+    forces: tuple[str, ...],
+    wrenches: tuple[str, ...],
     closure_forces: bool,
-    out: Path,
+    port: int | None,
+    speed: float,
+    fps: float,
+    at: float | None,
+    paused: bool,
+    browse: bool,
+    out: Path | None,
+    size: tuple[int, int],
 ) -> int:
-    """Write a page or a picture that shows a robot as rods, its closures, and the forces on it.
+    """Show a robot with its closures and forces in the browser: play a motion, or move its joints by hand.
 
-    Exit code 1 when the loops do not close, or the robot cannot make the motion. Needs the extra 'viz'.
+    The page is served to this machine only, until Ctrl-C or a termination signal, which end it with exit code
+    0. With --out a file is written instead. Exit code 1 when the loops do not close, or the robot cannot make
+    the motion. Needs the extra 'viz'.
     """
-    if motion_file is not None and values:
-        raise click.UsageError("--set and --motion exclude each other")
     protect([*inputs, *([] if motion_file is None else [motion_file])], [out])
-    if motion_file is None:
-        motion = JointMotion.at_rest(robot, assembled(robot, values).q)
-    else:
-        motion = JointMotion.of_run(robot, forces_along(robot, source(motion_file)))
+    given = _Given(values, motion_file, duration, forces, wrenches)
+    motion, warnings = given.motion(robot)
+    _check_moment(motion, at)
     title, layers = str(robot.model.name), {"closure_forces": closure_forces}
     figure = StickFigure(robot)
+    print_warnings(Console(), warnings)
+
+    def make() -> RobotViewer:
+        from p3dof.viewer.robots.live import RobotViewer
+
+        return RobotViewer(
+            robot,
+            motion,
+            figure=figure,
+            layers=layers,
+            warnings=warnings,
+            port=port,
+            speed=speed,
+            fps=fps,
+            playing=not paused,
+            at=at,
+        )
+
+    if out is None:
+        serve(make, "the robot", browse)
+        return 0
     content: str | bytes
     if suffix_of(out, "still") in SUFFIXES["picture"]:
         content = robot_picture(figure, motion, at, title, robot, layers, size)
     else:
-        content = robot_animation_html(figure, motion, speed, title=title, loop=robot, layers=layers)
+        content = robot_animation_html(figure, motion, speed, fps, title, robot, layers)
     print_plain(Console(), f"wrote {write_atomic(out, content)}")
     return 0
+
+
+@dataclass(frozen=True)
+class _Given:
+    """What a user wants to see, by the options of the command."""
+
+    values: tuple[str, ...]
+    motion_file: Path | None
+    duration: float | None
+    forces: tuple[str, ...]
+    wrenches: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        moves = self.motion_file is not None or self.duration is not None
+        for option, other, both in (
+            ("--set", "--motion", self.values and self.motion_file is not None),
+            ("--simulate", "--motion", self.duration is not None and self.motion_file is not None),
+            ("--wrench", "a motion", self.wrenches and moves),
+        ):
+            if both:
+                raise click.UsageError(f"{option} and {other} exclude each other")
+        if self.forces and self.duration is None:
+            raise click.UsageError("--force needs --simulate")
+
+    def motion(self, robot: ClosedLoopModel) -> tuple[JointMotion, list[str]]:
+        """Return the motion, and what there is to know about it."""
+        if self.motion_file is not None:
+            found = forces_along(robot, source(self.motion_file))
+            smallest = len(robot.actuated) > robot.mobility(found.q[0])
+            return JointMotion.of_run(robot, found, smallest=smallest), list(found.remarks)
+        start = assembled(robot, self.values).q
+        if self.duration is None:
+            return JointMotion.at_rest(robot, start, _wrenches(self.wrenches)), []
+        acting = forces_of(robot, self.forces)
+        settings = Integration(rtol=1e-9, atol=1e-11)
+        with progress_bar("run", _RUN_SAMPLES) as progress:
+            run = simulate_robot(
+                robot,
+                self.duration,
+                start,
+                None,
+                acting,
+                samples=_RUN_SAMPLES,
+                integration=settings,
+                progress=progress,
+            )
+        return JointMotion.of_run(robot, run), [] if run.stop is None else [f"ended by {run.stop}"]
+
+
+def _wrenches(texts: tuple[str, ...]) -> dict[str, FloatArray]:
+    """Return wrenches (6,) by frame."""
+    found: dict[str, FloatArray] = {}
+    for text in texts:
+        name, sign, numbers = text.rpartition("=")
+        name = name.strip()
+        try:
+            values = [float(word) for word in numbers.split(",")]
+        except ValueError:
+            values = []
+        if not (sign and name) or len(values) not in (3, 6):
+            raise InputError(f"--wrench: expected FRAME=FX,FY,FZ or with MX,MY,MZ, got {shown(text)}")
+        if name in found:
+            raise InputError(f"--wrench: the frame {shown(name)} is given twice")
+        found[name] = frozen_array(f"--wrench {name}", np.array([*values, 0.0, 0.0, 0.0][:6]), (6,))
+    return found
+
+
+def _check_moment(motion: JointMotion, at: float | None) -> None:
+    """Refuse a time that a motion does not have."""
+    first, last = float(motion.time[0]), float(motion.time[-1])
+    if at is not None and not first <= at <= last:
+        raise InputError(f"--at: expected a time from {first:g} to {last:g} s, got {at:g}")

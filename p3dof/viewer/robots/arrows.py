@@ -14,7 +14,7 @@ from p3dof.checks import FloatArray
 from p3dof.closed_loop.closure_wrenches import ClosureWrench
 from p3dof.viewer.arrows import HEAD_RADIUS, draw_arrow, set_length
 from p3dof.viewer.robots.closures import COLOUR
-from p3dof.viewer.robots.sticks import turned_to
+from p3dof.viewer.robots.lines import turned_to
 from p3dof.viewer.stage import colour_number
 
 UNITS = ("N", "N m")
@@ -24,7 +24,7 @@ LONGEST = 0.5
 ACTUATORS = ((0.0, 0.45, 0.70), (0.84, 0.37, 0.0), (0.0, 0.62, 0.45), (0.80, 0.47, 0.65))
 """Of the actuators' arrows; told apart by colour-blind readers."""
 _PALE = tuple(0.45 * part + 0.55 for part in COLOUR)
-"""Of forces in closures of which only some components are determined."""
+"""Of forces in closures of which only some components are determined, or that go with chosen torques."""
 _OUTSIDE = (0.15, 0.15, 0.15)
 """Of external wrenches."""
 _TOO_LONG = 1.001
@@ -180,11 +180,11 @@ def actuator_arrows(
     return found
 
 
-def closure_arrows(wrench: ClosureWrench) -> list[Arrow]:
-    """Return the forces and moments in closures that are determined, as a whole or in part."""
+def closure_arrows(wrench: ClosureWrench, pale: bool = False) -> list[Arrow]:
+    """Return the forces and moments in closures that are determined, as a whole or in part (pale)."""
     found = []
     for i in np.flatnonzero(wrench.known):
-        part = "" if wrench.whole[i] else "part_of_"
+        part = "" if wrench.whole[i] and not pale else "part_of_"
         for word, unit, value in (("force", "N", wrench.forces), ("moment", "N m", wrench.moments)):
             found.append(Arrow(f"closure_forces/{i}/{part}{word}", wrench.places[i], value[i], unit))
     return found

@@ -12,7 +12,7 @@ import pinocchio as pin
 from p3dof.checks import FloatArray
 from p3dof.closed_loop import Closure
 from p3dof.viewer.arrows import unit_along_z
-from p3dof.viewer.robots.sticks import turned_to
+from p3dof.viewer.robots.lines import line_between, placed_at, turned_to
 from p3dof.viewer.stage import colour_number, write_text
 
 COLOUR = (0.42, 0.16, 0.62)
@@ -32,9 +32,6 @@ WORDS: Mapping[str, str] = MappingProxyType(
 """What each kind is called in a page."""
 MOST_NUMBERS = 16
 """So many closures at most have their numbers beside them unless they are asked for."""
-
-_NO_MATRIX = 1e-6
-"""Least length of a rod: a page cannot take a transform without an inverse apart."""
 
 
 class ClosureMarks:
@@ -65,16 +62,16 @@ class ClosureMarks:
         for i, (closure, one, two) in enumerate(zip(self._closures, first, second, strict=True)):
             node = self._marks[str(i)]
             if closure.kind == "distance":
-                node["rod"].set_transform(_between(one.translation, two.translation))
-                node["end"].set_transform(_at(two.translation))
-                node["start"].set_transform(_at(one.translation))
+                node["rod"].set_transform(line_between(one.translation, two.translation))
+                node["end"].set_transform(placed_at(two.translation))
+                node["start"].set_transform(placed_at(one.translation))
             else:
                 node["first"].set_transform(np.array(one.homogeneous))
             if closure.kind == "universal":
                 node["second"].set_transform(np.array(two.homogeneous))
             middle = (one.translation + two.translation) / 2
             above = middle + np.array([0.0, 0.0, 2.4 * self._size])
-            self._numbers[str(i)].set_transform(_at(above))
+            self._numbers[str(i)].set_transform(placed_at(above))
 
     def _draw(self) -> None:
         for i, closure in enumerate(self._closures):
@@ -166,21 +163,3 @@ _DRAWN: Mapping[str, Callable[[Any, float], None]] = MappingProxyType(
         "distance": _distance,
     }
 )
-
-
-def _at(place: FloatArray) -> FloatArray:
-    """Return a place (3,) as a matrix."""
-    matrix = np.eye(4)
-    matrix[:3, 3] = place
-    return matrix
-
-
-def _between(start: FloatArray, end: FloatArray) -> FloatArray:
-    """Return the matrix that takes z from 0 to 1 to a line between two points (3,)."""
-    along = np.asarray(end - start)
-    length = max(float(np.linalg.norm(along)), _NO_MATRIX)
-    matrix = _at(start)
-    if length > _NO_MATRIX:
-        matrix[:3, :3] = turned_to(along / length)
-    matrix[:3, 2] *= length
-    return matrix

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from p3dof.checks import FloatArray, FrozenArrays, as_floats, frozen_array, shown
 from p3dof.closed_loop import ClosedLoopModel
@@ -16,6 +16,9 @@ from p3dof.errors import InputError, P3dofError
 
 MOST_SAMPLES = 1000
 """At so many samples at most the forces in the closures are computed; between them they go straight."""
+
+_UNIQUE = 1e-7
+"""Largest share that an undetermined multiplier may have in one that counts as determined."""
 
 
 class Run(Protocol):
@@ -32,10 +35,6 @@ class Run(Protocol):
     @property
     def v(self) -> FloatArray:
         """Velocities, shape (N, nv)."""
-
-    @property
-    def a(self) -> FloatArray:
-        """Accelerations, shape (N, nv)."""
 
     @property
     def forces(self) -> FloatArray:
@@ -56,12 +55,16 @@ class Moment:
         Of the closures and couplings; NaN where they are not determined. Empty if they are not known.
     wrenches : dict of str to ndarray, shape (6,)
         External wrenches by frame: force [N] and moment [N m] in world axes.
+    smallest : bool
+        Whether other forces of the actuators would do as well; the smallest are given, and the multipliers
+        are those that go with them.
     """
 
     q: FloatArray
     forces: FloatArray
     multipliers: FloatArray
     wrenches: Mapping[str, FloatArray] = field(default_factory=dict)
+    smallest: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +86,8 @@ class JointMotion(FrozenArrays):
         determined.
     wrenches : mapping of str to array-like, shape (6,) or (N, 6), optional
         External wrenches by frame: force [N] and moment [N m] at its origin, in world axes.
+    smallest : bool
+        As in `Moment`.
 
     Raises
     ------
@@ -96,6 +101,7 @@ class JointMotion(FrozenArrays):
     forces: ArrayLike | None = None
     multipliers: ArrayLike | None = None
     wrenches: Mapping[str, ArrayLike] | None = None
+    smallest: bool = False
 
     def __post_init__(self) -> None:
         time = frozen_array("time", self.time, ("N",))
@@ -155,12 +161,12 @@ class JointMotion(FrozenArrays):
             return np.asarray(rows[before] + share * (rows[after] - rows[before]))
 
         wrenches = {name: between(rows) for name, rows in self.acting.items()}
-        return Moment(q, between(self.known), between(self.closing), wrenches)
+        return Moment(q, between(self.known), between(self.closing), wrenches, self.smallest)
 
     def sample(self, index: int) -> Moment:
         """Return what is shown at a sample."""
         wrenches = {name: rows[index] for name, rows in self.acting.items()}
-        return Moment(self.q[index], self.known[index], self.closing[index], wrenches)
+        return Moment(self.q[index], self.known[index], self.closing[index], wrenches, self.smallest)
 
     @classmethod
     def at_rest(
@@ -200,11 +206,16 @@ class JointMotion(FrozenArrays):
             moment.forces[None],
             moment.multipliers[None],
             external,
+            moment.smallest,
         )
 
     @classmethod
     def of_run(
-        cls, robot: ClosedLoopModel, run: Run, external: Mapping[str, ArrayLike] | None = None
+        cls,
+        robot: ClosedLoopModel,
+        run: Run,
+        external: Mapping[str, ArrayLike] | None = None,
+        smallest: bool = False,
     ) -> JointMotion:
         """Return what a run looks like, with the forces in the closures.
 
@@ -213,9 +224,11 @@ class JointMotion(FrozenArrays):
         robot : ClosedLoopModel
             The robot.
         run : p3dof.simulation.RobotRun
-            Its run in time, or anything with ``time``, ``q``, ``v``, ``a`` and ``forces``.
+            Its run in time, or anything with ``time``, ``q``, ``v`` and ``forces``.
         external : mapping of str to array-like, shape (6,) or (N, 6), optional
             Wrenches that acted on frames.
+        smallest : bool
+            Whether the forces are the smallest of all that would do, as those of inverse dynamics are.
 
         Returns
         -------
@@ -227,16 +240,24 @@ class JointMotion(FrozenArrays):
         InputError
             If an argument does not fit.
         """
-        if not all(hasattr(run, name) for name in ("time", "q", "v", "a", "forces")):
-            raise InputError(f"run: expected a run with time, q, v, a and forces, got {shown(run)}")
+        if not all(hasattr(run, name) for name in ("time", "q", "v", "forces")):
+            raise InputError(f"run: expected a run with time, q, v and forces, got {shown(run)}")
         loads = _wrenches(external, len(run.time))
         some = _spread(len(run.time))
         rows = []
         for i in some:
             acting = {name: wrench[i] for name, wrench in loads.items()}
-            rows.append(_multipliers(robot, run.q[i], run.v[i], run.a[i], acting))
+            rows.append(_multipliers(robot, run.q[i], run.v[i], run.forces[i], acting))
         wrenches = {name: wrench[some] for name, wrench in loads.items()}
-        return cls(run.time[some], run.q[some], robot.actuated, run.forces[some], np.array(rows), wrenches)
+        return cls(
+            run.time[some],
+            run.q[some],
+            robot.actuated,
+            run.forces[some],
+            np.array(rows),
+            wrenches,
+            smallest,
+        )
 
 
 def held(
@@ -281,22 +302,30 @@ def held(
     if found is None:
         rows = sum(span.stop - span.start for span in robot.constraint_rows)
         return Moment(q, np.full(len(robot.actuated), np.nan), np.full(rows, np.nan), wrenches), why
-    return Moment(q, found.tau, np.where(found.unique, found.lambda_, np.nan), wrenches), why
+    unique = found.unique if found.tau_unique else _unique(robot, q)
+    lambda_ = np.where(unique, found.lambda_, np.nan)
+    return Moment(q, found.tau, lambda_, wrenches, not found.tau_unique), why
 
 
 def _multipliers(
     robot: ClosedLoopModel,
     q: FloatArray,
     v: FloatArray,
-    a: FloatArray,
+    forces: FloatArray,
     external: Mapping[str, FloatArray],
 ) -> FloatArray:
-    """Return the multipliers (rows,) of a state of motion, NaN where they are not determined."""
+    """Return the multipliers (rows,) under forces of the actuators, NaN where they are not determined."""
     try:
-        found = robot.inverse_dynamics(q, v, a, external=external)
+        found = robot.forward_dynamics(q, v, forces, external=external)
     except P3dofError:
         return np.full(sum(span.stop - span.start for span in robot.constraint_rows), np.nan)
-    return np.where(found.unique, found.lambda_, np.nan)
+    return np.where(_unique(robot, q), found.lambda_, np.nan)
+
+
+def _unique(robot: ClosedLoopModel, q: FloatArray) -> NDArray[np.bool_]:
+    """Return which multipliers (rows,) are determined when the forces of the actuators are given."""
+    U = np.linalg.svd(robot.closure_jacobian(q), full_matrices=True)[0]
+    return np.asarray(np.abs(U[:, robot.rank(q) :]).max(axis=1, initial=0.0) <= _UNIQUE)
 
 
 def _spread(count: int) -> Any:

@@ -28,13 +28,15 @@ from p3dof.viewer.robots.arrows import (
 from p3dof.viewer.robots.closures import MOST_NUMBERS, ClosureMarks
 from p3dof.viewer.robots.layers import LAYERS, Layers
 from p3dof.viewer.robots.motion import JointMotion, Moment
-from p3dof.viewer.robots.sticks import thickness
+from p3dof.viewer.robots.sticks import Slides, thickness
 from p3dof.viewer.stage import draw_floor, enlargement, mesh_of, number, set_stage
 from p3dof.viewer.window import SceneWindow
 
 _LOOKED_AT = 60
 """At so many configurations at most it is looked how much room a robot takes."""
 
+_STEP = 0.01
+"""By so much at least the picture gets smaller or larger."""
 _FILLED = 0.84
 """How much of the picture is filled: words are beside the robot."""
 
@@ -84,6 +86,7 @@ class RobotScene(Drawing):
         if motion.q.shape[1] != self.model.nq:
             raise InputError(f"q: expected shape (N, {self.model.nq}), got {motion.q.shape}")
         self._loop = loop
+        self._share = 1.0
         self._sticks = frozenset(getattr(robot, "sticks", ()))
         self._wrenches = None if loop is None else ClosureWrenches(loop)
         rows = 0 if loop is None else sum(span.stop - span.start for span in loop.constraint_rows)
@@ -93,6 +96,7 @@ class RobotScene(Drawing):
         self._actuators = [_actuator(self.model, name) for name in motion.actuated]
         self._frames = {name: _frame(self.model, name) for name in motion.acting}
         self.colours = _colours(len(motion.actuated))
+        self._boxes = [(solid, _corners(solid)) for solid in self.visual_model.geometryObjects]
         solids = self._room_taken(motion.q)
         low, high = solids.min(axis=0), solids.max(axis=0)
         self.half = max(float(np.max(high - low)) / 2, np.finfo(float).tiny)
@@ -163,15 +167,16 @@ class RobotScene(Drawing):
         acting = {name: as_floats(f"wrench {name}", w) for name, w in (wrenches or {}).items()}
         self.show(Moment(as_floats("q", q), given, closing, acting))
 
-    def show(self, moment: Moment, rescale: bool = False) -> None:
+    def show(self, moment: Moment, by_hand: bool = False) -> None:
         """Show a moment.
 
         Parameters
         ----------
         moment : Moment
             Joints and forces.
-        rescale : bool
-            Whether the scale of the arrows may change to that of these forces.
+        by_hand : bool
+            Whether it is beyond the motion: the scale of the arrows may change then to that of these forces,
+            and the picture gets smaller rather than that some of the robot is out of it.
 
         Raises
         ------
@@ -180,11 +185,17 @@ class RobotScene(Drawing):
         """
         self.place(moment.q)
         arrows = self._forces(moment)
-        if rescale:
+        if by_hand:
             self._arrows.fit(arrows)
+        share = self._sight.share(self._points()) if by_hand else 1.0
+        if abs(share - self._share) > _STEP * share or share == 1.0 != self._share:
+            self._viewer.set_transform(self._sight.transform(share))
+            self._share = share
         self._arrows.show(arrows)
         if self._wrenches is not None:
             self._marks.place(*self._wrenches.places(moment.q))
+        if self._slides is not None:
+            self._slides.place(self._data)
 
     def _forces(self, moment: Moment) -> list[Arrow]:
         """Return all forces of a moment."""
@@ -193,7 +204,7 @@ class RobotScene(Drawing):
         pin.computeJointJacobians(self.model, self._data, np.array(moment.q))
         arrows = actuator_arrows(self._data, self.model, self._actuators, moment.forces)
         if self._wrenches is not None and moment.multipliers.size:
-            arrows += closure_arrows(self._wrenches.at(moment.q, moment.multipliers))
+            arrows += closure_arrows(self._wrenches.at(moment.q, moment.multipliers), moment.smallest)
         if moment.wrenches:
             arrows += wrench_arrows(self._data, self._frames, moment.wrenches)
         return arrows
@@ -201,6 +212,8 @@ class RobotScene(Drawing):
     def _draw(self) -> None:
         self._arrows.draw_actuators(self.units, self.colours)
         self._arrows.draw_wrenches(self._frames)
+        radius = 0.0 if self._loop is None else 0.5 * thickness(self._loop)
+        self._slides = Slides(self._viewer, self.model, radius) if radius and self._sticks else None
         if self._loop is not None:
             closures = self._loop.sidecar.closures
             size = max(2.2 * thickness(self._loop), 0.012 * self.half)
@@ -213,7 +226,8 @@ class RobotScene(Drawing):
         names = [str(solid.name) for solid in self.visual_model.geometryObjects]
         paths = {
             "shapes": [f"{ROOT}/visuals/{name}" for name in names if name not in self._sticks],
-            "sticks": [f"{ROOT}/visuals/{name}" for name in names if name in self._sticks],
+            "sticks": [f"{ROOT}/visuals/{name}" for name in names if name in self._sticks]
+            + (["slides"] if self._slides and self._slides.joints else []),
             "forces": ["forces"] if self._actuators else [],
             "closures": ["closures"] if count else [],
             "numbers": ["closure_numbers"] if count else [],
@@ -226,22 +240,26 @@ class RobotScene(Drawing):
     def _set_stage(self, points: FloatArray, bottom: float) -> None:
         low, high = points.min(axis=0), points.max(axis=0)
         x, y, _ = ((low + high) / 2).tolist()
-        set_stage(self._viewer, points, enlargement(self.half), (x, y), _FILLED)
+        self._sight = set_stage(self._viewer, points, enlargement(self.half), (x, y), _FILLED)
         draw_floor(self._viewer["scenery/floor"], self.half, bottom, (x, y))
 
     def _room_taken(self, q: FloatArray) -> FloatArray:
         """Return points (N, 3) that hold all solids, or the joints of a robot without, along a motion."""
-        solids = list(self.visual_model.geometryObjects)
-        corners = [_corners(solid) for solid in solids]
         points: list[Any] = []
         for row in q[_some(len(q))]:
             pin.forwardKinematics(self.model, self._data, row)
-            places = list(self._data.oMi)
-            if not solids:
-                points += [place.translation[None].copy() for place in places]
-            for solid, box in zip(solids, corners, strict=True):
-                place = places[solid.parentJoint] * solid.placement
-                points.append(box @ place.rotation.T + place.translation)
+            points.append(self._points())
+        return np.concatenate(points)
+
+    def _points(self) -> FloatArray:
+        """Return points (N, 3) that hold all solids at the joint placements computed last."""
+        places = list(self._data.oMi)
+        if not self._boxes:
+            return np.array([place.translation for place in places])
+        points = []
+        for solid, box in self._boxes:
+            place = places[solid.parentJoint] * solid.placement
+            points.append(box @ place.rotation.T + place.translation)
         return np.concatenate(points)
 
 

@@ -12,6 +12,9 @@ import pinocchio as pin
 from p3dof.checks import FloatArray
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.errors import MissingExtraError
+from p3dof.viewer.arrows import unit_along_z
+from p3dof.viewer.robots.lines import line_between, turned_to
+from p3dof.viewer.stage import colour_number
 
 THICK = 0.016
 """Radius of a rod, as a share of the largest distance in the robot."""
@@ -104,10 +107,38 @@ def shapes_library() -> Any:
     return coal
 
 
-def turned_to(direction: FloatArray) -> FloatArray:
-    """Return axes (3, 3) whose third one has a direction (3,)."""
-    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), np.array(direction))
-    return np.array(turn.toRotationMatrix())
+class Slides:
+    """Thin rods along the slides of a robot, from where each begins to what slides.
+
+    Parameters
+    ----------
+    viewer : meshcat.Visualizer
+        The root of what is drawn.
+    model : pin.Model
+        The robot's tree.
+    radius : float
+        Of the rods [m].
+    """
+
+    def __init__(self, viewer: Any, model: pin.Model, radius: float) -> None:
+        import meshcat.geometry as mg
+
+        self._model, self._node = model, viewer["slides"]
+        kinds = [str(joint.shortname()) for joint in model.joints]
+        self.joints = [
+            i for i, kind in enumerate(kinds) if kind.startswith("JointModelP") and model.nvs[i] == 1
+        ]
+        """Which joints slide."""
+        ink = mg.MeshLambertMaterial(color=colour_number(_GROUND))
+        for joint in self.joints:
+            self._node[str(joint)].set_object(unit_along_z(mg.Cylinder(1.0, radius)), ink)
+
+    def place(self, data: pin.Data) -> None:
+        """Show them at joint placements that `data` holds."""
+        for joint in self.joints:
+            start = data.oMi[int(self._model.parents[joint])] * self._model.jointPlacements[joint]
+            line = line_between(start.translation, data.oMi[joint].translation)
+            self._node[str(joint)].set_transform(line)
 
 
 def _ends(loop: ClosedLoopModel) -> dict[int, list[FloatArray]]:

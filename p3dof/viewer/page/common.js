@@ -1,8 +1,8 @@
 "use strict";
-// The page: MeshCat shows the scene, the panel says what the page is told and sends what the user does.
+// What all live pages share: the connections, the motion that is played, a chart, and small things.
+// The page's own script has `prepare` and `show`, for what it is told once and with every frame, and `valueOf`,
+// for what a slider shows that is let go; it begins with `connect`.
 
-const AXES = ["y", "z", "theta"];
-const LEGS = ["a", "b", "c"];
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4];
 const CHART = { left: 34, right: 276, top: 8, bottom: 112 };
 
@@ -69,54 +69,26 @@ function linked(on) {
 
 let setup = null;
 let state = null;
+let before = null;       // the state before it
 
 function told(message) {
-  if (message.type === "setup") prepare(message);
-  else if (message.type === "state") show(message);
+  if (message.type === "setup") { setup = message; prepare(); }
+  else if (message.type === "state") { before = state; state = message; show(); }
   else if (message.type === "error") note("message", message.message);
 }
 
-function prepare(message) {
-  setup = message;
+/* ---- the motion ---- */
+
+function prepareMotion() {
   $("panel").hidden = false;
-  $("motion").hidden = $("case").hidden = !setup.motion;
-  setup.colours.forEach((c, i) => document.documentElement.style.setProperty(`--${LEGS[i]}`, `rgb(${c})`));
-  AXES.forEach((axis, i) => { [$(axis).min, $(axis).max] = setup.ranges[i]; });
+  $("motion").hidden = !setup.motion;
   if (setup.motion) [$("time").min, $("time").max] = setup.motion;
   $("warnings").replaceChildren(...setup.warnings.map((text) => element("li", {}, text)));
   $("speed").replaceChildren(...SPEEDS.map((s) => element("option", { value: s }, `${s}×`)));
 }
 
-function show(message) {
-  const other = !state || state.case !== message.case;
-  state = message;
-  const [y, z, theta] = state.pose;
-  AXES.forEach((axis, i) => { if (!held.has(axis)) $(axis).value = state.pose[i]; });
-  text("y-value", `${fixed(y, 4)} m`);
-  text("z-value", `${fixed(z, 4)} m`);
-  text("theta-value", `${fixed(theta, 4)} rad`);
-  $("theta-value").title = `${fixed(theta * 180 / Math.PI, 2)}°`;
-  if (setup.motion) showMotion();
-  LEGS.forEach((leg, i) => {
-    const force = state.forces[i], slider = state.sliders[i];
-    text(`force-${leg}`, force === null ? "not determined" : `${fixed(force, 2)} N`);
-    text(`slider-${leg}`, `${fixed(slider, 4)} m`);
-    const [low, high] = setup.limits.travel;
-    $(`force-${leg}`).classList.toggle("over", Math.abs(force) > setup.limits.force);
-    $(`slider-${leg}`).classList.toggle("over", slider < low || slider > high);
-    $(`force-${leg}`).parentElement.classList.toggle("bad", state.leg === leg);
-  });
-  for (const button of $("case").children) button.setAttribute("aria-pressed", button.value === state.case);
-  note("message", state.message && `${state.message[0].toUpperCase()}${state.message.slice(1)}.\nThe last reachable pose is kept.`);
-  note("limits", state.limits.length ? `Beyond a limit: ${state.limits.join("; ")}` : "");
-  text("legend", state.legend);
-  note("off-scale", state.off_scale.length ? `Arrows: ${state.off_scale.join("; ")}` : "");
-  $("rest").hidden = state.source !== "pose";
-  if (other) drawChart();
-  moveCursor();
-}
-
 function showMotion() {
+  if (!setup.motion) return;
   if (!held.has("time")) $("time").value = state.time;
   text("time-value", `${fixed(state.time, 3)} s`);
   $("play").classList.toggle("playing", state.playing);
@@ -131,11 +103,11 @@ function showMotion() {
 
 /* ---- chart ---- */
 
-function drawChart() {
+function drawChart(columns, colours, title) {
   const chart = $("chart");
-  chart.toggleAttribute("hidden", !setup.motion || setup.time.length < 2);
-  if (!setup.motion || setup.time.length < 2) return;
-  const columns = setup.curves[state.case];
+  const none = !setup.motion || setup.time.length < 2 || !columns.length;
+  chart.toggleAttribute("hidden", none);
+  if (none) return;
   const values = columns.flat().filter((value) => value !== null);
   const [low, high, step] = nice(Math.min(0, ...values), Math.max(0, ...values));
   const [first, last] = setup.motion;
@@ -149,15 +121,15 @@ function drawChart() {
   }
   parts.push(shape("text", { x: CHART.left, y: 126 }, `${Number(first.toPrecision(4))} s`));
   parts.push(shape("text", { x: CHART.right, y: 126, "text-anchor": "end" }, `${Number(last.toPrecision(4))} s`));
-  parts.push(shape("text", { x: (CHART.left + CHART.right) / 2, y: 126, "text-anchor": "middle" }, "force [N] over time"));
-  columns.forEach((column, leg) => {
+  parts.push(shape("text", { x: (CHART.left + CHART.right) / 2, y: 126, "text-anchor": "middle" }, title));
+  columns.forEach((column, i) => {
     let path = "", pen = "M";
-    column.forEach((f, i) => {
+    column.forEach((f, k) => {
       if (f === null) { pen = "M"; return; }
-      path += `${pen}${x(setup.time[i]).toFixed(1)} ${y(f).toFixed(1)}`;
+      path += `${pen}${x(setup.time[k]).toFixed(1)} ${y(f).toFixed(1)}`;
       pen = "L";
     });
-    parts.push(shape("path", { class: "curve", d: path, stroke: `var(--${LEGS[leg]})` }));
+    parts.push(shape("path", { class: "curve", d: path, stroke: colours[i] }));
   });
   parts.push(shape("line", { class: "now", id: "now", y1: CHART.top, y2: CHART.bottom }));
   chart.replaceChildren(...parts);
@@ -217,27 +189,13 @@ function shape(name, attributes, content) {
 
 function hold(slider) {
   const release = () => {
-    if (!held.delete(slider.id) || !state) return;
-    const index = AXES.indexOf(slider.id);
-    slider.value = index < 0 ? state.time : state.pose[index];
+    if (held.delete(slider.id) && state) slider.value = slider.id === "time" ? state.time : valueOf(slider.id);
   };
   slider.addEventListener("pointerdown", () => held.add(slider.id));
   for (const end of ["pointerup", "pointercancel", "lostpointercapture", "blur"]) slider.addEventListener(end, () => setTimeout(release, 120));
 }
 
-for (const axis of AXES) {
-  hold($(axis));
-  $(axis).addEventListener("input", () => {
-    const pose = state.pose.slice();
-    pose[AXES.indexOf(axis)] = Number($(axis).value);
-    send("pose", pose);
-  });
-}
 hold($("time"));
 $("time").addEventListener("input", () => send("time", Number($("time").value)));
 $("play").addEventListener("click", () => send(state.playing ? "pause" : "play", null));
 $("speed").addEventListener("change", () => send("speed", Number($("speed").value)));
-$("home").addEventListener("click", () => send("pose", [0, 0, 0]));
-for (const button of $("case").children) button.addEventListener("click", () => send("case", button.value));
-
-connect();

@@ -1,0 +1,125 @@
+"""`Hand`: a robot whose actuated joints are moved by hand, its loops closed at each change."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from p3dof.checks import FloatArray
+from p3dof.closed_loop import ClosedLoopModel
+from p3dof.closed_loop.tables import is_slide, joint_values
+from p3dof.errors import AssemblyError
+
+_UNLIMITED = 1e3
+"""A joint whose limits are farther apart has none worth a slider [m or rad]."""
+_SAME = 1e-12
+"""Values nearer than this are the same [m or rad]."""
+
+_ANOTHER = "the loops close there in another assembly, beyond a singular configuration"
+
+
+class Hand:
+    """A robot that is moved by hand, from where it is.
+
+    Where there are more actuators than the robot has freedoms, only the joint that is moved is prescribed;
+    the others follow.
+
+    Parameters
+    ----------
+    robot : ClosedLoopModel
+        The robot.
+    q : ndarray, shape (nq,)
+        Where it is.
+
+    Attributes
+    ----------
+    q : ndarray, shape (nq,)
+        Where it is.
+    home : ndarray, shape (nq,)
+        Where it was at first.
+    refused : str
+        Why it is not where it was to go; empty if it is.
+    """
+
+    def __init__(self, robot: ClosedLoopModel, q: FloatArray) -> None:
+        self._robot = robot
+        self._redundant = len(robot.actuated) > robot.mobility(q)
+        self._asked: FloatArray = np.zeros(0)
+        self._values: FloatArray = self._asked
+        self.home = q
+        self.follow(q)
+
+    @property
+    def values(self) -> FloatArray:
+        """The values of the actuated joints where it is, shape (n,) [m or rad]."""
+        return self._values
+
+    def follow(self, q: FloatArray) -> None:
+        """Be somewhere else, which something else has chosen."""
+        self.q: FloatArray = q
+        self.refused = ""
+        self._values = self._asked = values_of(self._robot, q)
+
+    def go_home(self) -> None:
+        """Be where it was at first."""
+        self.follow(self.home)
+
+    def moves_to(self, values: FloatArray) -> bool:
+        """Move the actuated joints to values (n,); return whether the robot is there."""
+        if np.array_equal(values, self._asked):
+            return not self.refused
+        self._asked = values
+        try:
+            found = self._robot.assemble(self._target(values), self.q)
+        except AssemblyError as error:
+            self.refused = str(error)
+            return False
+        self.refused = "" if found.same_assembly else _ANOTHER
+        if not self.refused:
+            self.q = found.q
+            self._values = values_of(self._robot, found.q)
+        return not self.refused
+
+    def _target(self, values: FloatArray) -> FloatArray | dict[str, float]:
+        if not self._redundant:
+            return values
+        moved = np.abs(values - self._values) > _SAME
+        each = zip(self._robot.actuated, values.tolist(), moved, strict=True)
+        return {name: value for name, value, changed in each if changed}
+
+
+def values_of(robot: ClosedLoopModel, q: FloatArray) -> FloatArray:
+    """Return the values (n,) of the actuated joints at a configuration (nq,) [m or rad]."""
+    found = joint_values(robot, q)
+    return np.array([float(found[name][0]) for name in robot.actuated])
+
+
+def slider_ranges(robot: ClosedLoopModel, q: FloatArray, half: float) -> list[tuple[float, float]]:
+    """Return how far the sliders of the actuated joints go.
+
+    That is to their limits; where there are none, half a turn to either side of zero, or half the robot's
+    size to either side of where it is.
+
+    Parameters
+    ----------
+    robot : ClosedLoopModel
+        The robot.
+    q : ndarray, shape (nq,)
+        Where it is.
+    half : float
+        Half its size [m].
+
+    Returns
+    -------
+    list of (float, float)
+        [m or rad]
+    """
+    model, ranges = robot.model, []
+    for name, value in zip(robot.actuated, values_of(robot, q).tolist(), strict=True):
+        joint = model.getJointId(name)
+        low, high = (value - half, value + half) if is_slide(robot, joint) else (-np.pi, np.pi)
+        if model.nqs[joint] == 1:
+            limits = (model.lowerPositionLimit, model.upperPositionLimit)
+            least, most = (float(limit[model.idx_qs[joint]]) for limit in limits)
+            low, high = (least, most) if 0 < most - least < _UNLIMITED else (low, high)
+        ranges.append((min(low, value), max(high, value)))
+    return ranges
