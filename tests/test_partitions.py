@@ -21,6 +21,7 @@ from closed_loop_robots import (
 
 import p3dof
 from p3dof import ClosedLoopModel
+from p3dof.closed_loop.linear import least_norm, orientation
 from p3dof.errors import P3dofError, SingularityError
 
 GALLERY = Path(__file__).parents[1] / "docs" / "_static" / "gallery"
@@ -225,3 +226,62 @@ def test_a_frame_can_be_prescribed_quickly(monkeypatch):
     np.testing.assert_allclose(one.tau, other.tau, rtol=1e-9)
     np.testing.assert_allclose(one.a, other.a, rtol=0, atol=1e-9 * np.abs(other.a).max())
     assert one.conditioning == pytest.approx(other.conditioning)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_motions_of_a_target_are_those_of_a_pseudo_inverse(name):
+    """Also where closures are redundant, and where more is asked than the mechanism can choose."""
+    loop = robot(name)
+    inner = core(loop)
+    for seed in range(4):
+        q, v, a = state(loop, seed)
+        if loop._scaled is not None:
+            q, v, a = loop._scaled.q(q), loop._scaled.v(v), loop._scaled.v(a)
+        point = inner._kinematics.at(q)
+        plain = [i for i in range(1, inner.model.njoints) if inner.model.nqs[i] == inner.model.nvs[i] == 1]
+        for joints in (inner._joints, plain):
+            target = {inner.model.names[i]: angle(inner.model, q, i) for i in joints}
+            S = np.eye(inner.model.nv)[[inner.model.idx_vs[i] for i in joints]]
+            A = np.concatenate((point.J, S))
+            rates = S @ v
+            found = inner.complete(target, rates, S @ a, q)
+            inverse = np.linalg.pinv(A, rcond=1e-9)
+            size = np.abs(inverse).max()
+            np.testing.assert_allclose(found.influence, inverse[:, len(point.J) :], rtol=0, atol=1e-9 * size)
+            np.testing.assert_allclose(found.v, found.influence @ rates, rtol=0, atol=1e-9 * size)
+            assert found.determined == (np.linalg.matrix_rank(A, tol=1e-9) == inner.model.nv)
+            assert (found.rank, found.mobility) == (point.svd.rank, inner.model.nv - point.svd.rank)
+
+
+def angle(model, q, joint):
+    at = model.idx_qs[joint]
+    return q[at] if model.nqs[joint] == 1 else np.arctan2(q[at + 1], q[at])
+
+
+def test_closing_loops_beside_a_solution_decomposes_no_singular_values(monkeypatch):
+    loop = robot("stewart")
+    q, v, _ = state(loop, 0)
+    nearby = pin.integrate(loop.model, q, 0.003 * np.cos(np.arange(loop.model.nv)))
+    target = {name: angle(loop.model, q, loop.model.getJointId(name)) + 0.001 for name in loop.actuated}
+    rates = v[loop.actuated_v]
+    expected = loop.complete(target, rates, rates, q)  # something to remember
+    loop.closure_error(loop.reference)
+    for routine in ("svd", "lstsq", "pinv"):
+        monkeypatch.setattr(np.linalg, routine, None)
+    assert loop.assemble(None, nearby).gap < 1e-12
+    np.testing.assert_array_equal(loop.complete(target, rates, rates, q).a, expected.a)
+
+
+def test_shortest_solutions_and_orientations_are_those_of_singular_value_decompositions():
+    rng = np.random.default_rng(0)
+    for m, n, rank in ((3, 5, 3), (5, 3, 3), (6, 6, 4), (6, 9, 5), (9, 6, 2), (1, 1, 1), (40, 50, 37)):
+        for _ in range(10):
+            A, B = rng.normal(size=(m, rank)) @ rng.normal(size=(rank, n)), rng.normal(size=(m, n))
+            b = rng.normal(size=m)
+            x = np.linalg.lstsq(A, b, rcond=1e-9)[0]
+            np.testing.assert_allclose(least_norm(A, b, 1e-9), x, rtol=0, atol=1e-9 * np.abs(x).max())
+            U, _, Vt = np.linalg.svd(A)
+            assert orientation(A, B, 1e-9) == np.sign(np.linalg.det(U[:, :rank].T @ B @ Vt[:rank].T))
+            assert orientation(A, A, 1e-9) == 1.0
+    assert orientation(np.diag([1.0, 1e-12]), np.diag([1.0, -1.0]), 1e-9) == 1.0  # one row does not count
+    assert orientation(np.diag([1.0, 1e-5]), np.diag([1.0, -1.0]), 1e-9) == -1.0

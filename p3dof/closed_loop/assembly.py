@@ -12,8 +12,9 @@ import numpy as np
 import pinocchio as pin
 
 from p3dof.checks import FloatArray
-from p3dof.closed_loop.closures import LoopKinematics, max_abs
+from p3dof.closed_loop.closures import ClosurePoint, LoopKinematics, max_abs
 from p3dof.closed_loop.linear import Decomposition
+from p3dof.closed_loop.partitions import Memory, Split
 from p3dof.closed_loop.solver import Path, System, follow, least_squares
 from p3dof.closed_loop.targets import ChartTarget, NoTarget, Target
 from p3dof.closed_loop.trust import Limits, levenberg_marquardt
@@ -35,32 +36,43 @@ RESTARTS = 20
 """How many starts from anywhere there are, where nothing else closes the loops."""
 SAME = 1e-6
 """Configurations nearer than this are the same [m or rad]."""
+_FOLLOWS = 1e-9
+"""Share of a target's row in one of a closure from which on that follows from the target, too."""
 _FEASIBLE = 1e-9
 """Largest relative error of the velocity and acceleration that are asked for."""
 
 
 class Evidence:
-    """Whether an assembly was kept, found out when it is asked for, and once.
+    """What is found out about an assembly when it is asked for, and once.
 
     Parameters
     ----------
     find : callable
-        Finds it out.
+        Finds out whether the assembly was kept.
+    closures : ClosurePoint
+        The closures there.
     """
 
-    def __init__(self, find: Callable[[], bool]) -> None:
-        self._find = find
-
-    def __call__(self) -> bool:
-        """Return whether it was kept."""
-        return self._known
+    def __init__(self, find: Callable[[], bool], closures: ClosurePoint) -> None:
+        self._find, self._closures = find, closures
 
     @cached_property
-    def _known(self) -> bool:
+    def kept(self) -> bool:
+        """Whether the assembly was kept."""
         return self._find()
 
-    def __reduce__(self) -> tuple[type[Evidence], tuple[partial[bool]]]:
-        return Evidence, (partial(bool, self._known),)  # results can be sent to other processes
+    @property
+    def rank(self) -> int:
+        """Rank of the closures' Jacobian."""
+        return self._closures.svd.rank if self._closures.J.size else 0
+
+    @property
+    def mobility(self) -> int:
+        """Free motions of the closed mechanism."""
+        return self._closures.J.shape[1] - self.rank
+
+    def __reduce__(self) -> tuple[type[Evidence], tuple[partial[bool], ClosurePoint]]:
+        return Evidence, (partial(bool, self.kept), self._closures)  # for other processes
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,20 +85,14 @@ class Assembly:
         Configuration of the whole tree.
     gap : float
         The largest closure or target error that is left [m or rad].
-    rank : int
-        Rank of the closures' Jacobian at `q`.
-    mobility : int
-        Free motions of the closed mechanism: nv - rank.
     iterations : int
         Steps taken in all to find it, those of attempts that failed included.
     evidence : Evidence
-        What `same_assembly` asks.
+        What all other attributes ask.
     """
 
     q: FloatArray
     gap: float
-    rank: int
-    mobility: int
     iterations: int
     evidence: Evidence = field(repr=False)
 
@@ -100,7 +106,17 @@ class Assembly:
         they are open, leads to. That may take a while when it is asked for the first time, in the
         workspace of the model.
         """
-        return self.evidence()
+        return self.evidence.kept
+
+    @property
+    def rank(self) -> int:
+        """Rank of the closures' Jacobian at `q`."""
+        return self.evidence.rank
+
+    @property
+    def mobility(self) -> int:
+        """Free motions of the closed mechanism: nv - rank."""
+        return self.evidence.mobility
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,6 +156,7 @@ class Assembler:
         self.model = kinematics.model
         self.reference = reference
         self._loops = System(kinematics, NoTarget(kinematics.model.nv))
+        self._memories: dict[tuple[type, int], Memory] = {}
 
     def assemble(self, target: Target, guess: FloatArray | None, tolerance: float) -> Assembly:
         """Close the loops at a target.
@@ -259,12 +276,13 @@ class Assembler:
         """
         q = path.point.q
         q.setflags(write=False)
-        rank = self.kinematics.at(q).svd.rank if self.kinematics.size else 0
+        closures = self.kinematics.at(q)
 
         def same() -> bool:
-            return kept(q) and self.generic_rank in (rank, None)
+            return kept(q) and self.generic_rank in (evidence.rank, None)
 
-        return Assembly(q, path.point.gap, rank, self.model.nv - rank, path.iterations, Evidence(same))
+        evidence = Evidence(same, closures)
+        return Assembly(q, path.point.gap, path.iterations, evidence)
 
     def on_home(self, system: System, q: FloatArray, tolerance: float = TOLERANCE) -> bool:
         """Tell whether a path leads from the reference configuration's assembly to a configuration.
@@ -336,25 +354,53 @@ class Assembler:
         """
         k, q = self.kinematics, assembly.q
         closures = k.at(q)
-        stacked = Decomposition.of(
-            A := np.concatenate((closures.J, target.jacobian(q))), closures.rank_tolerance
-        )
+        A = np.concatenate((closures.J, target.jacobian(q)))
+        solve, influence, determined = self._solution(closures, A, target)
         b = np.concatenate((np.zeros(k.size), velocity))
-        v = stacked.solve(b)
-        self._check("velocity", A @ v - b, max(1.0, max_abs(b), max_abs(v)))
+        v = solve(b)
+        self._check("velocity", A.dot(v) - b, b, v)
         k.move(q, v)
         b = np.concatenate((-k.acceleration(), acceleration - target.drift()))
-        a = stacked.solve(b)
-        self._check("acceleration", A @ a - b, max(1.0, max_abs(b), max_abs(a)))
-        influence = stacked.pseudo_inverse[:, k.size :]
+        a = solve(b)
+        self._check("acceleration", A.dot(a) - b, b, a)
         for array in (v, a, influence):
             array.setflags(write=False)
-        determined = stacked.rank == self.model.nv
         return State(**vars(assembly), v=v, a=a, determined=determined, influence=influence)
 
-    def _check(self, what: str, error: FloatArray, scale: float) -> None:
+    def _solution(
+        self, closures: ClosurePoint, A: FloatArray, target: Target
+    ) -> tuple[Callable[[FloatArray], FloatArray], FloatArray, bool]:
+        """Return how to solve A x = b, what a unit rate of the target does, and whether that is all.
+
+        A are the rows of the closures, then of the target.
+        """
+        count, size, nv = len(closures.J), target.size, self.model.nv
+        if len(A) >= nv:  # else there is more than one solution
+            memory = self._memories.setdefault((type(target), size), Memory(np.arange(nv)))
+            split = memory.at(ClosurePoint(closures.q, closures.error, A))
+            if split is not None and self._squarely(split, count, nv):
+                rows, unit = split.partition.rows, np.zeros((nv, size), order="F")
+                unit[nv - size :] = np.eye(size)  # the target's rows are the last ones
+                return lambda b: split.solve(b.take(rows)), split.solve(unit), True
+        stacked = Decomposition.of(A, closures.rank_tolerance)
+        return stacked.solve, stacked.pseudo_inverse[:, count:], stacked.rank == nv
+
+    def _squarely(self, split: Split, count: int, nv: int) -> bool:
+        """Whether chosen rows determine every joint, and those left out are of closures and follow from such.
+
+        What the target does is then the same by all of them.
+        """
+        partition = split.partition
+        if len(partition.rows) < nv or not len(partition.left):
+            return len(partition.rows) == nv
+        of_target = split.weights[np.count_nonzero(partition.rows < count) :]
+        return bool(partition.left[-1] < count and np.abs(of_target).max(initial=0.0) <= _FOLLOWS)
+
+    def _check(self, what: str, error: FloatArray, b: FloatArray, x: FloatArray) -> None:
+        if error.dot(error) <= _FEASIBLE**2:
+            return  # less than what is always allowed
         worst = max_abs(error)
-        if not worst <= _FEASIBLE * scale:
+        if not worst <= _FEASIBLE * max(1.0, max_abs(b), max_abs(x)):
             raise AssemblyError(
                 f"the closed mechanism cannot have this {what}: {worst:.3g} is left over", worst
             )

@@ -19,7 +19,8 @@ import pinocchio as pin
 
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.closures import ClosurePoint, LoopKinematics, max_abs
-from p3dof.closed_loop.partitions import Memory, Split, lapack
+from p3dof.closed_loop.linear import lapack
+from p3dof.closed_loop.partitions import Memory, Split
 from p3dof.closed_loop.results import AcceleratedClosures, ForwardDynamics, read_only
 from p3dof.closed_loop.terms import Terms
 from p3dof.errors import DynamicsError

@@ -33,8 +33,8 @@ import numpy as np
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.closures import ClosurePoint, max_abs
 from p3dof.closed_loop.hybrid_results import HybridDynamics, PrescribedMotion
-from p3dof.closed_loop.linear import RANK_TOLERANCE, Decomposition
-from p3dof.closed_loop.partitions import Memory, Split, lapack
+from p3dof.closed_loop.linear import RANK_TOLERANCE, Decomposition, lapack
+from p3dof.closed_loop.partitions import Memory, Split
 from p3dof.closed_loop.prescriptions import Prescription
 from p3dof.closed_loop.results import read_only
 from p3dof.closed_loop.terms import Terms

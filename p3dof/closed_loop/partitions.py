@@ -13,16 +13,16 @@ that fails, another choice is made; where none is good enough, singular value de
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from math import sqrt
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.closures import ClosurePoint
-from p3dof.closed_loop.linear import RANK_TOLERANCE
+from p3dof.closed_loop.linear import RANK_TOLERANCE, lapack
 
 IndexArray: TypeAlias = NDArray[np.int_]
 
@@ -30,17 +30,6 @@ _WELL = 1e-5
 """Least reciprocal condition number of Jd against J: what is computed by it has ten digits and more."""
 _NEARLY_TIGHT = 1e-7
 """Largest gap at which rows that follow from others are known to [m or rad]."""
-
-
-@cache
-def lapack() -> Any:
-    """Return SciPy's LAPACK, whose calls cost a tenth of NumPy's; not at start-up: it takes long to import.
-
-    None of the functions that are used here wakes threads for matrices of less than 200 rows.
-    """
-    from scipy.linalg import lapack as functions
-
-    return functions
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +103,8 @@ class Split:
         self._lu, self._pivots, _ = lapack().dgetrf(Jd.T, overwrite_a=1)
         self.condition: float = lapack().dgecon(self._lu, self.norm)[0]
         """1 / (|J| |Jd⁻¹|), zero where Jd is singular, NaN where it is not finite."""
+        self.weights: FloatArray = np.zeros((len(Jd), 0))
+        """How the rows that were left out follow from the others, (rank, n - rank), after `good`."""
 
     def solve(self, b: FloatArray) -> FloatArray:
         """Return Jd⁻¹ b, for b (rank,) or (rank, k)."""
@@ -131,8 +122,8 @@ class Split:
         if not len(left):
             return True
         others = J.take(left, axis=0)
-        weights = self.solve_transpose(others.take(self.partition.dependent, axis=1).T)
-        apart = (others - weights.T @ self.rows).ravel()
+        self.weights = self.solve_transpose(others.take(self.partition.dependent, axis=1).T)
+        apart = (others - self.weights.T.dot(self.rows)).ravel()
         return bool(apart.dot(apart) <= (tolerance * self.norm) ** 2 / max(1, len(J)))
 
     def motions(self) -> FloatArray:

@@ -10,6 +10,7 @@ import pinocchio as pin
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.closures import LoopKinematics, max_abs
 from p3dof.closed_loop.coordinates import rounding
+from p3dof.closed_loop.linear import least_norm, orientation
 from p3dof.closed_loop.targets import Residual
 
 _FIRST_STEP = 0.3
@@ -65,14 +66,13 @@ class Point:
         from one to the other, across targets out of reach, is found out. The determinant is that of the rows
         and columns which matter here: redundant closures and free motions have none.
         """
-        U, s, Vt = np.linalg.svd(self.J, full_matrices=False)
-        rank = int(np.count_nonzero(s > self.rank_tolerance * s[:1]))
-        return bool(np.linalg.det(U[:, :rank].T @ other.J @ Vt[:rank].T) > 0)
+        return orientation(self.J, other.J, self.rank_tolerance) > 0
 
     def step_to(self, goal: FloatArray | float) -> FloatArray:
         """Return the shortest step (nv,) that brings `r` to `goal` to first order."""
-        step = np.linalg.lstsq(self.J, goal - self.r, rcond=self.rank_tolerance)[0]
-        return np.asarray(step, dtype=np.float64)
+        if not self.J.size:
+            return np.zeros(self.J.shape[1])
+        return least_norm(self.J, goal - self.r, self.rank_tolerance)
 
 
 @dataclass(frozen=True, eq=False)
