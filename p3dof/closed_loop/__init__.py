@@ -7,6 +7,7 @@ This layer knows no particular mechanism.
 """
 
 from p3dof.closed_loop.assembly import Assembly, State
+from p3dof.closed_loop.base_parameters import BaseParameters
 from p3dof.closed_loop.batch.dynamics import BatchInverseDynamics
 from p3dof.closed_loop.batch.energy import BodyEnergies
 from p3dof.closed_loop.batch.hybrid import BatchHybridDynamics
@@ -22,10 +23,12 @@ from p3dof.closed_loop.derivatives import (
 )
 from p3dof.closed_loop.hybrid_results import HybridDynamics
 from p3dof.closed_loop.joint_data import JointData
+from p3dof.closed_loop.margins import SingularityMargins
 from p3dof.closed_loop.minimal import FrameJacobian, MinimalDynamics
 from p3dof.closed_loop.model import ClosedLoopModel
 from p3dof.closed_loop.reactions import ClosureJoint, JointReactions, ReactionSolver
 from p3dof.closed_loop.reactions_batch import BatchReactions, reactions_batch, reactions_by_each
+from p3dof.closed_loop.regressor import LoopRegressor
 from p3dof.closed_loop.results import ForwardDynamics, InverseDynamics
 from p3dof.closed_loop.robots import load_robot
 from p3dof.closed_loop.sidecar import Closure, Coupling, Sidecar
@@ -33,6 +36,7 @@ from p3dof.closed_loop.targets import FrameTarget
 
 __all__ = [
     "Assembly",
+    "BaseParameters",
     "BatchHybridDynamics",
     "BatchInverseDynamics",
     "BatchReactions",
@@ -56,9 +60,11 @@ __all__ = [
     "InverseDynamicsDerivatives",
     "JointData",
     "JointReactions",
+    "LoopRegressor",
     "MinimalDynamics",
     "ReactionSolver",
     "Sidecar",
+    "SingularityMargins",
     "State",
     "load_robot",
     "reactions_batch",

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import pinocchio as pin
@@ -118,18 +118,26 @@ def motion_rate(
     return -independent.closing @ (closures.jacobian_rate() @ independent.N)
 
 
-ResultT = TypeVar("ResultT", MinimalDynamics, FrameJacobian)
+ResultT = TypeVar("ResultT")
 
 
-def stacked(results: Sequence[ResultT]) -> ResultT:
-    """Return the results of many states as one, whose arrays have a leading axis."""
+def stacked(results: Sequence[ResultT], same: Sequence[str] = ()) -> ResultT:
+    """Return the results of many states as one, whose arrays have a leading axis.
+
+    Parameters
+    ----------
+    results : sequence of dataclass
+        The results.
+    same : sequence of str
+        Fields that all have in common, besides `coordinates`.
+    """
     first = results[0]
     arrays: dict[str, Any] = {
         field.name: np.stack([getattr(one, field.name) for one in results])
-        for field in fields(first)
-        if field.name != "coordinates"
+        for field in fields(cast("Any", first))
+        if field.name not in ("coordinates", *same)
     }
-    return replace(first, **arrays)
+    return cast("ResultT", replace(cast("Any", first), **arrays))
 
 
 def frame_motion(

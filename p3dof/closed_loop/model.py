@@ -14,14 +14,14 @@ from p3dof.closed_loop.batch.dynamics import BatchDynamics, BatchInverseDynamics
 from p3dof.closed_loop.batch.energy import BodyEnergies, body_energies
 from p3dof.closed_loop.batch.states import BatchAssembler, BatchStates
 from p3dof.closed_loop.batch.targets import FrameGoals, FrameTargets, JointGoals
-from p3dof.closed_loop.derivatives_model import DerivativesModel
 from p3dof.closed_loop.hybrid_model import rows_of
 from p3dof.closed_loop.loop_model import External
+from p3dof.closed_loop.margins_model import MarginsModel
 from p3dof.closed_loop.units import ScaledModel
 from p3dof.errors import InputError
 
 
-class ClosedLoopModel(DerivativesModel):
+class ClosedLoopModel(MarginsModel):
     """Kinematics and dynamics of any robot with (or without) loop closures, for one sample and for many.
 
     Parameters

@@ -7,6 +7,7 @@ from contextlib import AbstractContextManager, nullcontext
 import numpy as np
 
 from p3dof.checks import FloatArray
+from p3dof.closed_loop.closure_kinds import lengths_of
 from p3dof.closed_loop.independent import Independent, coordinate_names
 from p3dof.closed_loop.loop_model import LoopModel
 from p3dof.closed_loop.tree_tangents import Tree
@@ -43,7 +44,12 @@ class Setting:
         self.q = np.ones(model.nq) if scaled is None else scaled.units.motion(scaled.units.q)
         self.v: FloatArray = np.where(lengths, u, 1.0)
         self.force: FloatArray = np.where(lengths, u, u**2)
-        self.rows = np.ones(self.kinematics.size) if scaled is None else scaled.units.force(scaled.units.rows)
+        rows = [is_length for closure in self.kinematics.closures for is_length in lengths_of(closure.kind)]
+        rows += lengths[self.kinematics.couplings.following].tolist()
+        self.length_rows = np.array(rows, dtype=bool)
+        """Which rows of closures and couplings are lengths."""
+        self.rows: FloatArray = np.where(self.length_rows, u, u**2)
+        """Units of their multipliers."""
         linear = np.arange(6) < 3
         self.twist: FloatArray = np.where(linear, u, 1.0)
         self.wrench: FloatArray = np.where(linear, u, u**2)

@@ -44,7 +44,7 @@ class Units:
 
     def __init__(self, model: pin.Model, sidecar: Sidecar) -> None:
         self.q, self.v, known = length_coordinates(model)
-        size = _size(model, sidecar)
+        size = size_of(model, sidecar)
         if not size < LARGEST:  # also what is not a number
             raise ModelError(f"model: expected placements of less than {LARGEST:g} m, got {size:g} m")
         power = round(math.log2(size) / _STEP) if known and size > 0 else 0
@@ -121,8 +121,16 @@ class Units:
         return pin.SE3(M.rotation, M.translation / self.length)
 
 
-def _size(model: pin.Model, sidecar: Sidecar) -> float:
-    """Return the longest distance between a joint's origin and what the model fixes to it [m]."""
+def size_of(model: pin.Model, sidecar: Sidecar) -> float:
+    """Return the longest distance between a joint's origin and what the model fixes to it [m].
+
+    Parameters
+    ----------
+    model : pin.Model
+        The tree.
+    sidecar : Sidecar
+        Its closures: the frames and rods that count.
+    """
     ends = {frame for closure in sidecar.closures for frame in (closure.frame1, closure.frame2)}
     placements = [*model.jointPlacements, *(frame.placement for frame in model.frames if frame.name in ends)]
     rods = [closure.length for closure in sidecar.closures if closure.length is not None]
