@@ -67,7 +67,7 @@ class IdentificationModel(DerivativesModel):
         setting = self._setting
         with setting.open():
             at = self._independent(q, coordinates, v)
-            setting.core._check_motion(at.point, v / setting.v, a / setting.v)
+            setting.core._moving(at.point.q, v / setting.v, a / setting.v)
         free = at.point.svd.null_space
         actuation = Decomposition.of(free[self.actuated_v].T, RANK_TOLERANCE, 1.0)
         to_tau = actuation.pseudo_inverse @ free.T  # of generalised forces: the smallest ones
