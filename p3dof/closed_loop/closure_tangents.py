@@ -25,7 +25,7 @@ from p3dof.closed_loop.closures import LoopKinematics
 from p3dof.closed_loop.constraints import Coupling
 from p3dof.closed_loop.coupling_tangents import CouplingTangents
 from p3dof.closed_loop.relative_motion import Ends
-from p3dof.closed_loop.tree_tangents import TreeMotion, hat, motion_cross
+from p3dof.closed_loop.tree_tangents import TreeMotion, hat
 
 _X, _Y, _Z = 3, 7, 11
 """Where the position is among the twelve entries of T, three rows of four."""
@@ -79,7 +79,10 @@ class ClosureTangents:
 
     def velocity_by_q(self, w: FloatArray) -> FloatArray:
         """Return the derivative by q of J w (rows, nv), w (nv,) being constant."""
-        parts = [loop.velocity_by_q(w) for loop in self._loops]
+        motion = self._motion
+        V: FloatArray = motion.tree.carries.T.astype(float) @ (motion.J * w[:, None])
+        turned = motion.turned(V)
+        parts = [loop.velocity_by_q(V, turned) for loop in self._loops]
         return self._stacked([*parts, self._couplings.velocity_by_q(w)])
 
     def jacobian_rate(self) -> FloatArray:
@@ -121,15 +124,15 @@ class _Loop:
         self._rod, self._length = length is not None, length or 1.0
         columns1, columns2 = motion.columns(self._one), motion.columns(self._two)
         self._hats1, self._hats2 = hat(columns1 @ self._Ad1.T), hat(columns2 @ self._Ad2.T)
-        self._columns = columns2 - columns1
-        self._dT = self._moved(self._columns)
+        self._moves = np.asarray(self._into @ hat(np.eye(6)) @ self._M2).reshape(6, 16)
+        self._dT = self._moved(columns2 - columns1)
         self._V1 = hat(self._Ad1 @ motion.V[self._one])
         self._V2 = hat(self._Ad2 @ motion.V[self._two])
         self._rate = self._moved(motion.V[self._two] - motion.V[self._one])
         rows = _ENTRIES.get(kind)
         d = (self._into @ self._M2)[:3, 3]
         entries = ({_X: d[0], _Y: d[1], _Z: d[2]},) if rows is None else rows
-        self._L = np.zeros((len(entries), 12))
+        self._L = np.zeros((len(entries), 16))
         for row, values in enumerate(entries):
             for at, value in values.items():
                 self._L[row, at] = value
@@ -138,11 +141,11 @@ class _Loop:
 
     def _moved(self, V: FloatArray) -> FloatArray:
         """Return M1⁻¹ [V] M2 (..., 4, 4)."""
-        return np.asarray(self._into @ hat(V) @ self._M2)
+        return np.asarray(V @ self._moves).reshape(*V.shape[:-1], 4, 4)
 
     def _rows(self, T: FloatArray) -> FloatArray:
         """Return the closure's rows (rows, nv) of changes (nv, 4, 4) of T or its rates."""
-        return np.asarray(self._L @ T[:, :3].reshape(len(T), 12).T)
+        return np.asarray(self._L @ T.reshape(len(T), 16).T)
 
     def _turned(self, X: FloatArray) -> FloatArray:
         """Return the change (nv, 4, 4) of M1⁻¹ X M2 for a constant X in the world, given M1⁻¹ X M2."""
@@ -152,16 +155,12 @@ class _Loop:
         """Return ∂V1/∂q and ∂V2/∂q."""
         return self._motion.velocity(self._one), self._motion.velocity(self._two)
 
-    def velocity_by_q(self, w: FloatArray) -> FloatArray:
-        tree, J = self._motion.tree, self._motion.J
-        moved = tree.carries.astype(float)
-        V = moved.T @ (J * w[:, None])
+    def velocity_by_q(self, V: FloatArray, turned: FloatArray) -> FloatArray:
+        carries = self._motion.tree.carries
         rate = self._moved(V[self._two] - V[self._one])
-        before = V[tree.parent_of]
-        one = (V[self._one] - before) * moved[:, self._one, None]
-        two = (V[self._two] - before) * moved[:, self._two, None]
-        change = self._turned(rate) + self._moved(motion_cross(J, two - one))
-        rows = self._rows(change)
+        change = turned[..., self._two] * carries[:, self._two, None]
+        change = change - turned[..., self._one] * carries[:, self._one, None]
+        rows = self._rows(self._turned(rate) + self._moved(change))
         if self._rod:
             rows = rows + self._dots(rate[:3, 3], self._dT)
         return rows
@@ -193,12 +192,11 @@ class _Loop:
         return rows_q, rows_v
 
     def force_by_q(self, lambda_: FloatArray) -> FloatArray:
-        weights = np.zeros((4, 4))
-        weights[:3] = (self._L.T @ lambda_).reshape(3, 4)
+        weights = (self._L.T @ lambda_).reshape(4, 4)
         turned = weights @ np.swapaxes(self._hats2, 1, 2) - np.swapaxes(self._hats1, 1, 2) @ weights
         nv = len(turned)
         by_place = self._dT.reshape(nv, 16) @ turned.reshape(nv, 16).T
-        F = self._moved(np.eye(6)).reshape(6, 16) @ weights.ravel()
+        F = self._moves @ weights.ravel()
         tree = self._motion.tree
         signs = tree.carries[:, self._two].astype(float) - tree.carries[:, self._one]
         total = by_place + self._motion.force_by_q(F) * signs[:, None]

@@ -90,29 +90,44 @@ class TreeMotion:
         moved = tree.carries.T.astype(float)
         self.V: FloatArray = moved @ (self.J * v[:, None])
         """Velocities of the bodies (njoints, 6)."""
+        self._across = across(self.J)
         self.J_dot = motion_cross(self.V[tree.joint_of], self.J)
         """d/dt of the joints' columns (nv, 6)."""
         self.A: FloatArray = moved @ (self.J * a[:, None] + self.J_dot * v[:, None])
         """Accelerations of the bodies (njoints, 6)."""
 
+    def turned(self, motions: FloatArray) -> FloatArray:
+        """Return J × (motion - that of the parent) (nv, 6, n) by entry of v, for motions (njoints, 6).
+
+        Parameters
+        ----------
+        motions : (njoints, 6) array
+            Of all bodies; the n wanted are all.
+        """
+        parents = motions[self.tree.parent_of]
+        return np.asarray(self._across @ motions.T - self._across @ parents[..., None])
+
     @cached_property
-    def _carried(self) -> FloatArray:
-        """V_p × J of every column."""
-        return motion_cross(self.V[self.tree.parent_of], self.J)
+    def _velocities(self) -> FloatArray:
+        """∂V/∂q (nv, 6, njoints) of all bodies, had every entry of v carried them."""
+        return self.turned(self.V)
+
+    @cached_property
+    def _accelerations(self) -> FloatArray:
+        """∂A/∂q of all bodies, likewise."""
+        parents = self.V[self.tree.parent_of]
+        carried = across(motion_cross(parents, self.J))
+        return np.asarray(self.turned(self.A) + carried @ self.V.T - carried @ parents[..., None])
 
     def velocity(self, body: int) -> FloatArray:
         """Return ∂V/∂q (nv, 6) of a body; its ∂V/∂v is `columns`."""
-        relative = self.V[body] - self.V[self.tree.parent_of]
-        return motion_cross(self.J, relative) * self.tree.carries[:, body, None]
+        return np.asarray(self._velocities[..., body] * self.tree.carries[:, body, None])
 
     def acceleration(self, body: int) -> tuple[FloatArray, FloatArray]:
         """Return ∂A/∂q and ∂A/∂v (nv, 6) of a body."""
-        parent, carried = self.tree.parent_of, self.tree.carries[:, body, None]
-        relative = self.V[body] - self.V[parent]
-        turned = motion_cross(self.J, self.A[body] - self.A[parent])
-        by_q = turned + motion_cross(self._carried, relative)
-        by_v = motion_cross(self.J, relative) + self.J_dot
-        return by_q * carried, by_v * carried
+        carried = self.tree.carries[:, body, None]
+        by_v = self._velocities[..., body] + self.J_dot
+        return self._accelerations[..., body] * carried, by_v * carried
 
     def columns(self, body: int) -> FloatArray:
         """Return the Jacobian (nv, 6) of a body, transposed."""
@@ -120,11 +135,7 @@ class TreeMotion:
 
     def force_by_q(self, F: FloatArray) -> FloatArray:
         """Return the derivative of J_k·F by q_j (k, j), of a constant wrench F (6,) at the world's origin."""
-        linear, angular = self.J[:, :3], self.J[:, 3:]
-        turned = np.concatenate(
-            (-cross(angular, F[:3]), -cross(linear, F[:3]) - cross(angular, F[3:])), axis=1
-        )  # (J_j × J_k)·F = J_k·turned_j
-        return np.asarray((self.J @ turned.T) * self.tree.before.T)
+        return np.asarray((self.J @ (F @ self._across).T) * self.tree.before.T)
 
     def wrench_by_q(self, body: int, point: FloatArray, wrench: FloatArray) -> FloatArray:
         """Return the derivative (nv, nv) by q of the generalised force of a wrench on a body.
@@ -187,9 +198,25 @@ def shifted(motion: FloatArray, point: FloatArray) -> FloatArray:
     return result
 
 
+def across(motion: FloatArray) -> FloatArray:
+    """Return the matrices (..., 6, 6) of the cross product with motions (..., 6)."""
+    result = np.zeros((*motion.shape[:-1], 6, 6))
+    result[..., :3, :3] = result[..., 3:, 3:] = skew(motion[..., 3:])
+    result[..., :3, 3:] = skew(motion[..., :3])
+    return result
+
+
 def hat(motion: FloatArray) -> FloatArray:
     """Return the matrices (..., 4, 4) of motions (..., 6)."""
-    result = np.zeros((*motion.shape[:-1], 4, 4))
-    result[..., :3, :3] = skew(motion[..., 3:])
-    result[..., :3, 3] = motion[..., :3]
-    return result
+    return np.asarray(motion @ _HAT).reshape(*motion.shape[:-1], 4, 4)
+
+
+def _hats() -> FloatArray:
+    result = np.zeros((6, 4, 4))
+    result[:3, :3, 3] = np.eye(3)
+    result[3:, :3, :3] = skew(np.eye(3))
+    return result.reshape(6, 16)
+
+
+_HAT = _hats()
+"""The matrices of unit motions, (6, 16)."""
