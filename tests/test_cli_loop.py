@@ -386,7 +386,8 @@ def test_runs_that_cannot_be(five_bar):
         (("info", "FILE", "--reference", "home"), "needs an SRDF"),
         (("forces", "FILE"), "Missing option '--motion'"),
         (("forces", "FILE", "--motion", "nowhere.csv"), "nowhere.csv: cannot be read"),
-        (("export", "FILE", "--out", "robot.xml"), "expected a file name that ends in .urdf"),
+        (("export", "FILE", "--out", "robot.usd"), "expected a file name that ends in .urdf"),
+        (("export", "FILE", "--format", "mjcf", "--out", "a.urdf"), "that ends in .xml for mjcf"),
         (("export", "FILE", "--out", "FILE"), "would be overwritten"),
         (("assemble", "FILE", "--out", "q.txt"), "expected a file name that ends in .csv, .yaml or .yml"),
         (
@@ -512,6 +513,16 @@ def test_export_writes_both_files_or_none(capsys, tmp_path, five_bar, motion):
     one, other = columns(tmp_path / "1.csv"), columns(tmp_path / "2.csv")
     for name, values in one.items():
         np.testing.assert_allclose(other[name], values, rtol=0, atol=1e-11)
+    pytest.importorskip("mujoco")
+    (tmp_path / "tight.urdf").write_text(five_bar.read_text().replace('upper="9"', 'upper="-9"'))
+    code, out, err = loop(
+        capsys, "export", tmp_path / "tight.urdf", five_bar.with_suffix(".yaml"), "--out", tmp_path / "r.xml"
+    )
+    assert (code, out.strip()) == (0, f"wrote {tmp_path / 'r.xml'}")
+    assert "MJCF: limits that leave a joint no room are not written: 'left_joint'" in err
+    assert loop(capsys, "forces", tmp_path / "r.xml", *args, tmp_path / "3.csv")[0] == 0
+    for name, values in columns(tmp_path / "3.csv").items():
+        np.testing.assert_allclose(values, one[name], rtol=0, atol=1e-9)
     (tmp_path / "blocked.yaml").mkdir()
     code, _, err = loop(capsys, "export", five_bar, "--out", tmp_path / "blocked.urdf")
     assert code == 2

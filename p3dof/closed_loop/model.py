@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
+from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +21,9 @@ from p3dof.closed_loop.hybrid_model import rows_of
 from p3dof.closed_loop.loop_model import External
 from p3dof.closed_loop.margins_model import MarginsModel
 from p3dof.closed_loop.units import ScaledModel
+from p3dof.closed_loop.writers.files import contents
 from p3dof.errors import InputError
+from p3dof.files import together, write_atomic
 
 
 class ClosedLoopModel(MarginsModel):
@@ -198,6 +203,41 @@ class ClosedLoopModel(MarginsModel):
             one.angular_momentum[0],
             self.passive.energy(q),
         )
+
+    def write(
+        self,
+        path: str | os.PathLike[str],
+        format: Literal["urdf", "mjcf"] | None = None,  # noqa: A002 - as everywhere
+    ) -> list[Path]:
+        """Write the robot as URDF and sidecar, or as MJCF with its loops; all files or none.
+
+        Bodies, joints and frames keep their names, the forces of all motions stay the same, and `load_robot`
+        reads the files back. Shapes are not written.
+
+        Parameters
+        ----------
+        path : path-like
+            The file; a sidecar gets the same name with the ending ``.yaml``.
+        format : {"urdf", "mjcf"}, optional
+            By default what the name ends in: ``.urdf``, ``.xml``.
+
+        Returns
+        -------
+        list of Path
+            What has been written.
+
+        Raises
+        ------
+        ModelError
+            If the robot has something that the format cannot hold; the message names it.
+        InputError
+            If there is no such format, or the name ends otherwise.
+        FileError
+            If a file cannot be written.
+        """
+        texts = contents(self, path, format)
+        with together():
+            return [write_atomic(file, text) for file, text in texts.items()]
 
     @cached_property
     def _batch_assembler(self) -> BatchAssembler:

@@ -297,6 +297,9 @@ class _Translation:
         """Return the joints with an actuator; all with one degree of freedom where there is none at all."""
         m = self._m
         if not m.nu:
+            kind = self._types.mjtObj.mjOBJ_TEXT
+            if any(self._types.mj_id2name(m, kind, number) == "actuated" for number in range(m.ntext)):
+                return ()  # as this package writes a robot without motors
             return Sidecar.serial(self._model).actuated
         names: dict[str, None] = {}
         for number in range(m.nu):
