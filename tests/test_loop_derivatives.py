@@ -151,11 +151,20 @@ def test_the_stewart_platform_of_the_gallery_against_complete_and_inverse_dynami
     check_forward(loop, state.q, external=load)
 
 
-@pytest.mark.parametrize("name", ["four_bar", "five_bar", "delta", "gripper"])
+@pytest.mark.parametrize("name", ["four_bar", "five_bar", "delta", "gripper", "two_arms", "biped"])
 def test_robots_of_the_gallery(name):
-    loop, q = gallery(name)
+    loop, q = gallery(name, step=0.03)
     check_inverse(loop, q)
     check_forward(loop, q)
+
+
+def test_a_leg_with_rods_that_spin_about_themselves():
+    loop, q = gallery("leg", step=0.03)
+    assert loop.mobility(q) > len(loop.actuated)
+    check_forward(loop, q)
+    check_hybrid(loop, q, np.arange(1.0, 7.0))
+    with pytest.raises(DynamicsError, match="hybrid_dynamics"):
+        loop.inverse_dynamics_derivatives(q, np.zeros(15), np.zeros(15))
 
 
 @pytest.mark.parametrize("kind", MASSLESS)
@@ -194,6 +203,10 @@ def test_accelerations_of_frames_are_prescribed():
     wanted = {"left_sole": np.array([0.1, 0.2, np.nan, 0.4, 0.5, 0.6])}
     joints = {name: 0.3 for name in loop.actuated if not name.startswith("left")}
     check_hybrid(loop, q, {**joints, "left_knee": 0.1}, wanted)
+    sidecar = replace(robots.FIVE_BAR_SIDECAR, actuated=("left_joint",))
+    closed = ClosedLoopModel.from_urdf(robots.five_bar(), sidecar)
+    upward = {"left_tip": [np.nan, np.nan, 1.0, np.nan, np.nan, np.nan]}
+    check_hybrid(closed, robots.five_bar_q(2.0, 1.0), {}, upward)
 
 
 def test_springs_and_dampers_count_and_friction_only_near_rest():
@@ -292,6 +305,13 @@ def test_a_robot_of_another_size_has_the_derivatives_of_its_scaled_twin():
     np.testing.assert_allclose(
         s * there.accelerations.by_forces, s * here.accelerations.by_forces, rtol=1e-9, atol=1e-12
     )
+    frames = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
+    units = s ** np.repeat([1, 0], 3)
+    hybrid = loop.hybrid_dynamics_derivatives(q, v, frames={"platform": frames}).tau
+    also = small.hybrid_dynamics_derivatives(*state[:2], frames={"platform": frames * units}).tau
+    scale = largest(hybrid.by_coordinates)
+    np.testing.assert_allclose(also.by_coordinates, hybrid.by_coordinates, rtol=0, atol=1e-9 * scale)
+    np.testing.assert_allclose(also.by_prescribed * units / s, hybrid.by_prescribed, rtol=1e-9, atol=1e-9)
     equations, also = small.minimal_dynamics(*state[:2]), loop.minimal_dynamics(q, v)
     np.testing.assert_allclose(equations.mass_matrix, also.mass_matrix, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(equations.coriolis_matrix, also.coriolis_matrix, rtol=1e-9, atol=1e-9)
