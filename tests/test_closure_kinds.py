@@ -14,8 +14,10 @@ from scipy.integrate import solve_ivp
 from p3dof.closed_loop import ClosedLoopModel, Closure, Coupling, FrameTargets, Sidecar
 from p3dof.closed_loop.batch.closures import ClosureRows
 from p3dof.closed_loop.batch.kinematics import Sweep
+from p3dof.closed_loop.closure_kinds import PARTS, KindRows
 from p3dof.closed_loop.constraints import KINDS
 from p3dof.closed_loop.reactions import loop_reactions
+from p3dof.closed_loop.relative_motion import _KINDS
 from p3dof.errors import InputError
 
 ROD = 0.45
@@ -497,3 +499,34 @@ def test_each_closure_and_coupling_has_one_gap():
     assert gaps == pytest.approx(expected, rel=1e-14)
     model = robots.arm_model()
     assert ClosedLoopModel(model, Sidecar.serial(model)).closure_gaps(pin.neutral(model)).shape == (0,)
+
+
+@pytest.mark.parametrize("kind", sorted(PARTS))
+@pytest.mark.parametrize("size", [0.0, 1e-9, 1e-3, 9e-3, 1.1e-2, 0.03, 0.3, 1.0, 2.5])
+def test_plain_numbers_and_arrays_give_the_same(kind, size):
+    """A single sample and a batch, where closures are closed, a little open, and far from closed."""
+    rng = np.random.default_rng(7)
+    length = 0.4 if kind == "distance" else None
+    one = Closure("one", "other", kind, length)
+    for _ in range(5):
+        d = rng.normal(size=3) * (1.0 if kind == "distance" else max(size, 1e-12))
+        turn = size * rng.normal(size=3) / np.sqrt(3)
+        E = pin.exp3(turn)
+        V, omega, a, alpha = rng.normal(size=(4, 3))
+        (group,) = KindRows([one], [slice(0, one.rows)]).at(d[None], E[None], pin.log3(E)[None])
+        rows = one.rows
+        errors, J, drift = np.zeros(rows), np.zeros((rows, 6)), np.zeros(rows)
+        shift = np.eye(6)
+        shift[:3, 3:] = -pin.skew(d)  # ḋ = V + ω × d
+        group.errors(errors)
+        group.jacobian(shift[None], J)
+        d_dot = V + np.cross(omega, d)
+        d_ddot = a + np.cross(alpha, d) + np.cross(omega, d_dot)
+        group.drift(np.array([[*d_dot, *omega]]), np.array([[*d_ddot, *alpha]]), drift)
+        plain, found, matrix, bias = _KINDS[kind](length or 0.0), [], [], []
+        plain.evaluate(tuple(d.tolist()), E.tolist(), found, matrix)
+        plain.bias(tuple(d_dot), tuple(omega), tuple(np.cross(omega, d_dot)), bias)
+        A = np.reshape(matrix, (rows, 6))
+        np.testing.assert_allclose(found, errors, rtol=1e-12, atol=1e-14)
+        np.testing.assert_allclose(A, J, rtol=0, atol=1e-11)
+        np.testing.assert_allclose(A @ [*a, *alpha] + bias, drift, rtol=1e-11, atol=1e-11)

@@ -35,7 +35,7 @@ from p3dof.closed_loop.rotations import cross, shortest_turn, skew, turned_rates
 
 IndexArray: TypeAlias = NDArray[np.int_]
 
-_HALF_TURN = 1.0 - 5e-13
+HALF_TURN = 1.0 - 5e-13
 """Cosine of an angle from half a turn that still counts as half a turn, 1e-6 rad."""
 
 
@@ -69,7 +69,7 @@ class Relative:
     @cached_property
     def opposite(self) -> NDArray[np.bool_] | None:
         """Whether z2 is -z1 (...): half a turn, which may be about any axis; that about x1 is taken."""
-        found: NDArray[np.bool_] = self.E[..., 2, 2] < -_HALF_TURN
+        found: NDArray[np.bool_] = self.E[..., 2, 2] < -HALF_TURN
         return found if found.any() else None
 
     @cached_property

@@ -111,7 +111,10 @@ class LoopKinematics:
         self.own = np.array(own, dtype=int)
         """Which closures are no constraint models of Pinocchio."""
         self.kinds = KindRows([self.closures[i] for i in own], [self.rows[i] for i in own])
-        self._others = OtherClosures(model, [self.ends[i] for i in own], self.kinds)
+        ends = [self.ends[i] for i in own]
+        self._others = OtherClosures(
+            model, [self.closures[i] for i in own], ends, [self.rows[i] for i in own]
+        )
         self.plain = not own and not titles
         """Whether all are constraint models of Pinocchio."""
         self._anchors = [i for i in range(len(self.closures)) if i not in own]
@@ -190,7 +193,8 @@ class LoopKinematics:
     ) -> tuple[FloatArray, FloatArray]:
         """Return the errors and the Jacobian of all rows, those of the constraint models being known."""
         error, J = np.zeros(self.size), np.zeros((self.size, self.model.nv))
-        error[self._anchored], J[self._anchored] = errors, anchored
+        if self._anchors:
+            error[self._anchored], J[self._anchored] = errors, anchored
         if len(self.own):
             self._others.evaluate(self.data, error, J)
         if self.couplings.size:
@@ -227,9 +231,10 @@ class LoopKinematics:
         if self.plain:
             return anchored
         result = np.zeros(self.size)
-        result[self._anchored] = anchored
+        if self._anchors:
+            result[self._anchored] = anchored
         if len(self.own):
-            self._others.accelerate(self._v, result)
+            self._others.accelerate(result)
         if self.couplings.size and self._last is not None:
             J = self._last.J[self.coupled]
             result[self.coupled] = self.couplings.drift(self._last.q, self._v) + J @ self._a

@@ -10,7 +10,7 @@ _FAR_TURN = -0.99
 """Cosine of the largest rotation whose vector is taken; beyond it is NaN."""
 _SMALL = 0.1
 """Squares of angles below this are treated by series."""
-_NEAR = 0.05
+NEAR_TURN = 0.05
 """Likewise values of (1 - cosine)/2."""
 _a = np.cumprod([1.0, *(2 * k / (2 * k + 1) for k in range(1, 16))])
 _k = np.arange(16)
@@ -90,8 +90,8 @@ def shortest_turn(cosine: FloatArray) -> tuple[FloatArray, FloatArray, FloatArra
     """
     c = np.maximum(np.minimum(cosine, 1.0), -1.0)
     y = 0.5 * (1.0 - c)
-    near = y < _NEAR
-    series = np.minimum(y, _NEAR)[..., None] ** _k @ _SERIES
+    near = y < NEAR_TURN
+    series = np.minimum(y, NEAR_TURN)[..., None] ** _k @ _SERIES
     if near.all():
         return series[..., 0], series[..., 1], series[..., 2]
     square = np.where(near, 1.0, np.maximum(1.0 - c * c, 1e-12))
