@@ -6,6 +6,8 @@ first moments and moments of inertia of thirteen bodies, made up so that every t
 with their rates and accelerations; and for these the motion of the platform to 14 digits and the forces of
 the legs to 16. Its authors compare within 1e-10 (placement), 1e-9 (velocity), 1e-8 (accelerations, forces).
 
+The same platform with an arm of six hinges on it is its `test_ur5_on_stewart`, whose forces have 14 decimals.
+
 A leg's first body hangs on a universal joint, whose axes are x of the ground and z of the leg; the second one
 slides along y of the leg and ends in the ball's centre.
 """
@@ -47,9 +49,44 @@ UPPER = [
 PLATFORM = (1.82156, -0.651, 0.1313, -0.5814, 105.1, 116.271, 100.221, 20.120151, 12.22003, 0.583391)
 GRAVITY = (0.0, -9.8, 0.0)
 LEGS = tuple(f"leg_{i}" for i in range(6))
+# The arm, all of it in the axes of its base, which stands turned on the platform.
+ARM_BASE = {"xyz": (0, 0.025, 0), "rpy": (-np.pi / 2, 0, 0)}
+ARM_AXES = [(0, 0, 1), (0, 1, 0), (0, 1, 0), (0, 1, 0), (0, 0, -1), (0, 1, 0)]
+ARM_HINGES = [
+    (0, 0, 0.089159),
+    (0, 0.13585, 0.089159),
+    (0.425, 0.01615, 0.089159),
+    (0.81725, 0.01615, 0.089159),
+    (0.81725, 0.10915, 0.089159),
+    (0.81725, 0.10915, -0.005491),
+]
+ARM_LINKS = [
+    (3.7, 0, 0, 0.3298883, 0.0396800068327, 0.0396800068327, 0.00666, 0, 0, 0),
+    (
+        *(8.393, 2.35004, 1.14018905, 0.748311487, 0.236720786311933, 0.951620579779433),
+        *(1.0397965583525, -0.319252934, -0.20952721636, -0.10165811550895),
+    ),
+    (
+        *(2.275, 1.535625, 0.03674125, 0.202836725, 0.022773090751775, 1.10407490812027),
+        *(1.0865835597435, -0.02480034375, -0.136914789375, -0.00327581310875),
+    ),
+    (
+        *(1.219, 0.99622775, 0.01968685, 0.108684821, 0.121180928114039, 0.935030114174039),
+        *(1.033905071315, -0.0160890781625, -0.0888226699622501, -0.00175525985915),
+    ),
+    (
+        *(1.219, 0.99622775, 0.13305385, 0.108684821, 0.135385813214039, 0.935030114174039),
+        *(1.048109956415, -0.1087382589125, -0.0888226699622501, -0.01186294821215),
+    ),
+    (
+        *(0.1879, 0.153561275, 0.020509285, -0.00103175889999999, 0.0193807269912699, 0.14264009052727),
+        *(0.1615585404515, -0.01676121316625, 0.000843204961024989, 0.000112616483934999),
+    ),
+]
+HINGES = tuple(f"hinge_{i}" for i in range(6))
 
 
-def link(name: str, body: tuple[float, ...] = ()) -> str:
+def link(name: str, body: tuple[float, ...] = (), at: tuple[float, ...] = (0, 0, 0)) -> str:
     if not body:
         return f'<link name="{name}"/>'
     mass, moments, (xx, yy, zz, xy, xz, yz) = body[0], np.array(body[1:4]), body[4:]
@@ -58,24 +95,37 @@ def link(name: str, body: tuple[float, ...] = ()) -> str:
     about -= mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
     keys = (("ixx", 0, 0), ("iyy", 1, 1), ("izz", 2, 2), ("ixy", 0, 1), ("ixz", 0, 2), ("iyz", 1, 2))
     inertia = " ".join(f'{key}="{float(about[i, j])!r}"' for key, i, j in keys)
-    xyz = " ".join(repr(float(x)) for x in centre)
+    xyz = " ".join(repr(float(x)) for x in centre - at)
     return (
         f'<link name="{name}"><inertial><origin xyz="{xyz}"/><mass value="{mass!r}"/>'
         f"<inertia {inertia}/></inertial></link>"
     )
 
 
-def joint(name: str, kind: str, parent: str, child: str, xyz=(0, 0, 0), axis=(1, 0, 0)) -> str:
+def joint(name: str, kind: str, parent: str, child: str, xyz=(0, 0, 0), axis=(1, 0, 0), rpy=(0, 0, 0)) -> str:
     moving = "" if kind in ("fixed", "floating") else f'<axis xyz="{" ".join(map(str, axis))}"/>'
-    if kind == "prismatic":
-        moving += '<limit lower="0" upper="9" effort="9" velocity="9"/>'
+    if kind in ("prismatic", "revolute"):
+        moving += '<limit lower="-9" upper="9" effort="9" velocity="9"/>'
     return (
         f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
-        f'<origin xyz="{" ".join(map(str, xyz))}"/>{moving}</joint>'
+        f'<origin xyz="{" ".join(map(str, xyz))}" rpy="{" ".join(map(str, rpy))}"/>'
+        f"{moving}</joint>"
     )
 
 
-def platform() -> p3dof.ClosedLoopModel:
+def arm() -> list[str]:
+    """The arm on the platform; each link's frame is where its hinge is."""
+    parts = [link("arm_base"), joint("arm_foot", "fixed", "platform", "arm_base", **ARM_BASE)]
+    before, parent = np.zeros(3), "arm_base"
+    for name, axis, place, body in zip(HINGES, ARM_AXES, ARM_HINGES, ARM_LINKS, strict=True):
+        here = np.array(place)
+        parts += [link(f"{name}_link", body, place)]
+        parts += [joint(name, "revolute", parent, f"{name}_link", tuple((here - before).tolist()), axis)]
+        before, parent = here, f"{name}_link"
+    return parts
+
+
+def platform(with_arm: bool = False) -> p3dof.ClosedLoopModel:
     parts = [link("ground"), link("platform", PLATFORM), joint("free", "floating", "ground", "platform")]
     for leg, foot, ball, lower, upper in zip(LEGS, FEET, BALLS, LOWER, UPPER, strict=True):
         parts += [
@@ -87,7 +137,9 @@ def platform() -> p3dof.ClosedLoopModel:
             joint(f"{leg}_ball", "fixed", "platform", f"{leg}_seat", ball),
         ]
     closures = tuple(p3dof.Closure(f"{leg}_upper", f"{leg}_seat") for leg in LEGS)
-    robot = p3dof.load_robot(f'<robot name="stewart">{"".join(parts)}</robot>', p3dof.Sidecar(closures, LEGS))
+    parts += arm() if with_arm else []
+    sidecar = p3dof.Sidecar(closures, (*HINGES, *LEGS) if with_arm else LEGS)
+    robot = p3dof.load_robot(f'<robot name="stewart">{"".join(parts)}</robot>', sidecar)
     robot.model.gravity.linear = np.array(GRAVITY)
     return robot
 
@@ -173,3 +225,53 @@ def test_forces_are_those_published(case):
     np.testing.assert_allclose(found.tau, told["forces"], rtol=0, atol=2e-13 * size)
     back = robot.forward_dynamics(state.q, state.v, told["forces"])
     np.testing.assert_allclose(back.a, state.a, rtol=0, atol=1e-9 * max(1.0, np.abs(state.a).max()))
+
+
+ARM_CASES = {
+    "at rest": {
+        "hinges": (0.0, 0.0, 0.2, 0.3, 0.1, 0.0),
+        "rates": (0.0,) * 6,
+        "accelerations": (0.0,) * 6,
+        "forces": (
+            *(-0.00131007958832, -58.71460842317624, -15.27196793399029, 0.08355927031103, 0.0, 0.0),
+            *(38.79115991258558, 90.14001822992438, 102.29642215058338),
+            *(-46.58560558137449, 12.29206464937079, 114.33889336911456),
+        ),
+    },
+    "moving": {
+        "hinges": (-0.2, -0.3, 0.5, 0.4, 0.1, 0.2),
+        "rates": (
+            *(0.93426722257942, -0.024823760537999, -0.89419018046124),
+            *(0.245922301638701, -1.23100367003297, -0.48185561218356),
+        ),
+        "accelerations": (
+            *(0.70807836306709, -0.496581922752884, -0.159513727427361),
+            *(-0.590163055515337, 0.131806583011732, -1.65802060177352),
+        ),
+        "forces": (
+            *(66.24194156738221, -1.05905897103295, 7.17155195304943),
+            *(0.08817930939522, -2.78563372294673, -0.03526665204329),
+            *(2320.18419686476227, 289.98437373182901, 2815.25099394435256),
+            *(-4095.97671710069153, 3990.45076484181300, -5074.18245692169967),
+        ),
+    },
+}
+
+
+@pytest.mark.parametrize("case", ARM_CASES)
+def test_forces_with_an_arm_on_the_platform_are_those_published(case):
+    told, legs, robot = ARM_CASES[case], CASES[case], platform(with_arm=True)
+    values, rates, accelerations = (
+        (*told[arm_key], *legs[leg_key])
+        for arm_key, leg_key in (
+            ("hinges", "lengths"),
+            ("rates", "rates"),
+            ("accelerations", "accelerations"),
+        )
+    )
+    place = pin.SE3(np.array(legs["rotation"]), np.array(legs["position"]))
+    state = robot.complete(values, rates, accelerations, guess=guess(robot, place))
+    assert robot.model.nv == 30
+    found = robot.inverse_dynamics(state.q, state.v, state.a)
+    size = np.abs(told["forces"]).max()
+    np.testing.assert_allclose(found.tau, told["forces"], rtol=0, atol=1e-13 * size)
