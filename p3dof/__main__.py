@@ -17,6 +17,9 @@ INTERRUPTED = 130
 UNUSED = ("trimesh", "viser")
 """What Pinocchio imports, where it is there, for a visualizer that no command uses: it takes .4 s."""
 
+DRAWS_MESHES = ["loop", "show"]
+"""The command that uses trimesh itself."""
+
 GARBAGE = 400_000
 """New objects after which Python looks for garbage; 700 by its own choice, a tenth of a short run's time."""
 
@@ -50,7 +53,7 @@ def _hurry() -> None:
     """Leave out of this process what only costs time."""
     gc.set_threshold(GARBAGE, 20, 20)
     modules: dict[str, Any] = sys.modules
-    for name in UNUSED:
+    for name in UNUSED if sys.argv[1:3] != DRAWS_MESHES else UNUSED[1:]:
         modules.setdefault(name, None)  # its import fails
 
 

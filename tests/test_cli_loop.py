@@ -400,6 +400,7 @@ def test_runs_that_cannot_be(five_bar):
         (("show", "FILE", "--no-open", "--wrench", "left_tip=1,2"), "expected FRAME=FX,FY,FZ"),
         (("show", "FILE", "--no-open", "--wrench", "nowhere=1,2,3"), "'nowhere' does not exist"),
         (("show", "FILE", "--no-open", "--wrench", "left_tip=1,2,nan"), "expected finite numbers"),
+        (("show", "FILE", "--no-open", "--package-dir", "nowhere"), "expected folders, got 'nowhere'"),
         (("show", "FILE", "--out", "p.txt"), "expected a file name that ends in .html or .png"),
     ],
 )

@@ -110,6 +110,29 @@ def load_robot(
     return ClosedLoopModel(tree, found)
 
 
+def file_of(source: str | os.PathLike[str]) -> str | None:
+    """Return the path of the file that a source of `load_robot` stands for; None for text.
+
+    Parameters
+    ----------
+    source : str or path-like
+        The path of a file, its text, or the name of a robot.
+
+    Returns
+    -------
+    str, optional
+
+    Raises
+    ------
+    ModelError
+        If it is none of these.
+    MissingExtraError
+        If it is a name, and example-robot-data is not installed.
+    """
+    path = _path(source)
+    return named.urdf_of(str(source))[0] if path is None and not is_text(source) else path
+
+
 def _root(source: str | os.PathLike[str]) -> str:
     """Return the name of the first element of a robot's file, which is one that is read."""
     text, name = read_xml(source, "robot")

@@ -11,7 +11,8 @@ import numpy as np
 from rich.console import Console
 
 from p3dof.checks import FloatArray, frozen_array, shown
-from p3dof.cli.files import InputFile, OutputFile, protect, source
+from p3dof.cli.files import STREAM, InputFile, OutputFile, protect
+from p3dof.cli.files import source as opened
 from p3dof.cli.loop.group import AT, assembled, forces_of, loop, with_robot
 from p3dof.cli.loop.motion import forces_along
 from p3dof.cli.options import POSITIVE, Number, Whole
@@ -23,7 +24,7 @@ from p3dof.files import SUFFIXES, suffix_of, write_atomic
 from p3dof.simulation import Integration, simulate_robot
 from p3dof.viewer import JointMotion, robot_animation_html, robot_picture
 from p3dof.viewer.headless import MAX_PIXELS, SIZE
-from p3dof.viewer.robots.sticks import StickFigure
+from p3dof.viewer.robots.figure import RobotFigure
 
 if TYPE_CHECKING:
     from p3dof.viewer.robots.live import RobotViewer
@@ -62,6 +63,20 @@ _RUN_SAMPLES = 1001
     help="Force [N] and moment [N m] on a frame, in world axes, of a robot that makes no motion.",
 )
 @click.option("--closure-forces", is_flag=True, help="Show the forces in the closures from the beginning.")
+@click.option(
+    "--shapes/--no-shapes",
+    default=True,
+    show_default=True,
+    help="Show the shapes that the file gives to the links; rods without them.",
+)
+@click.option(
+    "--package-dir",
+    "package_dirs",
+    type=InputFile(),
+    multiple=True,
+    help="Folder with the packages of 'package://', or one of them. Meshes are opened in these folders and "
+    "in that of FILE only.",
+)
 @PORT
 @SPEED
 @click.option("--fps", type=Number(1, 240), default=60.0, show_default=True, help="Frames a second.")
@@ -94,6 +109,8 @@ def show(
     forces: tuple[str, ...],
     wrenches: tuple[str, ...],
     closure_forces: bool,
+    shapes: bool,
+    package_dirs: tuple[Path, ...],
     port: int | None,
     speed: float,
     fps: float,
@@ -114,8 +131,9 @@ def show(
     motion, warnings = given.motion(robot)
     _check_moment(motion, at)
     title, layers = str(robot.model.name), {"closure_forces": closure_forces}
-    figure = StickFigure(robot)
-    print_warnings(Console(), warnings)
+    source = str(inputs[0]) if shapes and inputs[0] != STREAM else None  # what came by a stream is gone
+    figure = RobotFigure(robot, source, package_dirs)
+    print_warnings(Console(), [*warnings, *figure.notes])
 
     def make() -> RobotViewer:
         from p3dof.viewer.robots.live import RobotViewer
@@ -170,7 +188,7 @@ class _Given:
     def motion(self, robot: ClosedLoopModel) -> tuple[JointMotion, list[str]]:
         """Return the motion, and what there is to know about it."""
         if self.motion_file is not None:
-            found = forces_along(robot, source(self.motion_file))
+            found = forces_along(robot, opened(self.motion_file))
             smallest = len(robot.actuated) > robot.mobility(found.q[0])
             return JointMotion.of_run(robot, found, smallest=smallest), list(found.remarks)
         start = assembled(robot, self.values).q

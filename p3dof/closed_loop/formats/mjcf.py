@@ -66,6 +66,12 @@ def read(source: str | os.PathLike[str], key: str | None = None) -> tuple[pin.Mo
     return _Translation(compiled(source), key).result()
 
 
+def translation_of(source: str | os.PathLike[str]) -> tuple[Any, _Translation]:
+    """Return MuJoCo's model of a file, and what turns it into a tree; parameters and errors as of `read`."""
+    found = compiled(source)
+    return found, _Translation(found, None)
+
+
 class _Translation:
     """Turns MuJoCo's compiled model into a tree and a sidecar.
 
@@ -115,6 +121,16 @@ class _Translation:
             warn(f"MJCF: left out is {words}", ModelWarning, stacklevel=4)
         sidecar = Sidecar(closures, actuated, couplings, self._reference())
         return self._model, replace(sidecar, joint_data=self._joint_data())
+
+    def place_of_body(self, body: int) -> tuple[int, pin.SE3]:
+        """Return the joint that carries a body, and where the body is in its axes, after `result`."""
+        joint, place, _ = self._bodies[body]
+        return joint, place
+
+    def kind_of_geom(self, number: int) -> str:
+        """Return the kind of a shape, such as ``"box"``."""
+        kind = self._types.mjtGeom(int(self._m.geom_type[number]))
+        return str(kind).rsplit("_", 1)[-1].lower()
 
     def _add_body(self, body: int) -> None:
         m = self._m

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
@@ -16,12 +17,12 @@ from p3dof.viewer.connections import Message
 from p3dof.viewer.drawing import Drawable
 from p3dof.viewer.live_page import LivePage, Request, player_of
 from p3dof.viewer.player import within
+from p3dof.viewer.robots.figure import RobotFigure
 from p3dof.viewer.robots.hand import Hand, slider_ranges
 from p3dof.viewer.robots.layers import checked_layers
 from p3dof.viewer.robots.motion import JointMotion, Moment, Run, held
 from p3dof.viewer.robots.panel import Panel, setup_message
 from p3dof.viewer.robots.scene import RobotScene
-from p3dof.viewer.robots.sticks import StickFigure
 
 
 class RobotViewer(LivePage):
@@ -38,7 +39,11 @@ class RobotViewer(LivePage):
     motion : JointMotion or RobotRun, optional
         What can be played; without, the robot stands where its loops close near the reference.
     figure : Drawable, optional
-        Its solids; rods by default.
+        Its solids; by default a `RobotFigure` of the next two.
+    shapes : str or path-like, optional
+        The file that the robot was read from, or its name, to show the shapes that the file gives it.
+    package_dirs : iterable of path-like
+        Folders that meshes may be in, besides that of the file.
     external : mapping of str to array-like, shape (6,), optional
         Wrenches that act on frames: force [N], moment [N m] in world axes. A `JointMotion` has its own, and
         those of its beginning act while the robot is moved by hand.
@@ -86,6 +91,8 @@ class RobotViewer(LivePage):
         motion: JointMotion | Run | None = None,
         *,
         figure: Drawable | None = None,
+        shapes: str | os.PathLike[str] | None = None,
+        package_dirs: Iterable[str | os.PathLike[str]] = (),
         external: Mapping[str, ArrayLike] | None = None,
         layers: Mapping[str, bool] | None = None,
         title: str | None = None,
@@ -107,12 +114,13 @@ class RobotViewer(LivePage):
         self._hand = Hand(self.robot, np.array(first.q))
         self._by_hand = None if plays else self._hand.values
         self._moment, self._refused, self._why = first, "", ""
-        figure = StickFigure(self.robot) if figure is None else figure
+        figure = RobotFigure(self.robot, shapes, package_dirs) if figure is None else figure
+        warnings = (*warnings, *getattr(figure, "notes", ()))
         self.scene = RobotScene(figure, self._motion, None, self.robot, layers)
         self._ranges = slider_ranges(self.robot, self._hand.home, self.scene.half)
         self._panel = Panel(self.robot, self._motion)
         name = str(self.robot.model.name) if title is None else title
-        self._setup = setup_message(self._panel, self.scene, self._ranges, name, tuple(warnings))
+        self._setup = setup_message(self._panel, self.scene, self._ranges, name, warnings)
         self._largest = dict(self.scene.largest)
         self._serve(port)
 

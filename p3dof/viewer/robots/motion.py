@@ -20,6 +20,9 @@ MOST_SAMPLES = 1000
 _UNIQUE = 1e-7
 """Largest share that an undetermined multiplier may have in one that counts as determined."""
 
+_ROUNDING = 1e-12
+"""Forces smaller than this share of a robot's weight are none [1 or m]."""
+
 
 class Run(Protocol):
     """A run in time, as `p3dof.simulation.RobotRun` is one."""
@@ -304,7 +307,8 @@ def held(
         return Moment(q, np.full(len(robot.actuated), np.nan), np.full(rows, np.nan), wrenches), why
     unique = found.unique if found.tau_unique else _unique(robot, q)
     lambda_ = np.where(unique, found.lambda_, np.nan)
-    return Moment(q, found.tau, lambda_, wrenches, not found.tau_unique), why
+    forces, multipliers = _without_rounding(robot, found.tau), _without_rounding(robot, lambda_)
+    return Moment(q, forces, multipliers, wrenches, not found.tau_unique), why
 
 
 def _multipliers(
@@ -319,7 +323,13 @@ def _multipliers(
         found = robot.forward_dynamics(q, v, forces, external=external)
     except P3dofError:
         return np.full(sum(span.stop - span.start for span in robot.constraint_rows), np.nan)
-    return np.where(_unique(robot, q), found.lambda_, np.nan)
+    return _without_rounding(robot, np.where(_unique(robot, q), found.lambda_, np.nan))
+
+
+def _without_rounding(robot: ClosedLoopModel, forces: FloatArray) -> FloatArray:
+    """Return forces, zero where nothing is left of them but rounding beside the robot's weight."""
+    weight = pin.computeTotalMass(robot.model) * np.linalg.norm(robot.model.gravity.linear)
+    return np.where(np.abs(forces) <= _ROUNDING * weight, 0.0, forces)
 
 
 def _unique(robot: ClosedLoopModel, q: FloatArray) -> NDArray[np.bool_]:

@@ -28,6 +28,7 @@ from p3dof.viewer.robots.arrows import (
 from p3dof.viewer.robots.closures import MOST_NUMBERS, ClosureMarks
 from p3dof.viewer.robots.layers import LAYERS, Layers
 from p3dof.viewer.robots.motion import JointMotion, Moment
+from p3dof.viewer.robots.skins import draw_skins
 from p3dof.viewer.robots.sticks import Slides, thickness
 from p3dof.viewer.stage import draw_floor, enlargement, mesh_of, number, set_stage
 from p3dof.viewer.window import SceneWindow
@@ -88,6 +89,8 @@ class RobotScene(Drawing):
         self._loop = loop
         self._share = 1.0
         self._sticks = frozenset(getattr(robot, "sticks", ()))
+        self._usual: Mapping[str, bool] = getattr(robot, "usual", {})
+        draw_skins(self._solid, getattr(robot, "skins", {}))
         self._wrenches = None if loop is None else ClosureWrenches(loop)
         rows = 0 if loop is None else sum(span.stop - span.start for span in loop.constraint_rows)
         if loop is not None and motion.closing.shape[1] not in (0, rows):
@@ -235,6 +238,7 @@ class RobotScene(Drawing):
             "wrenches": ["wrenches"] if self._frames else [],
         }
         usual = {**dict.fromkeys(LAYERS, True), "closure_forces": False, "numbers": count <= MOST_NUMBERS}
+        usual.update(self._usual)
         return {name: (usual[name], nodes) for name, nodes in paths.items() if nodes}
 
     def _set_stage(self, points: FloatArray, bottom: float) -> None:
