@@ -10,6 +10,7 @@ import pinocchio as pin
 import pytest
 from documents import ROOT
 from loop_motions import biped, index_of, motion, moved
+from mujoco_robots import in_mujoco
 
 import p3dof
 from p3dof import ClosedLoopModel, InputError, JointData, Sidecar, SingularityError
@@ -230,3 +231,40 @@ def test_what_does_not_determine_the_motion_is_refused():
     dead = flat.assemble([np.pi / 2]).q  # all bars in one line: one more free motion
     with pytest.raises(SingularityError):
         flat.minimal_dynamics(dead, coordinates=["left_joint"])
+
+
+IN_MUJOCO = {"five_bar": "left_rod", "delta": "platform", "stewart": "platform"}
+
+
+@pytest.mark.parametrize(("name", "frame"), IN_MUJOCO.items())
+def test_the_equations_of_motion_are_those_of_mujoco(name, frame):
+    """MuJoCo reads the URDF itself: its mass matrix, load and Jacobians, and its closures' null space."""
+    mujoco = pytest.importorskip("mujoco", reason="mujoco not installed: pip install 'p3dof[engines]'")
+    file = ROOT / f"docs/_static/gallery/{name}.urdf"
+    loop, generator = p3dof.load_robot(file), np.random.default_rng(4)
+    q = loop.assemble().q
+    at = loop.minimal_dynamics(q)
+    q = moved(loop, q, 0.1 * at.motion @ generator.normal(size=len(at.speeds)))
+    at = loop.minimal_dynamics(q)
+    v = at.motion @ generator.normal(size=len(at.speeds))
+    at, J = loop.minimal_dynamics(q, v), loop.frame_jacobian(frame, q, v)
+    assert at.coordinates == loop.actuated
+    other = in_mujoco(loop, file)
+    model, data = other.model, mujoco.MjData(other.model)
+    data.qpos[:], data.qvel[:] = other.qpos(q), other.qvel(q, v)
+    data.qacc[:] = other.qacc(q, v, at.motion_rate @ at.speeds)
+    mujoco.mj_inverse(model, data)
+    closures = data.efc_J.reshape(data.nefc, model.nv)
+    _, s, Vt = np.linalg.svd(closures)
+    N = Vt[np.count_nonzero(s > 1e-9 * s[0]) :].T
+    N = N @ np.linalg.inv(N[other.actuated_v()])
+    M = np.zeros((model.nv, model.nv))
+    for row, unit in zip(M, np.eye(model.nv), strict=True):
+        mujoco.mj_mulM(model, data, row, unit)
+    np.testing.assert_allclose(at.mass_matrix, N.T @ M @ N, rtol=0, atol=1e-10 * np.abs(at.mass_matrix).max())
+    load = N.T @ (data.qfrc_inverse + data.qfrc_constraint)
+    found = at.coriolis_matrix @ at.speeds + at.gravity_forces - at.passive_forces
+    np.testing.assert_allclose(found, load, rtol=0, atol=1e-9 * np.abs(load).max())
+    linear, angular = np.zeros((2, 3, model.nv))
+    mujoco.mj_jacBody(model, data, linear, angular, model.body(frame).id)
+    np.testing.assert_allclose(J.jacobian, np.vstack((linear, angular)) @ N, rtol=0, atol=1e-10)
