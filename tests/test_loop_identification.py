@@ -216,3 +216,18 @@ def test_loops_that_never_close_have_no_base_parameters():
     loop = ClosedLoopModel.from_urdf(robots.four_bar(*lengths), robots.FOUR_BAR_SIDECAR)
     with pytest.raises(p3dof.AssemblyError):
         loop.base_parameters()
+    for seed in (-1, 0.5, "x"):
+        with pytest.raises(InputError, match="seed"):
+            loop.base_parameters(seed=seed)
+
+
+def test_a_robot_that_cannot_move_has_nothing_to_show():
+    lengths = robots.FOUR_BAR
+    sidecar = replace(robots.FOUR_BAR_SIDECAR, couplings=(p3dof.Coupling("crank_joint", None, (0.6,)),))
+    loop = ClosedLoopModel.from_urdf(robots.four_bar(*lengths), sidecar)
+    q, rest = robots.four_bar_q(0.6, *lengths), np.zeros(3)
+    assert loop.minimal_dynamics(q).mass_matrix.shape == (0, 0)
+    assert loop.inverse_dynamics_derivatives(q, rest, rest).tau.by_coordinates.shape == (1, 0)
+    assert loop.forward_dynamics_derivatives(q, rest, [0.0]).a.by_forces.shape == (3, 1)
+    assert len(loop.base_parameters()) == 0
+    assert loop.singularity_margins(q).actuation == 1.0

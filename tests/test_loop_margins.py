@@ -153,6 +153,7 @@ def test_bad_input_is_refused():
         ({"length": -1.0}, "length"),
         ({"components": [True] * 5}, "components"),
         ({"components": [False] * 6}, "components"),
+        ({"components": [[True], [True, False]]}, "components"),
     ):
         with pytest.raises(InputError, match=words):
             loop.singularity_margins(q, **{"frame": "left_tip", **change})

@@ -11,7 +11,7 @@ from p3dof.checks import FloatArray, frozen_array
 from p3dof.closed_loop.base_parameters import BaseParameters, base_parameters, random_motions
 from p3dof.closed_loop.derivatives_model import DerivativesModel
 from p3dof.closed_loop.linear import RANK_TOLERANCE, Decomposition
-from p3dof.closed_loop.loop_model import External
+from p3dof.closed_loop.loop_model import External, whole
 from p3dof.closed_loop.minimal import stacked
 from p3dof.closed_loop.minimal_model import Names
 from p3dof.closed_loop.regressor import LoopRegressor, TreeRegressor
@@ -110,11 +110,13 @@ class IdentificationModel(DerivativesModel):
             If the loops do not close at the reference configuration.
         DynamicsError
             If no motions are found.
+        InputError
+            If `seed` is no whole number of at least zero.
         """
         setting, regressor = self._setting, self._regressor
         count = len(regressor.names) if joints else regressor.inertial
         with setting.open():
-            draw = random_motions(setting.core, np.random.default_rng(seed))
+            draw = random_motions(setting.core, np.random.default_rng(whole("seed", seed, 0)))
 
             def rows() -> FloatArray:
                 point, v, a = draw()

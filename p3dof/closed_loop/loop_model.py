@@ -427,7 +427,7 @@ class LoopModel:
         InputError
             If an argument has the wrong shape, is not finite, or names a frame that does not exist.
         """
-        bound, starts, seed = self._target(target), _whole("starts", starts, 1), _whole("seed", seed, 0)
+        bound, starts, seed = self._target(target), whole("starts", starts, 1), whole("seed", seed, 0)
         if self._scaled is not None:
             return self._scaled.assembly_modes(_goal(target), starts, seed, within_limits)
         return assembly_modes(self._assembler, bound, starts, seed, within_limits)
@@ -769,7 +769,23 @@ def _are_several(target: TargetLike) -> TypeGuard[Sequence[OneTarget]]:
     )
 
 
-def _whole(name: str, value: int, least: int) -> int:
+def whole(name: str, value: int, least: int) -> int:
+    """Return a whole number that is at least so large.
+
+    Parameters
+    ----------
+    name : str
+        What to call it in an error.
+    value : int
+        The number.
+    least : int
+        The least that it may be.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
         raise InputError(f"{name}: expected a whole number of at least {least}, got {shown(value)}")
     return int(value)

@@ -61,9 +61,7 @@ class MarginsModel(IdentificationModel):
             each = [self.singularity_margins(one, frame, components, length) for one in q]
             return stacked(each, ("length", "freedoms"))
         unit = self._length if length is None else positive("length", length, InputError)
-        mask = np.array(components)
-        if mask.shape != (6,) or mask.dtype != np.bool_ or not mask.any():
-            raise InputError("components: expected six bools, at least one of them true")
+        mask = _checked(components)
         setting = self._setting
         with setting.open():
             own = self._configuration("q", q) / setting.q
@@ -139,3 +137,14 @@ class MarginsModel(IdentificationModel):
         J = np.array(pin.getFrameJacobian(*arguments))
         J[:3] /= unit / self._setting.length
         return J[mask]
+
+
+def _checked(components: Sequence[bool] | NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which components count, as an array."""
+    try:
+        mask = np.array(components)
+    except ValueError:  # of parts of several lengths
+        mask = np.zeros(0)
+    if mask.shape != (6,) or mask.dtype != np.bool_ or not mask.any():
+        raise InputError("components: expected six bools, at least one of them true")
+    return mask
