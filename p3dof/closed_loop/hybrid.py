@@ -72,7 +72,12 @@ class Hybrid:
         self._memories: dict[Any, Memory] = {}
 
     def solve(
-        self, point: ClosurePoint, v: FloatArray, given: Prescription, external: FloatArray
+        self,
+        point: ClosurePoint,
+        v: FloatArray,
+        given: Prescription,
+        external: FloatArray,
+        stabilisation: float = 0.0,
     ) -> HybridDynamics:
         """Return the forces that produce prescribed accelerations, and the motion with them.
 
@@ -86,6 +91,8 @@ class Hybrid:
             The prescribed accelerations.
         external : (nv,) array
             Generalised force of everything that is no actuator.
+        stabilisation : float
+            β of Baumgarte's stabilisation [1/s].
 
         Returns
         -------
@@ -101,7 +108,10 @@ class Hybrid:
         k = self._terms.kinematics
         S = given.rows(point.q)
         k.move(point.q, v)
-        task = _Task(point, v, S, k.acceleration(), given.values - given.drift(), external)
+        drift = k.acceleration()
+        if stabilisation and point.J.size:
+            drift = drift + stabilisation * (2.0 * point.J.dot(v) + stabilisation * point.error)
+        task = _Task(point, v, S, drift, given.values - given.drift(), external)
         if len(S) == len(self._actuated) > 0:
             both = ClosurePoint(point.q, point.error, np.concatenate((point.J, S)))
             split = self._memory(given.kind).at(both)

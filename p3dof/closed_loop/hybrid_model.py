@@ -32,6 +32,7 @@ class HybridModel(LoopModel):
         frames: ByName | None = None,
         external: External | None = None,
         joint_forces: ArrayLike | None = None,
+        stabilisation: float = 0.0,
     ) -> HybridDynamics:
         """Return the forces that produce prescribed accelerations, while idle freedoms move as they must.
 
@@ -55,6 +56,8 @@ class HybridModel(LoopModel):
             As in `inverse_dynamics`.
         joint_forces : (nv,) array, optional
             As in `inverse_dynamics`.
+        stabilisation : float
+            As in `forward_dynamics`.
 
         Returns
         -------
@@ -77,7 +80,10 @@ class HybridModel(LoopModel):
             values = frozen_array("prescribed", prescribed, (len(self.actuated),))
             joints = JointAccelerations(self.actuated_v, values)
         given = Prescription(self._kinematics, joints, _by_name("frames", frames or {}))
-        return self._hybrid(q, v, given, external, joint_forces)
+        beta = float(frozen_array("stabilisation", stabilisation, ()))
+        if beta < 0:
+            raise InputError(f"stabilisation: expected zero or more, got {beta:g}")
+        return self._hybrid(q, v, given, external, joint_forces, beta)
 
     def _hybrid(
         self,
@@ -86,6 +92,7 @@ class HybridModel(LoopModel):
         given: Prescription,
         external: External | None,
         joint_forces: ArrayLike | None,
+        stabilisation: float = 0.0,
     ) -> HybridDynamics:
         """Return the forces for accelerations that are prescribed properly."""
         v = frozen_array("v", v, (self.model.nv,))
@@ -93,8 +100,9 @@ class HybridModel(LoopModel):
         joint_forces = self._acting(q, v, joint_forces)
         force = self._external(external, joint_forces)
         if self._scaled is not None:
-            return _hybrid_scaled(self._scaled, (point.q, v), given, external, joint_forces)
-        return self._dynamics.hybrid.solve(point, v, given, force)
+            acting = external, joint_forces
+            return _hybrid_scaled(self._scaled, (point.q, v), given, acting, stabilisation)
+        return self._dynamics.hybrid.solve(point, v, given, force, stabilisation)
 
     def hybrid_dynamics_batch(
         self,
@@ -207,8 +215,8 @@ def _hybrid_scaled(
     scaled: ScaledModel[HybridModel],
     state: tuple[FloatArray, FloatArray],
     given: Prescription,
-    external: External | None,
-    joint_forces: ArrayLike | None,
+    acting: tuple[External | None, ArrayLike | None],
+    stabilisation: float,
 ) -> HybridDynamics:
     """`HybridModel.hybrid_dynamics` in the model's own unit of length."""
     core, units, joints = scaled.core, scaled.units, given.joints
@@ -217,9 +225,9 @@ def _hybrid_scaled(
     }
     rates = JointAccelerations(joints.v, joints.values / units.motion(units.v[joints.v]))
     asked = Prescription(core._kinematics, rates, places)
-    acting = scaled.wrenches(external), scaled.forces(joint_forces)
+    loads = scaled.wrenches(acting[0]), scaled.forces(acting[1])
     with scaled.in_words():
-        found = core._hybrid(scaled.q(state[0]), scaled.v(state[1]), asked, *acting)
+        found = core._hybrid(scaled.q(state[0]), scaled.v(state[1]), asked, *loads, stabilisation)
     return replace(
         found,
         tau=read_only(found.tau * units.force(units.v[core.actuated_v])),

@@ -3,7 +3,9 @@
 from p3dof.simulation.actuation import Noise
 from p3dof.simulation.control import Controller, ControllerLike, Measurement
 from p3dof.simulation.controllers import PD, ComputedTorque, Feedforward, Springs
+from p3dof.simulation.equilibrium import find_equilibrium
 from p3dof.simulation.events import Event, Occurrence
+from p3dof.simulation.following import follow_motion
 from p3dof.simulation.joint_controllers import (
     JointComputedTorque,
     JointFeedforward,
@@ -57,6 +59,8 @@ __all__ = [
     "Springs",
     "Stop",
     "errors_table",
+    "find_equilibrium",
+    "follow_motion",
     "gains",
     "moved_inertia",
     "simulate",

@@ -131,6 +131,8 @@ class Integrator:
         Called with (done, total) samples.
     watch : Watch, optional
         What is noted on the way.
+    shortest : float
+        A run that takes only steps shorter than this, very many of them, leads nowhere [s].
     """
 
     def __init__(
@@ -143,8 +145,9 @@ class Integrator:
         tolerances: Tolerances,
         progress: Progress | None = None,
         watch: Watch | None = None,
+        shortest: float = 0.0,
     ) -> None:
-        self._watch = watch
+        self._watch, self._shortest = watch, shortest
         self._plant, self._actuation, self._load = plant, actuation, load
         self._margins, self._crossings = margins, Crossings(margins)
         self._schedule, self._times = schedule, schedule.times
@@ -229,7 +232,8 @@ class Integrator:
             return False
         if solver.status == "failed":
             return False
-        tiny = solver.t - solver.t_old < _TINY * self._times[-1]
+        tiny = solver.t - solver.t_old < max(_TINY * self._times[-1], self._shortest)
+        tiny = tiny and solver.status == "running"  # the last step to a tick may be as short as it likes
         self._crawled = self._crawled + 1 if tiny else 0
         return self._crawled < _PATIENCE
 

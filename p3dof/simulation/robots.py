@@ -32,6 +32,8 @@ RobotController: TypeAlias = Callable[[RobotMeasurement], ArrayLike] | ArrayLike
 CLOSED = 1e-9
 """Largest gap of a start, and share of its velocity that may open the loops."""
 ROBOT_PRECISE, ROBOT_CONTINUOUS = Integration(rtol=1e-9, atol=1e-11), ControlLoop()
+SHORTEST = 1e-6
+"""Steps of a robot that are shorter lead nowhere, if there are very many [s]: it is near a singularity."""
 _STEPS, _PER_STEP = 50.0, 14
 """Steps a second that are expected of a robot that moves freely, and evaluations in each."""
 
@@ -123,7 +125,7 @@ def simulate_robot(
     tolerances = Tolerances(integration.rtol, integration.atol, longest)
     noted = [event for event in chosen if not event.stops]
     watch = _watch(plant, noted) if noted else None
-    integrator = Integrator(plant, actuation, loads, margins, schedule, tolerances, progress, watch)
+    integrator = Integrator(plant, actuation, loads, margins, schedule, tolerances, progress, watch, SHORTEST)
     finish = _Finish(loop, plant, loads, followed, noted, watch)
     try:
         record = integrator.run(state)

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, source, write_results
+from p3dof.cli.loop.control import EXTERNAL, externals
 from p3dof.cli.loop.group import loop, with_robot
 from p3dof.cli.loop.motion import Forces, forces_along
 from p3dof.cli.options import Whole
@@ -32,20 +33,32 @@ MOTION = click.option(
     type=Whole(2, 100_000),
     help="Samples of the curve through the values of the file; as many as peaks need, without it.",
 )
+@EXTERNAL
+@click.option(
+    "--equilibrium",
+    is_flag=True,
+    help="Start idle freedoms where gravity and springs let them rest; else they start at rest as assembled.",
+)
 @click.option(
     "--out",
     type=OutputFile("table", stream=True),
     help="CSV file, - for the standard output, for joints and forces at all samples.",
 )
 def forces(
-    robot: ClosedLoopModel, inputs: list[Path], motion_file: Path, samples: int | None, out: Path | None
+    robot: ClosedLoopModel,
+    inputs: list[Path],
+    motion_file: Path,
+    samples: int | None,
+    external: tuple[str, ...],
+    equilibrium: bool,
+    out: Path | None,
 ) -> int:
     """Compute the forces of the actuated joints over a motion: peaks on the screen, all samples in a file.
 
-    Exit code 1 when the robot cannot make the motion.
+    Joints that no actuator holds move as they must. Exit code 1 when the robot cannot make the motion.
     """
     protect([*inputs, motion_file], [out])
-    found: Forces = forces_along(robot, source(motion_file), samples)
+    found: Forces = forces_along(robot, source(motion_file), samples, externals(external), equilibrium)
     written = write_results(found.to_csv, out)
     console = console_beside(out)
     show(console, actuators_table(robot, found.time, found.tau, found.v))

@@ -8,11 +8,15 @@ from pathlib import Path
 import numpy as np
 
 from p3dof.checks import FloatArray
+from p3dof.cli.output import progress_bar
 from p3dof.closed_loop import ClosedLoopModel
+from p3dof.closed_loop.overview import overview
 from p3dof.closed_loop.tables import is_slide, joint_values, units_of_actuated
 from p3dof.errors import AssemblyError, DynamicsError, InputError, P3dofError, SingularityError
 from p3dof.files import Source, called, read_text, write_table
 from p3dof.motion.joint_files import JointCurve, read_joints
+from p3dof.simulation import JointReference, follow_motion
+from p3dof.simulation.robot_loads import ExternalOverTime, Loads
 
 _FEWEST, _MOST = 200, 4000
 """Steps of a curve that its forces begin with, and beyond which they do not go."""
@@ -81,8 +85,14 @@ class Forces:
         return write_table(path, header, tuple(columns))
 
 
-def forces_along(robot: ClosedLoopModel, motion: Source, samples: int | None = None) -> Forces:
-    """Return the forces of the actuated joints along a motion of them.
+def forces_along(
+    robot: ClosedLoopModel,
+    motion: Source,
+    samples: int | None = None,
+    external: ExternalOverTime | None = None,
+    equilibrium: bool = False,
+) -> Forces:
+    """Return the forces of the actuated joints along a motion of them, idle freedoms moving as they must.
 
     Parameters
     ----------
@@ -93,6 +103,10 @@ def forces_along(robot: ClosedLoopModel, motion: Source, samples: int | None = N
     samples : int, optional
         At how many times of the curve, evenly spaced; by default at as many as peaks, RMS and power of the
         actuators need: twice as many change them by less than .03 %.
+    external : mapping of str to wrenches, optional
+        What acts on frames, as of `p3dof.simulation.simulate_robot`.
+    equilibrium : bool
+        Whether idle freedoms start where gravity and springs let them rest.
 
     Returns
     -------
@@ -111,33 +125,85 @@ def forces_along(robot: ClosedLoopModel, motion: Source, samples: int | None = N
     text, name = read_text(motion), called(motion)
     sliding = [is_slide(robot, joint) for joint in joints]
     curve = read_joints(text, name, robot.actuated, sliding)
-    told = _ends(robot, curve)
+    told, loads = _ends(robot, curve), Loads(robot, external)
+    idle = overview(robot, robot.assemble(curve.values[0]).q).idle
+    if equilibrium and not idle:
+        raise InputError("--equilibrium: the robot has no idle freedoms")
+    if idle and len(curve.time) > 1:
+        return _with_idle(robot, curve, samples, (external, equilibrium), (*told, _idle_words(idle)))
     if len(curve.time) == 1:
-        return _forces_at(robot, curve, curve.time, told)
+        return _forces_at(robot, curve, curve.time, told, loads)
     if samples is not None:
-        return _forces_at(robot, curve, np.linspace(curve.time[0], curve.time[-1], samples), told)
+        return _forces_at(robot, curve, np.linspace(curve.time[0], curve.time[-1], samples), told, loads)
     steps, parts = len(curve.time) - 1, 1
     while parts * steps < _FEWEST:
         parts *= 2
-    found = _forces_at(robot, curve, curve.divided(parts), told)
+    found = _forces_at(robot, curve, curve.divided(parts), told, loads)
     while 2 * parts * steps <= max(_MOST, 2 * steps):
-        finer = _forces_at(robot, curve, curve.divided(2 * parts), told)
-        before, after = _sizes(found), _sizes(finer)
-        size = np.maximum(
-            after, 1e-2 * after.max(axis=1, keepdims=True)
-        )  # small ones may be as far off as large
-        if np.all(np.abs(after - before) <= _SETTLED * size):
+        finer = _forces_at(robot, curve, curve.divided(2 * parts), told, loads)
+        if _settled(_sizes(found), _sizes(finer)):
             return found
         found, parts = finer, 2 * parts
     return found
 
 
-def _forces_at(robot: ClosedLoopModel, curve: JointCurve, time: FloatArray, told: tuple[str, ...]) -> Forces:
+def _settled(before: FloatArray, after: FloatArray) -> bool:
+    """Return whether twice as many samples change peaks, RMS and power by nothing that counts."""
+    size = np.maximum(after, 1e-2 * after.max(axis=1, keepdims=True))  # small ones may be as far off as large
+    return bool(np.all(np.abs(after - before) <= _SETTLED * size))
+
+
+def _idle_words(idle: tuple[str, ...]) -> str:
+    """Say which joints no motor holds."""
+    named = ", ".join(idle[:4]) + (f" and {len(idle) - 4} more" if len(idle) > 4 else "")
+    return f"Joints that no actuator holds move as they must, from rest: {named}."
+
+
+def _with_idle(
+    robot: ClosedLoopModel,
+    curve: JointCurve,
+    samples: int | None,
+    options: tuple[ExternalOverTime | None, bool],
+    told: tuple[str, ...],
+) -> Forces:
+    """Return the forces of a robot with idle freedoms, whose motion is integrated in time."""
+    motion = JointReference(curve.time, curve.values)
+    count = 2 * _FEWEST * 4 + 1 if samples is None else samples
+    external, equilibrium = options
+    with progress_bar("motion", count) as progress:
+        run = follow_motion(
+            robot, motion, external=external, equilibrium=equilibrium, samples=count, progress=progress
+        )
+    if run.stop is not None:
+        raise DynamicsError(f"the idle freedoms cannot be followed: ended by {run.stop}")
+
+    def thinned(stride: int) -> Forces:
+        rows = slice(None, None, stride)
+        q, v, a, tau = run.q[rows], run.v[rows], run.a[rows], run.forces[rows]
+        acting = {name: wrench[rows] for name, wrench in run.external.items()}
+        found = robot.hybrid_dynamics_batch(q, v, a[:, robot.actuated_v], external=acting)
+        residual = float(np.abs(found.residual).max(initial=0.0))
+        time = curve.time[0] + run.time[rows]
+        return Forces(robot, time, q, v, a, tau, float(run.gap.max()), residual, told)
+
+    if samples is not None:
+        return thinned(1)
+    for stride in (8, 4, 2):
+        found = thinned(stride)
+        if _settled(_sizes(found), _sizes(thinned(stride // 2))):
+            return found
+    return thinned(1)
+
+
+def _forces_at(
+    robot: ClosedLoopModel, curve: JointCurve, time: FloatArray, told: tuple[str, ...], loads: Loads
+) -> Forces:
     values, velocities, accelerations = curve.at(time)
     start = robot.assemble(values[0]).q
     states = robot.complete_batch(values, velocities, accelerations, start, stop=True)
     _require(states.errors, time)
-    found = robot.inverse_dynamics_batch(states.q, states.v, states.a, stop=True)
+    acting = loads.over(time - curve.time[0])
+    found = robot.inverse_dynamics_batch(states.q, states.v, states.a, external=acting, stop=True)
     _require(found.errors, time)
     gap, residual = (float(np.abs(array).max(initial=0.0)) for array in (found.closure_error, found.residual))
     return Forces(robot, time, states.q, states.v, states.a, found.tau, gap, residual, told)
