@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from p3dof.checks import FloatArray, frozen_array
+from p3dof.checks import FloatArray, as_floats, frozen_array
 from p3dof.closed_loop.batch.dynamics import BatchDynamics, BatchInverseDynamics
 from p3dof.closed_loop.batch.energy import BodyEnergies, body_energies
+from p3dof.closed_loop.batch.linear import IndexArray
 from p3dof.closed_loop.batch.states import BatchAssembler, BatchStates
-from p3dof.closed_loop.batch.targets import FrameGoals, FrameTargets, JointGoals
+from p3dof.closed_loop.batch.targets import FrameTargets, Targets
 from p3dof.closed_loop.hybrid_model import rows_of
 from p3dof.closed_loop.loop_model import External
 from p3dof.closed_loop.margins_model import MarginsModel
@@ -24,6 +25,9 @@ from p3dof.closed_loop.units import ScaledModel
 from p3dof.closed_loop.writers.files import contents
 from p3dof.errors import InputError
 from p3dof.files import together, write_atomic
+
+BatchTarget: TypeAlias = FrameTargets | ArrayLike | Mapping[str, ArrayLike]
+"""Placements of a frame, values of the actuated joints, or values of joints by name, at many samples."""
 
 
 class ClosedLoopModel(MarginsModel):
@@ -51,7 +55,7 @@ class ClosedLoopModel(MarginsModel):
 
     def complete_batch(
         self,
-        target: FrameTargets | ArrayLike,
+        target: BatchTarget | Sequence[BatchTarget],
         velocity: ArrayLike,
         acceleration: ArrayLike,
         guess: ArrayLike | None = None,
@@ -62,8 +66,9 @@ class ClosedLoopModel(MarginsModel):
 
         Parameters
         ----------
-        target : FrameTargets or (N, n_actuated) array
-            Placements of a frame, or values of the actuated joints.
+        target : FrameTargets, (N, n_actuated) array, mapping of str to (N,) array, or a list of these
+            Placements of a frame, values of the actuated joints, or those of other joints by name, a number
+            for the same at all samples; or several of them at once, as in `complete`.
         velocity, acceleration : (N, size) array
             As in `complete`, of every sample.
         guess : (nq,) array, optional
@@ -81,21 +86,64 @@ class ClosedLoopModel(MarginsModel):
         Raises
         ------
         InputError
-            If an argument has the wrong shape, is not finite, or names a frame that does not exist.
+            If an argument has the wrong shape, is not finite, or names a frame or joint that does not exist.
         """
-        goals: FrameGoals | JointGoals
-        if isinstance(target, FrameTargets):
-            goals = FrameGoals(self._kinematics, target)
-        else:
-            target = frozen_array("target", target, ("N", len(self._joints)))
-            goals = JointGoals(self._kinematics, self._joints, target)
-        shape = (len(target), goals.size)
-        motion = frozen_array("velocity", velocity, shape), frozen_array("acceleration", acceleration, shape)
+        goals = self._targets(target, len(np.atleast_1d(as_floats("velocity", velocity))))
+        shape = (len(goals), len(goals.order))
+        rates = [frozen_array("velocity", velocity, shape), frozen_array("acceleration", acceleration, shape)]
+        motion = rates[0][:, goals.order], rates[1][:, goals.order]
         start = None if guess is None else self._configuration("guess", guess)
         first = None if near is None else self._configuration("near", near)
         if self._scaled is not None:
-            return _complete_scaled(self._scaled, target, motion, start, first, stop)
-        return self._batch_assembler.complete(target, goals, motion, start, first, stop)
+            found = _complete_scaled(self._scaled, goals, motion, start, first, stop)
+        else:
+            found = self._batch_assembler.complete(goals, motion, start, first, stop)
+        return replace(found, influence=goals.given(found.influence))
+
+    def _targets(self, target: BatchTarget | Sequence[BatchTarget], count: int) -> Targets:
+        """Return targets of `count` samples, frames first; the number counts where none is given."""
+        several = isinstance(target, list | tuple) and any(
+            isinstance(part, FrameTargets | Mapping) for part in target
+        )
+        frames: list[FrameTargets] = []
+        joints: list[int] = []
+        columns: list[FloatArray] = []
+        places: list[IndexArray] = []
+        of_joints: list[IndexArray] = []
+        size = 0
+        for part in cast("Sequence[BatchTarget]", target if several else [target]):
+            if isinstance(part, FrameTargets):
+                self._kinematics.frame(part.frame, "target", InputError)
+                frames.append(part)
+                places.append(size + np.arange(np.count_nonzero(part.mask)))
+                size += len(places[-1])
+                continue
+            ids, values = self._joint_values(part, count)
+            joints += ids
+            columns.append(values)
+            of_joints.append(size + np.arange(len(ids)))
+            size += len(ids)
+        lengths = {len(part) for part in frames} | {len(part) for part in columns}
+        if len(lengths) != 1:
+            raise InputError(f"target: expected as many samples in all parts, got {sorted(lengths)}")
+        values = np.concatenate([np.zeros((lengths.pop(), 0)), *columns], axis=1)
+        order = np.concatenate([np.arange(0), *places, *of_joints])
+        return Targets(tuple(frames), tuple(joints), values, order)
+
+    def _joint_values(
+        self, target: ArrayLike | Mapping[str, ArrayLike], count: int
+    ) -> tuple[Any, FloatArray]:
+        """Return ids of joints, and their values (N, n)."""
+        if not isinstance(target, Mapping):
+            return self._joints, frozen_array("target", target, ("N", len(self._joints)))
+        ids, columns = self._named_joints(target), []
+        for name, value in target.items():
+            array = as_floats(f"target {name}", value)
+            array = np.broadcast_to(array, (count,)) if array.ndim == 0 else array
+            columns.append(frozen_array(f"target {name}", array, ("N",)))
+        if len({len(column) for column in columns}) > 1:
+            raise InputError("target: expected as many samples of all joints")
+        return ids, np.stack(columns, axis=1) if columns else np.zeros((count, 0))
 
     def inverse_dynamics_batch(
         self,
@@ -258,7 +306,7 @@ class ClosedLoopModel(MarginsModel):
 
 def _complete_scaled(
     scaled: ScaledModel[ClosedLoopModel],
-    target: FrameTargets | FloatArray,
+    target: Targets,
     motion: tuple[FloatArray, FloatArray],
     guess: FloatArray | None,
     near: FloatArray | None,
@@ -266,17 +314,17 @@ def _complete_scaled(
 ) -> BatchStates:
     """`ClosedLoopModel.complete_batch` in the model's own unit of length."""
     core, units = scaled.core, scaled.units
-    goals: FrameTargets | FloatArray
-    if isinstance(target, FrameTargets):
-        factors = scaled.of_mask(target.mask)
-        goals = FrameTargets(target.frame, target.positions / units.length, target.rotations, target.mask)
-    else:
-        factors = units.motion(units.v[core.actuated_v])
-        goals = target / factors
-    velocity, acceleration = (values / factors for values in motion)
+    of_joints = units.motion(units.v[[core.model.idx_vs[joint] for joint in target.joints]])
+    factors = np.concatenate([*(scaled.of_mask(part.mask) for part in target.frames), of_joints])
+    frames = (
+        FrameTargets(part.frame, part.positions / units.length, part.rotations, part.mask)
+        for part in target.frames
+    )
+    goals = replace(target, frames=tuple(frames), values=target.values / of_joints)
+    rates = motion[0] / factors, motion[1] / factors
     begin, first = (None if q is None else scaled.q(q) for q in (guess, near))
     with scaled.in_words():
-        found = core.complete_batch(goals, velocity, acceleration, begin, first, stop)
+        found = core._batch_assembler.complete(goals, rates, begin, first, stop)
     return BatchStates(
         found.q * units.motion(units.q),
         found.v * units.motion(units.v),

@@ -211,8 +211,8 @@ class RelativeRows:
             Where.
         frames : Frames
             The frames there.
-        last : (N, 3, 3) array, optional
-            What takes the place of R1ᵀ for the angular velocity of the last pair.
+        last : (N, n, 3, 3) array, optional
+            What takes the place of R1ᵀ for the angular velocities of the last n pairs.
         """
         J: FloatArray = np.matmul(self._projection(frames, last), samples.J)
         J *= self._sign
@@ -240,7 +240,7 @@ class RelativeRows:
         X[..., :3, 3:] = cross(frames.point[..., None, :], axes)  # rows a of R1ᵀ: a · (ω × c) = (c × a) · ω
         X[..., 3:, 3:] = axes
         if last is not None:
-            X[:, -1, 3:, 3:] = last
+            X[:, -last.shape[1] :, 3:, 3:] = last
         return np.asarray(X.reshape(count, 6 * pairs, 6)[:, self._rows])
 
 

@@ -17,11 +17,11 @@ from p3dof.closed_loop.batch.assembly import BatchSystem, Goals, settle
 from p3dof.closed_loop.batch.dynamics import CONSISTENT, WELL, redundant
 from p3dof.closed_loop.batch.kinematics import Sweep
 from p3dof.closed_loop.batch.linear import FEW, BoolArray, IndexArray, apply, blocks, largest, norms
-from p3dof.closed_loop.batch.targets import FrameTargets
+from p3dof.closed_loop.batch.targets import Targets
 from p3dof.closed_loop.closures import LoopKinematics
 from p3dof.closed_loop.coordinates import rounding
-from p3dof.closed_loop.loop_model import LoopModel
-from p3dof.closed_loop.targets import FrameTarget, NoTarget
+from p3dof.closed_loop.loop_model import LoopModel, TargetLike
+from p3dof.closed_loop.targets import NoTarget
 from p3dof.errors import AssemblyError, P3dofError
 
 
@@ -86,8 +86,7 @@ class BatchAssembler:
 
     def complete(
         self,
-        target: FrameTargets | FloatArray,
-        goals: Goals,
+        target: Targets,
         motion: tuple[FloatArray, FloatArray],
         guess: FloatArray | None,
         near: FloatArray | None,
@@ -97,12 +96,10 @@ class BatchAssembler:
 
         Parameters
         ----------
-        target : FrameTargets or (N, n_actuated) array
-            The target; item i is that of sample i.
-        goals : Goals
-            The same, bound to the model.
+        target : Targets
+            The target.
         motion : tuple of (N, size) array
-            Its velocity and acceleration.
+            Its velocity and acceleration, in the order of its components.
         guess, near, stop
             As for `p3dof.ClosedLoopModel.complete_batch`.
 
@@ -110,7 +107,7 @@ class BatchAssembler:
         -------
         BatchStates
         """
-        model, count = self._loop.model, len(motion[0])
+        model, count, goals = self._loop.model, len(motion[0]), target.goals(self._kinematics)
         q, v, a = (np.full((count, size), np.nan) for size in (model.nq, model.nv, model.nv))
         G = np.full((count, model.nv, goals.size), np.nan)
         columns = list(self._loop.actuated_v)
@@ -123,7 +120,8 @@ class BatchAssembler:
                 known = _nearest(result.same_assembly, i)
                 first = near if known is None else result.q[known]
                 try:
-                    state = complete_near(self._loop, target[i], motion[0][i], motion[1][i], first, guess)
+                    goal = target.of_sample(int(i), model)
+                    state = complete_near(self._loop, goal, motion[0][i], motion[1][i], first, guess)
                 except P3dofError as error:
                     result.errors[int(i)] = error
                     if stop:
@@ -170,7 +168,7 @@ class BatchAssembler:
 
 def complete_near(
     loop: LoopModel,
-    target: FrameTarget | FloatArray,
+    target: TargetLike,
     velocity: FloatArray,
     acceleration: FloatArray,
     near: FloatArray | None,
@@ -182,7 +180,7 @@ def complete_near(
     ----------
     loop : LoopModel
         The model.
-    target : FrameTarget or (n_actuated,) array
+    target : FrameTarget, (n_actuated,) array, mapping of str to float, or a list of these
         The target.
     velocity, acceleration : (size,) array
         Its motion.

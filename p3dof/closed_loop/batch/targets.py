@@ -91,18 +91,26 @@ class FrameGoals:
         self.size = len(components)
         self.rows = np.zeros((0, kinematics.model.nv))
 
-    def error(
-        self, _q: FloatArray, frames: Frames, which: IndexArray
-    ) -> tuple[FloatArray, FloatArray | None]:
-        """Return the errors (n, size), and the matrices from ω to the rate of the rotation's error."""
+    def error_at(self, frames: Frames, which: IndexArray, pair: int) -> tuple[FloatArray, FloatArray]:
+        """Return the errors (n, size), and the matrices (n, 1, 3, 3) from ω to the rate of the rotation's.
+
+        Parameters
+        ----------
+        frames : Frames
+            Where all frames are.
+        which : (n,) array of int
+            Which samples.
+        pair : int
+            Which of the frames is meant.
+        """
         error = np.zeros((len(which), 6))
-        error[:, :3] = frames.p2[:, -1] - self._targets.positions[which]
-        last = None
+        error[:, :3] = frames.p2[:, pair] - self._targets.positions[which]
+        rates: FloatArray = np.broadcast_to(np.eye(3), (len(which), 1, 3, 3))
         if self._turns:
             goal = np.swapaxes(self._targets.rotations[which], -1, -2)
-            error[:, 3:] = rotation_vector(frames.R2[:, -1] @ goal)
-            last = turned_rates(error[:, 3:])
-        return error[:, self._mask], last
+            error[:, 3:] = rotation_vector(frames.R2[:, pair] @ goal)
+            rates = turned_rates(error[:, 3:])[:, None]
+        return error[:, self._mask], rates
 
     def coordinates(self, which: IndexArray) -> FloatArray:
         """Return the prescribed positions, and the axes if a rotation is prescribed, of some samples."""
@@ -148,3 +156,77 @@ class JointGoals:
     def coordinates(self, which: IndexArray) -> FloatArray:
         """Return the values of some samples."""
         return self._values[which]
+
+
+class CombinedGoals:
+    """Several goals at once, the placements of frames before the values of joints.
+
+    Parameters
+    ----------
+    frames : sequence of FrameGoals
+        Those of frames.
+    joints : JointGoals
+        Those of joints; it may be of none.
+    """
+
+    def __init__(self, frames: Sequence[FrameGoals], joints: JointGoals) -> None:
+        self._frames, self._joints = frames, joints
+        self.pairs = [pair for part in frames for pair in part.pairs]
+        self.size = sum(part.size for part in frames) + joints.size
+        self.rows = joints.rows
+
+    def error(self, q: FloatArray, frames: Frames, which: IndexArray) -> tuple[FloatArray, FloatArray | None]:
+        """Return the errors (n, size), and the matrices from ω to the rates of the rotations' errors."""
+        found = [part.error_at(frames, which, i - len(self._frames)) for i, part in enumerate(self._frames)]
+        errors = [error for error, _ in found]
+        last = np.concatenate([rates for _, rates in found], axis=1) if found else None
+        return np.concatenate([*errors, self._joints.error(q, frames, which)[0]], axis=1), last
+
+    def coordinates(self, which: IndexArray) -> FloatArray:
+        """Return all coordinates of some samples."""
+        parts = [part.coordinates(which) for part in self._frames]
+        return np.concatenate([*parts, self._joints.coordinates(which)], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Targets:
+    """What many samples are driven to, checked against a model: frames first, then joints.
+
+    Parameters
+    ----------
+    frames : tuple of FrameTargets
+        Placements of frames.
+    joints : tuple of int
+        Ids of joints.
+    values : (N, n) array
+        Values of these joints [m or rad]; an angle for a continuous joint.
+    order : (size,) array of int
+        Of which prescribed value, as they were given, each component is.
+    """
+
+    frames: tuple[FrameTargets, ...]
+    joints: tuple[int, ...]
+    values: FloatArray
+    order: IndexArray
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def goals(self, kinematics: LoopKinematics) -> CombinedGoals:
+        """Return the same, bound to a model."""
+        frames = [FrameGoals(kinematics, target) for target in self.frames]
+        return CombinedGoals(frames, JointGoals(kinematics, self.joints, self.values))
+
+    def of_sample(self, i: int, model: pin.Model) -> list[FrameTarget | dict[str, float]]:
+        """Return the targets of one sample, as `LoopModel.complete` takes them."""
+        names = [str(model.names[joint]) for joint in self.joints]
+        values = dict(zip(names, self.values[i].tolist(), strict=True))
+        return [*(target[i] for target in self.frames), *([values] if values else [])]
+
+    def given(self, components: FloatArray) -> FloatArray:
+        """Return arrays (..., size) of components in the order in which these were given."""
+        if np.array_equal(self.order, np.arange(len(self.order))):
+            return components
+        found = np.empty_like(components)
+        found[..., self.order] = components
+        return found
