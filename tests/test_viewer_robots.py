@@ -222,6 +222,16 @@ def test_layers_hide_parts_of_the_picture(gripper):
             RobotScene(StickFigure(loop), motion, loop=loop, layers=bad)
 
 
+def test_a_page_says_that_other_torques_would_do():
+    loop = p3dof.load_robot(GALLERY / "two_arms.urdf")
+    page = robot_animation_html(StickFigure(loop), JointMotion.at_rest(loop), loop=loop)
+    assert "these are the smallest" in page
+    robot = p3dof.load_robot(GALLERY / "four_bar.urdf")
+    assert "these are the smallest" not in robot_animation_html(
+        StickFigure(robot), JointMotion.at_rest(robot), loop=robot
+    )
+
+
 def test_external_wrenches_have_arrows(gripper):
     loop, motion = gripper
     push = {"left_finger": np.array([3.0, 0.0, 4.0, 0.0, 0.1, 0.0])}

@@ -142,7 +142,13 @@ def test_nothing_outside_of_the_folders_is_opened(folder, name, monkeypatch):
 def test_given_folders_are_looked_in(folder):
     top, files = folder.parent, MeshFiles(folder)
     inside = folder / "four/bar.stl"
-    for name in ("package://four/bar.stl", "four/bar.stl", "./four/bar.stl", "four/../four/bar.stl"):
+    for name in (
+        "package://four/bar.stl",
+        "package:///four/bar.stl",
+        "four/bar.stl",
+        "./four/bar.stl",
+        "four/../four/bar.stl",
+    ):
         assert files.find(name) == inside.resolve()
     (folder / "alias.stl").symlink_to(inside)
     assert files.find("alias.stl") == inside.resolve()

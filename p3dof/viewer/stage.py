@@ -176,8 +176,8 @@ def _lines(points: FloatArray, colour: int) -> Any:
     return mg.LineSegments(mg.PointsGeometry(points.T.astype(np.float32)), mg.LineBasicMaterial(color=colour))
 
 
-def write_text(node: Any, text: str, place: FloatArray, height: float) -> None:
-    """Write a text that always faces the eye."""
+def write_text(node: Any, text: str, place: FloatArray, height: float, through: bool = False) -> None:
+    """Write a text that always faces the eye, and is perhaps seen through what is before it."""
     import meshcat.geometry as mg
 
     class Letter(mg.Object):  # type: ignore[misc]
@@ -196,6 +196,7 @@ def write_text(node: Any, text: str, place: FloatArray, height: float) -> None:
                 "type": "SpriteMaterial",
                 "map": texture["uuid"],
                 "transparent": True,
+                "depthTest": not through,
             }
             sprite = {"uuid": self.uuid, "type": "Sprite", "material": material["uuid"]}
             return {

@@ -18,6 +18,8 @@ from p3dof.viewer.robots.motion import JointMotion, Moment
 from p3dof.viewer.robots.readings import ClosureReadings
 from p3dof.viewer.robots.scene import RobotScene
 
+_SMALLEST = "Other actuator forces would do too: these are the smallest, and those in closures go with them."
+
 
 def robot_animation_html(
     robot: Drawable,
@@ -121,7 +123,7 @@ def _page(
     labels = Labels(
         motion.actuated,
         scene.colours,
-        scene.legend,
+        f"{scene.legend} {_SMALLEST}" if motion.smallest else scene.legend,
         scene.units,
         digits,
         scene.layers.rows(),

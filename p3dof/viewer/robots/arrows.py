@@ -13,9 +13,8 @@ import pinocchio as pin
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.closure_wrenches import ClosureWrench
 from p3dof.viewer.arrows import HEAD_RADIUS, draw_arrow, set_length
-from p3dof.viewer.robots.closures import COLOUR
+from p3dof.viewer.robots.closures import COLOUR, ink
 from p3dof.viewer.robots.lines import turned_to
-from p3dof.viewer.stage import colour_number
 
 UNITS = ("N", "N m")
 """Of forces and of moments."""
@@ -87,13 +86,21 @@ class RobotArrows:
         for i, (unit, colour) in enumerate(zip(units, colours, strict=True)):
             self._draw(f"forces/{i}", colour, unit)
 
-    def draw_closures(self, moments: Sequence[bool]) -> None:
-        """Put arrows into the scene for each closure: of its force, and of its moment where it has one."""
+    def draw_closures(self, moments: Sequence[bool], through: bool = False) -> None:
+        """Put arrows into the scene for each closure: of its force, and of its moment where it has one.
+
+        Parameters
+        ----------
+        moments : sequence of bool
+            Whether each closure has a moment.
+        through : bool
+            Whether they are seen through what is before them.
+        """
         for i, has_moment in enumerate(moments):
             for unit in UNITS[: 2 if has_moment else 1]:
                 word = "force" if unit == "N" else "moment"
-                self._draw(f"closure_forces/{i}/{word}", COLOUR, unit)
-                self._draw(f"closure_forces/{i}/part_of_{word}", _PALE, unit)
+                self._draw(f"closure_forces/{i}/{word}", COLOUR, unit, through)
+                self._draw(f"closure_forces/{i}/part_of_{word}", _PALE, unit, through)
 
     def draw_wrenches(self, names: Iterable[str]) -> None:
         """Put arrows into the scene for the external wrenches on frames."""
@@ -142,12 +149,9 @@ class RobotArrows:
         ]
         return np.array(tips).reshape(-1, 3)
 
-    def _draw(self, name: str, colour: Sequence[float], unit: str) -> None:
-        import meshcat.geometry as mg
-
+    def _draw(self, name: str, colour: Sequence[float], unit: str, through: bool = False) -> None:
         self._double[name] = unit == "N m"
-        material = mg.MeshLambertMaterial(color=colour_number(colour))
-        draw_arrow(self._viewer[name], self.radius, material, self._double[name])
+        draw_arrow(self._viewer[name], self.radius, ink(colour, through), self._double[name])
         set_length(self._viewer[name], 0.0, self.radius)
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from p3dof.checks import FloatArray
 from p3dof.closed_loop import Closure
 from p3dof.viewer.arrows import unit_along_z
 from p3dof.viewer.robots.lines import line_between, placed_at, turned_to
@@ -49,11 +49,15 @@ class ClosureMarks:
         The closures.
     size : float
         Radius of a ball [m].
+    through : bool
+        Whether they are seen through what is before them.
     """
 
-    def __init__(self, viewer: Any, closures: Iterable[Closure], size: float) -> None:
+    def __init__(self, viewer: Any, closures: Iterable[Closure], size: float, through: bool = False) -> None:
         self._closures = tuple(closures)
         self._size = size
+        self._pen = _Pen(size, ink(COLOUR, through))
+        self._through = through
         self._marks, self._numbers = viewer["closures"], viewer["closure_numbers"]
         self._draw()
 
@@ -75,83 +79,94 @@ class ClosureMarks:
 
     def _draw(self) -> None:
         for i, closure in enumerate(self._closures):
-            _DRAWN[closure.kind](self._marks[str(i)], self._size)
+            _DRAWN[closure.kind](self._pen, self._marks[str(i)])
             text = self._numbers[str(i)]["text"]
-            write_text(text, str(i + 1), np.zeros(3), 2.0 * self._size)
+            write_text(text, str(i + 1), np.zeros(3), 2.0 * self._size, self._through)
 
 
-def _ink() -> Any:
+def ink(colour: Sequence[float], through: bool) -> Any:
+    """Return a material of a colour, which is perhaps seen through what is before it."""
     import meshcat.geometry as mg
 
-    return mg.MeshLambertMaterial(color=colour_number(COLOUR))
+    if not through:
+        return mg.MeshLambertMaterial(color=colour_number(colour))
+    # After all that is opaque, whatever is before it.
+    return mg.MeshLambertMaterial(color=colour_number(colour), transparent=True, depthTest=False)
 
 
-def _cylinder(node: Any, length: float, radius: float, turn: FloatArray | None = None) -> None:
-    """Draw a cylinder about the middle of a node, along z or along the third of some axes (3, 3)."""
+@dataclass(frozen=True)
+class _Pen:
+    """Draws marks of a size with a material."""
+
+    size: float
+    ink: Any
+
+    def cylinder(self, node: Any, length: float, radius: float, along: Sequence[float] | None = None) -> None:
+        """Draw a cylinder about the middle of a node, along z or another direction; measures in sizes."""
+        import meshcat.geometry as mg
+
+        node.set_object(unit_along_z(mg.Cylinder(1.0, radius * self.size)), self.ink)
+        matrix = np.eye(4)
+        if along is not None:
+            matrix[:3, :3] = turned_to(np.array(along))
+        matrix[:3, 3] = -length * self.size / 2 * matrix[:3, 2]
+        matrix[:3, 2] *= length * self.size
+        node.set_transform(matrix)
+
+    def box(self, node: Any, *edges: float) -> None:
+        """Draw a box; measures in sizes."""
+        import meshcat.geometry as mg
+
+        node.set_object(mg.Box([edge * self.size for edge in edges]), self.ink)
+
+    def ball(self, node: Any, radius: float) -> None:
+        """Draw a ball; measures in sizes."""
+        import meshcat.geometry as mg
+
+        node.set_object(mg.Sphere(radius * self.size), self.ink)
+
+
+def _point(pen: _Pen, node: Any) -> None:
+    pen.ball(node["first/ball"], 1.0)
+
+
+def _hinge(pen: _Pen, node: Any) -> None:
+    pen.cylinder(node["first/pin"], 3.6, 1.0)
+
+
+def _slider(pen: _Pen, node: Any) -> None:
+    pen.box(node["first/bar"], 0.8, 0.8, 8.0)
+    pen.box(node["first/sleeve"], 2.0, 2.0, 3.0)
+
+
+def _cylindrical(pen: _Pen, node: Any) -> None:
+    pen.cylinder(node["first/bar"], 8.0, 0.45)
+    pen.cylinder(node["first/sleeve"], 3.0, 1.1)
+
+
+def _universal(pen: _Pen, node: Any) -> None:
+    pen.cylinder(node["first/x"], 4.4, 0.6, (1.0, 0.0, 0.0))
+    pen.cylinder(node["second/y"], 4.4, 0.6, (0.0, 1.0, 0.0))
+
+
+def _planar(pen: _Pen, node: Any) -> None:
+    pen.box(node["first/plate"], 6.0, 6.0, 0.4)
+    pen.ball(node["first/ball"], 0.8)
+
+
+def _frame(pen: _Pen, node: Any) -> None:
+    pen.box(node["first/cube"], 1.8, 1.8, 1.8)
+
+
+def _distance(pen: _Pen, node: Any) -> None:
     import meshcat.geometry as mg
 
-    node.set_object(unit_along_z(mg.Cylinder(1.0, radius)), _ink())
-    matrix = np.eye(4)
-    if turn is not None:
-        matrix[:3, :3] = turn
-    matrix[:3, 3] = -length / 2 * matrix[:3, 2]
-    matrix[:3, 2] *= length
-    node.set_transform(matrix)
-
-
-def _box(node: Any, x: float, y: float, z: float) -> None:
-    import meshcat.geometry as mg
-
-    node.set_object(mg.Box([x, y, z]), _ink())
-
-
-def _ball(node: Any, radius: float) -> None:
-    import meshcat.geometry as mg
-
-    node.set_object(mg.Sphere(radius), _ink())
-
-
-def _point(node: Any, size: float) -> None:
-    _ball(node["first/ball"], size)
-
-
-def _hinge(node: Any, size: float) -> None:
-    _cylinder(node["first/pin"], 3.6 * size, size)
-
-
-def _slider(node: Any, size: float) -> None:
-    _box(node["first/bar"], 0.8 * size, 0.8 * size, 8.0 * size)
-    _box(node["first/sleeve"], 2.0 * size, 2.0 * size, 3.0 * size)
-
-
-def _cylindrical(node: Any, size: float) -> None:
-    _cylinder(node["first/bar"], 8.0 * size, 0.45 * size)
-    _cylinder(node["first/sleeve"], 3.0 * size, 1.1 * size)
-
-
-def _universal(node: Any, size: float) -> None:
-    _cylinder(node["first/x"], 4.4 * size, 0.6 * size, turned_to(np.array([1.0, 0.0, 0.0])))
-    _cylinder(node["second/y"], 4.4 * size, 0.6 * size, turned_to(np.array([0.0, 1.0, 0.0])))
-
-
-def _planar(node: Any, size: float) -> None:
-    _box(node["first/plate"], 6.0 * size, 6.0 * size, 0.4 * size)
-    _ball(node["first/ball"], 0.8 * size)
-
-
-def _frame(node: Any, size: float) -> None:
-    _box(node["first/cube"], 1.8 * size, 1.8 * size, 1.8 * size)
-
-
-def _distance(node: Any, size: float) -> None:
-    import meshcat.geometry as mg
-
-    node["rod"].set_object(unit_along_z(mg.Cylinder(1.0, 0.4 * size)), _ink())
+    node["rod"].set_object(unit_along_z(mg.Cylinder(1.0, 0.4 * pen.size)), pen.ink)
     for name in ("start", "end"):
-        _ball(node[name], 0.8 * size)
+        pen.ball(node[name], 0.8)
 
 
-_DRAWN: Mapping[str, Callable[[Any, float], None]] = MappingProxyType(
+_DRAWN: Mapping[str, Callable[[_Pen, Any], None]] = MappingProxyType(
     {
         "3d": _point,
         "6d": _frame,

@@ -88,7 +88,8 @@ class MeshFiles:
         Parameters
         ----------
         name : str
-            ``package://package/path``, or a path relative to the robot's file or one of the folders.
+            ``package://package/path``, ``package:///path`` with no package, or a path relative to the
+            robot's file or one of the folders.
 
         Returns
         -------
@@ -100,7 +101,7 @@ class MeshFiles:
         FileError
             If there is none; the message says why.
         """
-        package = name.removeprefix("package://") if name.startswith("package://") else None
+        package = name.removeprefix("package://").lstrip("/") if name.startswith("package://") else None
         inner = PurePosixPath(name if package is None else package)
         if (package is None and (_SCHEME.match(name) or inner.is_absolute())) or "\\" in name or "\0" in name:
             raise FileError(f"{_short(name)}: only package:// and relative paths are read")

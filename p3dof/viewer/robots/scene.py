@@ -219,9 +219,10 @@ class RobotScene(Drawing):
         self._slides = Slides(self._viewer, self.model, radius) if radius and self._sticks else None
         if self._loop is not None:
             closures = self._loop.sidecar.closures
-            size = max(2.2 * thickness(self._loop), 0.012 * self.half)
-            self._marks = ClosureMarks(self._viewer, closures, min(size, 0.05 * self.half))
-            self._arrows.draw_closures([closure.kind not in ("3d", "distance") for closure in closures])
+            through = len(self._sticks) < len(self.visual_model.geometryObjects)  # shapes may hide them
+            size = max(2.2 * thickness(self._loop), (0.03 if through else 0.012) * self.half)
+            self._marks = ClosureMarks(self._viewer, closures, min(size, 0.05 * self.half), through)
+            self._arrows.draw_closures([c.kind not in ("3d", "distance") for c in closures], through)
 
     def _present(self) -> dict[str, tuple[bool, Sequence[str]]]:
         """Return which layers there are: whether they are seen usually, and their nodes."""
