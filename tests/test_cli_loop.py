@@ -524,6 +524,10 @@ def test_export_writes_both_files_or_none(capsys, tmp_path, five_bar, motion):
     assert loop(capsys, "forces", tmp_path / "r.xml", *args, tmp_path / "3.csv")[0] == 0
     for name, values in columns(tmp_path / "3.csv").items():
         np.testing.assert_allclose(values, one[name], rtol=0, atol=1e-9)
+    for more in ((), ("--format", "sdf"), ("--format", "drake")):
+        assert loop(capsys, "export", five_bar, "--out", tmp_path / "r.sdf", *more)[0] == 0
+        assert ("drake:ball_constraint" in (tmp_path / "r.sdf").read_text()) == ("drake" in more)
+    assert not (tmp_path / "r.yaml").exists()
     (tmp_path / "blocked.yaml").mkdir()
     code, _, err = loop(capsys, "export", five_bar, "--out", tmp_path / "blocked.urdf")
     assert code == 2

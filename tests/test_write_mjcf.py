@@ -433,5 +433,5 @@ def test_a_robot_is_written_by_the_ending_of_the_name(tmp_path):
     assert [path.name for path in robot.write(tmp_path / "robot.urdf")] == ["robot.urdf", "robot.yaml"]
     with pytest.raises(InputError, match=r"expected a file name that ends in \.xml for mjcf"):
         robot.write(tmp_path / "robot.urdf", "mjcf")
-    with pytest.raises(InputError, match="format: expected one of urdf, mjcf"):
+    with pytest.raises(InputError, match="format: expected one of urdf, mjcf, sdf, drake"):
         robot.write(Path("robot.usd"), "usd")

@@ -255,19 +255,20 @@ class ClosedLoopModel(MarginsModel):
     def write(
         self,
         path: str | os.PathLike[str],
-        format: Literal["urdf", "mjcf"] | None = None,  # noqa: A002 - as everywhere
+        format: Literal["urdf", "mjcf", "sdf", "drake"] | None = None,  # noqa: A002 - as everywhere
     ) -> list[Path]:
-        """Write the robot as URDF and sidecar, or as MJCF with its loops; all files or none.
+        """Write the robot as URDF and sidecar, MJCF or SDF, with its loops; all files or none.
 
-        Bodies, joints and frames keep their names, the forces of all motions stay the same, and `load_robot`
-        reads the files back. Shapes are not written.
+        Joints keep their names, and the forces of all motions stay the same. `load_robot` reads back all but
+        SDF. Shapes are not written.
 
         Parameters
         ----------
         path : path-like
             The file; a sidecar gets the same name with the ending ``.yaml``.
-        format : {"urdf", "mjcf"}, optional
-            By default what the name ends in: ``.urdf``, ``.xml``.
+        format : {"urdf", "mjcf", "sdf", "drake"}, optional
+            By default what the name ends in: ``.urdf``, ``.xml``, ``.sdf``. Drake reads SDF with loops in
+            elements of its own.
 
         Returns
         -------

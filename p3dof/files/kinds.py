@@ -16,7 +16,7 @@ SUFFIXES: dict[str, tuple[str, ...]] = {
     "report": (".html", ".pdf"),
     "animation": (".html",),
     "joints": (".csv", ".yaml", ".yml"),
-    "robot": (".urdf", ".xml"),
+    "robot": (".urdf", ".xml", ".sdf"),
     "film": (".mp4", ".gif"),
     "picture": (".png",),
     "still": (".html", ".png"),

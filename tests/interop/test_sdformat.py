@@ -17,6 +17,7 @@ import pinocchio as pin
 import pytest
 from reference import FILES, LINKS, MECHANISM, MOVING, URDF, placements
 
+import p3dof
 from p3dof import description
 from p3dof.description import Box, Cylinder, Mechanism
 from p3dof.description.sdf_text import sdf
@@ -431,3 +432,29 @@ def test_a_light_link_with_solids_stays_a_link(reader, tmp_path):
     assert mass == LINKS["platform_a"].body.mass
     fixed = [cells[:6] for cells in rows["joint"] if cells[0] == "platform_a_fixed"]
     assert fixed == [["platform_a_fixed", "3", "platform", "platform_a", "platform", "platform_a"]]
+
+
+# -- other robots -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["delta", "five_bar", "two_arms"])
+def test_other_robots_are_read_with_their_loops(reader, tmp_path, name):
+    robot = p3dof.load_robot(FILES.parent / f"docs/_static/gallery/{name}.urdf")
+    robot.write(tmp_path / "robot.sdf")
+    found = reader(tmp_path / "robot.sdf")
+    assert found["error"] == []
+    closures = robot.sidecar.closures
+    model, data = robot.model, robot.model.createData()
+    q = pin.neutral(model)
+    if np.abs(robot.closure_error(q)).max() > 1e-9:  # the file is at zero where its loops close
+        q = robot.assemble().q
+    pin.framesForwardKinematics(model, data, q)
+    loops = found["joint"][-len(closures) :]
+    for row, closure in zip(loops, closures, strict=True):
+        assert int(row[1]) == KINDS[{"3d": "ball", "6d": "fixed"}[closure.kind]]
+        at = np.array(row[6:9], dtype=float)
+        for end in (closure.frame1, closure.frame2):
+            there = data.oMf[model.getFrameId(end)].translation
+            np.testing.assert_allclose(at, there, rtol=0, atol=1e-9)
+    masses = sum(float(row[1]) for row in found["link"])
+    assert masses == pytest.approx(sum(inertia.mass for inertia in list(model.inertias)[1:]), rel=1e-12)

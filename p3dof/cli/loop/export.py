@@ -25,7 +25,8 @@ from p3dof.files import together, write_atomic
     "--format",
     "format_",
     type=click.Choice(list(SUFFIX)),
-    help="By default what the name of the file ends in: .urdf, .xml (MJCF).",
+    help="By default what the name of the file ends in: .urdf, .xml (MJCF), .sdf. Drake reads SDF with "
+    "loops in elements of its own.",
 )
 @click.option(
     "--out",
@@ -34,7 +35,7 @@ from p3dof.files import together, write_atomic
     help="The file; the sidecar of a URDF is written beside it, with the ending .yaml.",
 )
 def export(robot: ClosedLoopModel, inputs: list[Path], format_: str | None, out: Path) -> int:
-    """Write a robot as URDF and sidecar, or as MJCF, with all its loops.
+    """Write a robot as URDF and sidecar, MJCF or SDF, with all its loops.
 
     The forces of all motions stay the same. What a format cannot hold is an error that names it. Meshes are
     not written.

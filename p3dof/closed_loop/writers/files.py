@@ -7,12 +7,12 @@ from pathlib import Path
 
 from p3dof.checks import shown
 from p3dof.closed_loop.loop_model import LoopModel
-from p3dof.closed_loop.writers import mjcf, urdf
+from p3dof.closed_loop.writers import mjcf, sdf, urdf
 from p3dof.errors import InputError
 from p3dof.files import suffix_of
 
-SUFFIX = {"urdf": ".urdf", "mjcf": ".xml"}
-"""The formats, and how the names of their files end."""
+SUFFIX = {"urdf": ".urdf", "mjcf": ".xml", "sdf": ".sdf", "drake": ".sdf"}
+"""The formats, and how the names of their files end; ``"drake"`` is SDF with Drake's own elements."""
 
 
 def contents(
@@ -50,4 +50,6 @@ def contents(
         raise InputError(f"{file}: expected a file name that ends in {SUFFIX[format]} for {format}")
     if suffix == ".urdf":
         return dict(zip((file, file.with_suffix(".yaml")), urdf.texts(loop), strict=True))
-    return {file: mjcf.text(loop)}
+    if suffix == ".xml":
+        return {file: mjcf.text(loop)}
+    return {file: sdf.text(loop, drake=format == "drake")}
