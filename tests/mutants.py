@@ -30,6 +30,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 SHARED = ("evidence", "thresholds", "manipulator", "virtual_power", "friction", "kinematics", "minimal")
 CLOSED = ("evidence", "thresholds", "closed_loop", "closed_loop_assembly", "manipulator", "closed_loop_batch")
+LOOPS = ("loop_minimal", "loop_derivatives", "loop_identification", "loop_margins")
 RUNS = ("evidence", "thresholds", "control")
 TESTS = {
     "p3dof/algebra.py": SHARED,
@@ -61,6 +62,18 @@ TESTS = {
     "p3dof/closed_loop/energy.py": CLOSED,
     "p3dof/closed_loop/hybrid.py": ("hybrid_dynamics",),
     "p3dof/closed_loop/batch/hybrid.py": ("hybrid_dynamics",),
+    "p3dof/closed_loop/tree_tangents.py": LOOPS,
+    "p3dof/closed_loop/closure_tangents.py": LOOPS,
+    "p3dof/closed_loop/coupling_tangents.py": LOOPS,
+    "p3dof/closed_loop/independent.py": LOOPS,
+    "p3dof/closed_loop/linearised.py": LOOPS,
+    "p3dof/closed_loop/minimal.py": LOOPS,
+    "p3dof/closed_loop/minimal_model.py": LOOPS,
+    "p3dof/closed_loop/derivatives_model.py": LOOPS,
+    "p3dof/closed_loop/regressor.py": ("loop_identification",),
+    "p3dof/closed_loop/base_parameters.py": ("loop_identification", "loop_margins"),
+    "p3dof/closed_loop/margins.py": ("loop_margins",),
+    "p3dof/closed_loop/margins_model.py": ("loop_margins",),
     "p3dof/closed_loop/modes.py": ("assembly_far",),
     "p3dof/closed_loop/trust.py": ("assembly_far",),
     "p3dof/closed_loop/linear.py": CLOSED,

@@ -35,10 +35,22 @@ def geared() -> tuple[ClosedLoopModel, np.ndarray]:
     return loop, loop.assemble().q
 
 
+def bent() -> tuple[ClosedLoopModel, np.ndarray]:
+    """Bars of the four-bar without its closure, geared by polynomials."""
+    couplings = (
+        p3dof.Coupling("rocker_joint", "crank_joint", (0.1, -0.5, 0.3, 0.2)),
+        p3dof.Coupling("coupler_joint", "rocker_joint", (0.3, 0.1, -0.4)),
+    )
+    sidecar = Sidecar((), ("crank_joint",), couplings)
+    loop = ClosedLoopModel.from_urdf(robots.four_bar(*robots.FOUR_BAR), sidecar)
+    return loop, loop.assemble([0.7]).q
+
+
 ROBOTS = {
     "five-bar": five_bar,
     "Stewart platform": stewart,
     "gripper with a coupling": geared,
+    "bars with bent couplings": bent,
     "biped in the air": biped,
     "biped on one foot": lambda: biped("left"),
     "biped on two feet": lambda: biped("left", "right"),
