@@ -160,6 +160,20 @@ def test_forces_are_those_of_the_package(capsys, tmp_path, five_bar, motion):
         assert f"{rms:.4f}" in out
 
 
+def test_motors_before_their_gears_are_told(capsys, five_bar, motion):
+    sidecar = five_bar.with_suffix(".yaml")
+    data = "joint_data: [{joint: right_joint, gear_ratio: 40, rotor_inertia: 1e-5}]\n"
+    sidecar.write_text(sidecar.read_text() + data)
+    code, out, _ = loop(capsys, "forces", five_bar, "--motion", motion)
+    assert code == 0
+    table = out[out.index("Motors, before their gears") :]
+    peak = float(re.search(r"right_joint \W+(-?\d+\.\d+)", out)[1])
+    row = re.search(r"right_joint\W+40\.0+\W+0\.000010\W+(\d+\.\d+)\W+(\d+\.\d+)", table)
+    assert float(row[1]) == pytest.approx(abs(peak) / 40, abs=1e-5)
+    assert float(row[2]) == pytest.approx(40 * 0.3, rel=1e-3)
+    assert "left_joint" not in table
+
+
 def test_a_robot_without_joints_is_told_in_one_line(capsys, tmp_path):
     path = tmp_path / "stone.urdf"
     path.write_text('<robot name="stone"><link name="stone"/></robot>')

@@ -217,8 +217,147 @@ def test_springs_and_dampers_are_those_of_mujoco():
         "a": 5.0,
         "c": 0.0,
     }
-    with pytest.raises(ModelError, match="MJCF: the joint 'c' of several freedoms has a spring"):
-        p3dof.load_robot(MJCF.replace('type="ball"', 'type="ball" stiffness="1"'))
+
+
+# --- balls and free joints ----------------------------------------------------------------------------------
+
+SPRUNG = """<mujoco><compiler angle="radian"/><option><flag contact="disable"/></option><worldbody>
+ <body pos="0.2 -0.1 1" quat="0.8 0.2 -0.4 0.4"><joint name="f" type="free" stiffness="7" damping="0.2"/>
+  <inertial pos="0.1 0.02 -0.2" mass="1.5" fullinertia="0.02 0.03 0.04 0.001 0.002 0.003"/>
+  <body pos="0.1 0 -0.4" quat="0.5 0.5 -0.5 0.5"><joint name="b" type="ball" stiffness="3" damping="0.1"/>
+   <inertial pos="0 0 -0.1" mass="0.4" diaginertia="0.01 0.01 0.005"/></body></body></worldbody></mujoco>"""
+
+
+def test_springs_of_balls_and_free_joints_are_those_of_mujoco():
+    """Accelerations under springs and dampers, also with turns of nearly π, and the springs' energy."""
+    mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
+    model = mujoco.MjModel.from_xml_string(SPRUNG)
+    data, loop = mujoco.MjData(model), p3dof.load_robot(SPRUNG)
+    model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
+    bare = p3dof.load_robot(SPRUNG, passive=False)
+    rng = np.random.default_rng(3)
+    offset = None
+    for scale in (0.1, 1.0, 1.5, 2.0):
+        q = np.array(pin.integrate(loop.model, pin.neutral(loop.model), scale * rng.normal(size=9)))
+        v = rng.normal(size=9)
+        R = pin.Quaternion(q[3:7]).matrix()
+        data.qpos[:] = [*q[:3], q[6], *q[3:6], q[10], *q[7:10]]
+        data.qvel[:] = [*(R @ v[:3]), *v[3:]]
+        mujoco.mj_forward(model, data)
+        forces = np.array(data.qfrc_passive)
+        forces[:3] = R.T @ forces[:3]
+        np.testing.assert_allclose(loop.passive.forces(q, v), forces, rtol=0, atol=1e-12)
+        a = loop.forward_dynamics(q, v, []).a
+        a_world = R @ (a[:3] + np.cross(v[3:6], v[:3]))
+        np.testing.assert_allclose(a_world, data.qacc[:3], rtol=0, atol=1e-9 * np.abs(data.qacc).max())
+        np.testing.assert_allclose(a[3:], data.qacc[3:], rtol=0, atol=1e-9 * np.abs(data.qacc).max())
+        stored = loop.body_energies(q, v).springs
+        assert loop.body_energies(q, v).total - bare.body_energies(q, v).total == pytest.approx(stored)
+        difference = data.energy[0] - loop.body_energies(q, v).potential.sum() - stored
+        offset = difference if offset is None else offset
+        assert difference == pytest.approx(offset, abs=1e-10)
+
+
+def sprung_ball():
+    ball = pin.Model()
+    ball.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "free")
+    bodies = (
+        pin.Inertia(1.2, np.array([0.1, 0, 0.05]), np.diag([0.02, 0.03, 0.04])),
+        pin.Inertia(0.5, np.array([0.1, 0, 0]), np.diag([0.01, 0.02, 0.02])),
+    )
+    ball.appendBodyToJoint(1, bodies[0], pin.SE3.Identity())
+    ball.addJoint(1, pin.JointModelSpherical(), pin.SE3(np.eye(3), np.array([0.3, 0, 0.1])), "ball")
+    ball.appendBodyToJoint(2, bodies[1], pin.SE3.Identity())
+    turned = pin.Quaternion(pin.exp3(np.array([0.3, -0.2, 0.5]))).coeffs()
+    data = (
+        JointData("free", stiffness=40.0, rest=(0.1, 0, 0.2, *turned), damping=0.0),
+        JointData("ball", stiffness=2.0),
+    )
+    return ClosedLoopModel(ball, Sidecar((), (), joint_data=data))
+
+
+def test_springs_of_balls_have_an_energy_of_which_they_are_the_gradient():
+    loop, rng = sprung_ball(), np.random.default_rng(5)
+    q = np.array([pin.integrate(loop.model, pin.neutral(loop.model), rng.normal(size=9)) for _ in range(4)])
+    v = rng.normal(size=(4, 9))
+    forces, h = loop.passive.forces(q, 0 * v), 1e-6
+    for i in range(4):
+        ends = [loop.passive.energy(np.array(pin.integrate(loop.model, q[i], s * h * v[i]))) for s in (1, -1)]
+        slope = (ends[0] - ends[1]) / (2 * h)
+        assert loop.passive.power(q[i], v[i]) == pytest.approx(slope, abs=1e-7)
+        assert forces[i] @ v[i] == pytest.approx(-slope, abs=1e-7)
+        by_q, _ = loop.passive.derivatives(q[i], v[i])
+        for k, row in enumerate(np.eye(9)):
+            ends = [
+                loop.passive.forces(np.array(pin.integrate(loop.model, q[i], s * h * row)), 0 * row)
+                for s in (1, -1)
+            ]
+            np.testing.assert_allclose(by_q[:, k], (ends[0] - ends[1]) / (2 * h), rtol=0, atol=1e-7)
+    np.testing.assert_allclose(loop.passive.energy(q)[2], loop.passive.energy(q[2]), rtol=1e-14)
+    run = simulate_robot(loop, 1.0, q[0] * 0 + pin.neutral(loop.model), 0.3 * v[0], samples=21)
+    assert np.ptp(loop.passive.energy(run.q)) > 0.1
+    np.testing.assert_allclose(run.energy, run.energy[0], rtol=0, atol=1e-7)
+    a = rng.normal(size=9)
+    regressor = loop.force_regressor(q[1], v[1], a)
+    assert {"free.stiffness", "ball.stiffness"} <= set(regressor.parameter_names)
+    data = loop.model.createData()
+    taken = np.array(pin.rnea(loop.model, data, q[1], v[1], a)) - loop.passive.forces(q[1], v[1])
+    from_parameters = loop._regressor.rows(q[1], v[1], a) @ regressor.parameters
+    np.testing.assert_allclose(from_parameters, taken, rtol=0, atol=1e-11)
+    again = Sidecar.parse(loop.sidecar.to_yaml())
+    assert again.joint_data == loop.sidecar.joint_data
+
+
+# --- motors -------------------------------------------------------------------------------------------------
+
+
+def test_a_rotor_behind_a_gear_is_an_armature_that_is_told_at_the_motor():
+    geared = (JointData("left_joint", rotor_inertia=2e-5, gear_ratio=-50.0),)
+    loop, plain = five_bar(geared), five_bar((JointData("left_joint", armature=0.05),))
+    np.testing.assert_allclose(loop.model.armature, [0.05, 0, 0, 0], rtol=1e-15)
+    q, v, a = moving(loop, 3, 6)
+    tau = loop.inverse_dynamics_batch(q, v, a).tau
+    np.testing.assert_array_equal(tau, plain.inverse_dynamics_batch(q, v, a).tau)
+    side = loop.motor_side(tau, v)
+    np.testing.assert_allclose(side.gear_ratio, [-50, 1])
+    np.testing.assert_allclose(side.torque, tau / [-50.0, 1.0], rtol=1e-15)
+    np.testing.assert_allclose(side.speed, v[:, [0, 2]] * [-50.0, 1.0], rtol=1e-15)
+    np.testing.assert_allclose(side.torque * side.speed, tau * v[:, [0, 2]], rtol=1e-12)  # power stays
+    assert loop.motor_side(tau[0], v[0]).torque.shape == (2,)
+    light = five_bar(())  # the motor feels its own rotor, and the joint less the gear's share
+    without = light.inverse_dynamics_batch(q, v, a).tau
+    rotor = 2e-5 * -50.0 * a[:, 0]
+    np.testing.assert_allclose(side.torque[:, 0], without[:, 0] / -50.0 + rotor, rtol=0, atol=1e-12)
+    assert loop.copy().sidecar.joint_data == geared
+    again = p3dof.load_robot(*texts(loop))
+    assert again.sidecar.joint_data == geared
+    np.testing.assert_array_equal(again.model.armature, loop.model.armature)
+    both = five_bar((JointData("left_joint", armature=0.01, rotor_inertia=2e-5, gear_ratio=50.0),))
+    assert both.model.armature[0] == pytest.approx(0.06)
+    again = p3dof.load_robot(*texts(both))
+    np.testing.assert_allclose(again.model.armature, both.model.armature, rtol=1e-14)
+    with pytest.raises(ModelError, match=r"rotor_inertia: the tree has 0 in model\.armature, less than"):
+        ClosedLoopModel(light.model, replace(robots.FIVE_BAR_SIDECAR, joint_data=geared))
+
+
+GEARED = """<mujoco><option><flag contact="disable"/></option><worldbody><body><joint name="a" axis="0 1 0"
+ armature="0.03"/><inertial pos="0.1 0 0" mass="1" diaginertia="0.01 0.01 0.01"/></body></worldbody>
+ <actuator><motor joint="a" gear="-20"/></actuator></mujoco>"""
+
+
+def test_the_gear_of_an_actuator_is_the_ratio_of_its_motor():
+    """MuJoCo's actuator has its own force and velocity; forces of the robot stay those of its joints."""
+    mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
+    model, loop = mujoco.MjModel.from_xml_string(GEARED), p3dof.load_robot(GEARED)
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:], data.ctrl[:] = 0.3, 1.5, 0.07
+    mujoco.mj_forward(model, data)
+    tau = [float(data.qfrc_actuator[0])]
+    np.testing.assert_allclose(loop.forward_dynamics([0.3], [1.5], tau).a, data.qacc, rtol=1e-10)
+    side = loop.motor_side(tau, [1.5])
+    np.testing.assert_allclose(side.torque, data.actuator_force, rtol=1e-14)
+    np.testing.assert_allclose(side.speed, data.actuator_velocity, rtol=1e-14)
+    assert loop.model.armature[0] == 0.03
 
 
 def test_data_that_do_not_fit():
@@ -227,6 +366,12 @@ def test_data_that_do_not_fit():
         ({"joint": "x", "stiffness": -1.0}, "joint data of 'x': stiffness: expected zero or more, got -1"),
         ({"joint": "x", "rest": np.nan}, "joint data of 'x': rest"),
         ({"joint": "x", "damping": "much"}, "joint data of 'x': damping"),
+        ({"joint": "x", "gear_ratio": 0}, "'x': gear_ratio: expected a number other than zero"),
+        ({"joint": "x", "rotor_inertia": -1}, "joint data of 'x': rotor_inertia: expected zero or more"),
+        (
+            {"joint": "x", "rest": (1.0, 2.0)},
+            "'x': rest: expected one number, four or seven, got 2",
+        ),
     ):
         with pytest.raises(ModelError, match=words):
             JointData(**fields)
@@ -242,9 +387,22 @@ def test_data_that_do_not_fit():
         ClosedLoopModel(plain.model, Sidecar((), (), joint_data=(rotor,)))
     model = pin.Model()
     model.addJoint(0, pin.JointModelSpherical(), pin.SE3.Identity(), "ball")
-    with pytest.raises(
-        ModelError, match="only a joint with one degree of freedom can have a spring, it has 3"
+    model.addJoint(1, pin.JointModelTranslation(), pin.SE3.Identity(), "shift")
+    for entry, words in (
+        (
+            JointData("shift", stiffness=1.0),
+            "only a joint with one degree of freedom, a ball",
+        ),
+        (JointData("ball", stiffness=1.0, rest=0.3), "rest: expected 4 values, got one"),
+        (JointData("ball", stiffness=1.0, rest=(0, 0, 0, 2.0)), "rest: expected 4 values that end"),
+        (
+            JointData("ball", stiffness=1.0, rest=(0,) * 6 + (1,)),
+            "rest: expected 4 values that end",
+        ),
     ):
-        ClosedLoopModel(model, Sidecar((), (), joint_data=(JointData("ball", stiffness=1.0),)))
+        with pytest.raises(ModelError, match=words):
+            ClosedLoopModel(model, Sidecar((), (), joint_data=(entry,)))
+    with pytest.raises(ModelError, match=r"rest: expected one number$"):
+        five_bar((JointData("left_elbow", stiffness=1.0, rest=(0, 0, 0, 1)),))
     with pytest.raises(InputError, match="v: expected shape"):
         plain.dissipation(np.zeros(3))

@@ -29,7 +29,8 @@ FULL = {
     "joint_type": ["SPHERICAL"],
     "joint_data": [
         {"joint": "hip", "stiffness": 2, "rest": -0.5, "damping": "1e-3"},
-        {"joint": "knee", "friction": 0.1, "armature": 0.01},
+        {"joint": "knee", "friction": 0.1, "armature": 0.01, "rotor_inertia": "4e-6", "gear_ratio": -50},
+        {"joint": "ball", "stiffness": 1, "rest": [0, 0, "0", 1]},
     ],
 }
 

@@ -435,3 +435,20 @@ def test_a_robot_is_written_by_the_ending_of_the_name(tmp_path):
         robot.write(tmp_path / "robot.urdf", "mjcf")
     with pytest.raises(InputError, match="format: expected one of urdf, mjcf, sdf, drake"):
         robot.write(Path("robot.usd"), "usd")
+
+
+def test_springs_of_balls_and_gears_of_motors_are_written():
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelSpherical(), pin.SE3.Random(), "ball")
+    model.addJoint(1, pin.JointModelRX(), pin.SE3.Random(), "arm")
+    for i in (1, 2):
+        model.appendBodyToJoint(i, pin.Inertia.Random(), pin.SE3.Identity())
+        model.addJointFrame(i)
+    data = (JointData("ball", stiffness=2.5), JointData("arm", gear_ratio=-12.5))
+    loop = ClosedLoopModel(model, Sidecar((), ("arm",), joint_data=data))
+    again = p3dof.load_robot(text(loop))
+    q = np.array(pin.integrate(model, pin.neutral(model), np.array([0.4, -0.3, 1.2, 0.2])))
+    force = loop.passive.forces(q, np.zeros(4))
+    assert np.abs(force).max() > 1
+    np.testing.assert_allclose(again.passive.forces(q, np.zeros(4)), force, rtol=0, atol=1e-12)
+    assert again.motor_side([25.0], np.ones(4)).torque == -2.0

@@ -226,8 +226,8 @@ class DerivativesModel(MinimalModel):
     ) -> Linearised:
         """Return the linearised equations of motion in the model's own units."""
         setting, (v, a, tau, lambda_) = self._setting, motion
-        by_q, by_v = self.passive.derivatives(v)
-        factors = setting.v / setting.force
+        by_q, by_v = self.passive.derivatives(at.point.q * setting.q, v)
+        by_q = by_q * setting.v / setting.force[:, None]
         wrenches = [
             (setting.kinematics.frame(name, "external", InputError), np.asarray(wrench) / setting.wrench)
             for name, wrench in (external or {}).items()
@@ -241,7 +241,7 @@ class DerivativesModel(MinimalModel):
             Motion(
                 v / setting.v, a / setting.v, tau / setting.force[self.actuated_v], lambda_ / setting.rows
             ),
-            Acting(by_q * factors, by_v * factors, wrenches),
+            Acting(by_q, by_v * setting.v / setting.force, wrenches),
         )
 
     def _prescription(

@@ -43,8 +43,10 @@ class Acting:
 
     Parameters
     ----------
-    by_q, by_v : (nv,) array
-        How the force in each freedom of the joints changes with its own position and speed.
+    by_q : (nv, nv) array
+        How the forces in the joints change with small motions of them.
+    by_v : (nv,) array
+        How the force in each freedom of the joints changes with its own speed.
     wrenches : sequence of (pin.Frame, (6,) array)
         Wrenches on frames, in world axes at their origins.
     """
@@ -115,7 +117,7 @@ class Linearised:
         self.a_by_q = -self._closing @ (by_q @ N + by_v @ self.v_by_q)
         self.a_by_v = -self._closing @ (by_v @ N)
         f_q, f_v, self.M = _tree_derivatives(tree, q, v, a)
-        f_q = f_q - self._closures.force_by_q(motion.lambda_) - np.diag(acting.by_q)
+        f_q = f_q - self._closures.force_by_q(motion.lambda_) - acting.by_q
         f_v = f_v - np.diag(acting.by_v)
         for frame, wrench in acting.wrenches:
             body = frame.parentJoint

@@ -21,6 +21,7 @@ from p3dof.closed_loop.batch.targets import FrameTargets, Targets
 from p3dof.closed_loop.hybrid_model import rows_of
 from p3dof.closed_loop.loop_model import External
 from p3dof.closed_loop.margins_model import MarginsModel
+from p3dof.closed_loop.motors import MotorSide, motor_side
 from p3dof.closed_loop.units import ScaledModel
 from p3dof.closed_loop.writers.files import contents
 from p3dof.errors import InputError
@@ -196,6 +197,30 @@ class ClosedLoopModel(MarginsModel):
             forces = forces + self.passive.forces(*states[:2])
             return _inverse_dynamics_scaled(self._scaled, states, loads, forces, stop)
         return self._batch_dynamics.inverse_dynamics(*states, loads, forces, stop)
+
+    def motor_side(self, tau: ArrayLike, v: ArrayLike) -> MotorSide:
+        """Return torques and speeds of the motors before their gears, see `JointData`.
+
+        Parameters
+        ----------
+        tau : (n_actuated,) or (N, n_actuated) array
+            Forces of the actuated joints [N or N m].
+        v : (nv,) or (N, nv) array
+            Velocities of the tree.
+
+        Returns
+        -------
+        MotorSide
+
+        Raises
+        ------
+        InputError
+            If an argument has the wrong shape or is not finite.
+        """
+        shape: tuple[int | str, ...] = () if np.ndim(tau) == 1 else ("N",)
+        forces = frozen_array("tau", tau, (*shape, len(self.actuated)))
+        speeds = frozen_array("v", v, (*forces.shape[:-1], self.model.nv))[..., self.actuated_v]
+        return motor_side(self.actuated, self.sidecar.joint_data, forces, speeds)
 
     def power_batch(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> FloatArray:
         """Return the rate of change of the mechanical energy (N,) at many samples [W]; see `power`.

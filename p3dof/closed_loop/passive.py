@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -10,6 +11,7 @@ import pinocchio as pin
 from p3dof.checks import FloatArray, shown
 from p3dof.closed_loop.joint_data import JointData
 from p3dof.closed_loop.joints import joint_named
+from p3dof.closed_loop.turning_springs import TurningSpring
 from p3dof.errors import ModelError
 
 SMOOTHING = 1e-3
@@ -29,29 +31,26 @@ class Passive:
     Raises
     ------
     ModelError
-        If a joint does not exist, a spring is in one with several freedoms, or an entry has an armature,
-        which belongs to the tree.
+        If a joint does not exist, a spring is in one of several freedoms other than a ball or a free joint,
+        its rest does not fit, or the tree lacks what an entry says of rotors.
     """
 
     def __init__(self, model: pin.Model, entries: Sequence[JointData]) -> None:
         self._nv = int(model.nv)
         self._any = bool(entries)
         self._damping, self._friction = np.zeros((2, model.nv))
+        self._turning: list[TurningSpring] = []
         springs = []
         for entry in entries:
             joint = joint_named(model, entry.joint, "joint data")
-            if entry.armature:
-                raise ModelError(
-                    f"joint data of {shown(entry.joint)}: armature: it belongs to the tree, model.armature"
-                )
             span = slice(model.idx_vs[joint], model.idx_vs[joint] + model.nvs[joint])
+            _require_rotor(entry, np.asarray(model.armature)[span])
             self._damping[span], self._friction[span] = entry.damping, entry.friction
-            if entry.stiffness:
-                if model.nvs[joint] != 1:
-                    raise ModelError(
-                        f"joint data of {shown(entry.joint)}: stiffness: only a joint with one degree of "
-                        f"freedom can have a spring, it has {model.nvs[joint]}"
-                    )
+            if entry.stiffness and model.nvs[joint] > 1:
+                self._turning.append(TurningSpring.of(model, joint, entry))
+            elif entry.stiffness:
+                if isinstance(entry.rest, tuple):
+                    raise ModelError(f"joint data of {shown(entry.joint)}: rest: expected one number")
                 places = model.idx_qs[joint], model.idx_vs[joint], model.nqs[joint] == 2
                 springs.append((*places, entry.stiffness, entry.rest))
         columns = np.array(springs, dtype=float).reshape(-1, 5).T
@@ -67,25 +66,34 @@ class Passive:
         found: FloatArray = -self._damping * v - self._friction * np.tanh(v / SMOOTHING)
         if len(self._q):
             found[..., self._v] -= self._stiffness * self._stretch(q)
+        for spring in self._turning:
+            found[..., spring.v] -= spring.stiffness * spring.stretch(q)
         return found
 
-    def derivatives(self, v: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the derivatives (..., nv) of the force in each freedom by its position and by its speed.
+    def derivatives(self, q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the derivatives of the forces by the positions (nv, nv) and by the speeds (nv,).
 
         Friction is smooth: away from rest its derivative fades out within a few times `SMOOTHING`.
         """
-        by_q = np.zeros_like(v)
-        if len(self._q):
-            by_q[..., self._v] = -self._stiffness
+        by_q = np.zeros((self._nv, self._nv))
+        by_q[self._v, self._v] = -self._stiffness
+        for spring in self._turning:
+            by_q[spring.v, spring.v] = -spring.stiffness * spring.stretch_by_q(q)
         return by_q, -self._damping - self._friction / SMOOTHING * (1.0 - np.tanh(v / SMOOTHING) ** 2)
 
     def energy(self, q: FloatArray) -> FloatArray:
         """Return the energy in the springs (...) [J]."""
-        return np.asarray(np.sum(self._stiffness * self._stretch(q) ** 2, axis=-1) / 2)
+        found = np.asarray(np.sum(self._stiffness * self._stretch(q) ** 2, axis=-1) / 2)
+        for spring in self._turning:
+            found = found + spring.stiffness * np.sum(spring.stretch(q) ** 2, axis=-1) / 2
+        return np.asarray(found)
 
     def power(self, q: FloatArray, v: FloatArray) -> FloatArray:
         """Return how fast the springs take up energy (...) [W]."""
-        return np.asarray(np.sum(self._stiffness * self._stretch(q) * v[..., self._v], axis=-1))
+        found = np.sum(self._stiffness * self._stretch(q) * v[..., self._v], axis=-1)
+        for spring in self._turning:
+            found = found + spring.stiffness * np.sum(spring.stretch(q) * v[..., spring.v], axis=-1)
+        return np.asarray(found)
 
     def dissipation(self, v: FloatArray) -> FloatArray:
         """Return what damping and friction take (...) [W]."""
@@ -100,6 +108,18 @@ class Passive:
             angle = np.arctan2(q[..., at + 1], q[..., at]) - self._rest[self._circles]
             values[..., self._circles] = np.arctan2(np.sin(angle), np.cos(angle))
         return np.asarray(values)
+
+
+def _require_rotor(entry: JointData, armature: FloatArray) -> None:
+    """Refuse data of a rotor that the tree does not have."""
+    where = f"joint data of {shown(entry.joint)}"
+    if entry.armature:
+        raise ModelError(f"{where}: armature: it belongs to the tree, model.armature")
+    if (armature < entry.reflected_inertia * (1 - 1e-9)).any():
+        raise ModelError(
+            f"{where}: rotor_inertia: the tree has {float(armature.min()):g} in model.armature, less than "
+            f"gear_ratio² rotor_inertia = {entry.reflected_inertia:g}"
+        )
 
 
 def with_armature(model: pin.Model, entries: Sequence[JointData]) -> tuple[JointData, ...]:
@@ -125,9 +145,10 @@ def with_armature(model: pin.Model, entries: Sequence[JointData]) -> tuple[Joint
     left = []
     for entry in entries:
         joint = joint_named(model, entry.joint, "joint data")
-        if entry.armature:
-            armature[model.idx_vs[joint] : model.idx_vs[joint] + model.nvs[joint]] = entry.armature
-        left.append(JointData(entry.joint, entry.stiffness, entry.rest, entry.damping, entry.friction))
+        rotor = entry.armature + entry.reflected_inertia
+        if rotor:
+            armature[model.idx_vs[joint] : model.idx_vs[joint] + model.nvs[joint]] = rotor
+        left.append(replace(entry, armature=0.0))
     model.armature = armature
     return tuple(entry for entry in left if entry)
 

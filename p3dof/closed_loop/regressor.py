@@ -12,11 +12,13 @@ from p3dof.checks import FloatArray
 from p3dof.closed_loop.independent import coordinate_names
 from p3dof.closed_loop.joint_data import JointData
 from p3dof.closed_loop.passive import SMOOTHING
+from p3dof.closed_loop.turning_springs import TurningSpring
 
 MOMENTS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 """Inertial parameters of a body, about the origin of its joint and in its axes, in Pinocchio's order."""
 JOINT = ("armature", "damping", "friction", "stiffness", "preload")
-"""Parameters of a joint's freedom; stiffness and preload only of joints that have one."""
+"""Parameters of a joint's freedom; stiffness and preload only of joints that have one, and the
+stiffness of balls and free joints with a spring."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,10 +90,13 @@ class TreeRegressor:
         self._circles = np.array([model.nqs[i] == 2 for i in single], dtype=bool)
         self._stiffness = np.array([each[i - 1].stiffness for i in single])
         self._rest = np.array([each[i - 1].rest for i in single])
+        several = [i for i in range(1, model.njoints) if model.nvs[i] > 1 and each[i - 1].stiffness]
+        self._turning = [TurningSpring.of(model, i, each[i - 1]) for i in several]
         freedoms = coordinate_names(model)
         bodies = [f"{body}.{moment}" for body in body_names(model) for moment in MOMENTS]
         joints = [f"{freedom}.{what}" for what in JOINT[:3] for freedom in freedoms]
         joints += [f"{model.names[i]}.{what}" for what in JOINT[3:] for i in single]
+        joints += [f"{model.names[i]}.stiffness" for i in several]
         self.inertial = len(bodies)
         """How many inertial parameters there are; they come first."""
         self.names = (*bodies, *joints)
@@ -101,7 +106,8 @@ class TreeRegressor:
         """Return the values of all parameters, as the tree has them now."""
         bodies = [self._model.inertias[i].toDynamicParameters() for i in range(1, self._model.njoints)]
         joints = np.asarray(self._model.armature), *self._friction.T, self._stiffness
-        return np.concatenate([np.zeros(0), *bodies, *joints, np.zeros(len(self._rest))])
+        turning = [spring.stiffness for spring in self._turning]
+        return np.concatenate([np.zeros(0), *bodies, *joints, np.zeros(len(self._rest)), turning])
 
     def rows(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """Return the matrix (nv, P) from the parameters to the generalised forces that the motion takes."""
@@ -115,8 +121,11 @@ class TreeRegressor:
         springs = np.zeros((nv, 2 * count))
         springs[self._single_v, np.arange(count)] = values
         springs[self._single_v, count + np.arange(count)] = 1.0
+        turning = np.zeros((nv, len(self._turning)))
+        for k, spring in enumerate(self._turning):
+            turning[spring.v, k] = spring.stretch(q)
         joints = (np.diag(x) for x in (a, v, np.tanh(v / SMOOTHING)))
-        return np.concatenate((bodies, *joints, springs), axis=1)
+        return np.concatenate((bodies, *joints, springs, turning), axis=1)
 
 
 def body_names(model: pin.Model) -> list[str]:

@@ -13,7 +13,7 @@ from p3dof.errors import ModelError
 
 _REQUIRED = ("closed_loop", "type", "name_mot")
 _OPTIONAL = ("length", "coupling", "reference", "joint_name", "joint_type", "joint_data")
-_JOINT_DATA = ("stiffness", "rest", "damping", "friction", "armature")
+_JOINT_DATA = ("stiffness", "rest", "damping", "friction", "armature", "rotor_inertia", "gear_ratio")
 _COUPLING = ("joint", "coefficients", "on", "name", "others")
 
 
@@ -104,10 +104,7 @@ def content_of(
     if joints:
         content["joint_name"], content["joint_type"] = (list(part) for part in zip(*joints, strict=True))
     if joint_data:
-        content["joint_data"] = [
-            {"joint": entry.joint, **{key: x for key in _JOINT_DATA if (x := getattr(entry, key))}}
-            for entry in joint_data
-        ]
+        content["joint_data"] = [_data_fields(entry) for entry in joint_data]
     return content
 
 
@@ -257,9 +254,21 @@ def _joint_data(where: str, entry: Any) -> JointData:
         )
     _known_keys(where, entry, ("joint",), _JOINT_DATA)
     try:
-        return JointData(entry["joint"], **{key: _number(entry[key]) for key in _JOINT_DATA if key in entry})
+        given = {key: entry[key] for key in _JOINT_DATA if key in entry}
+        for key, value in given.items():
+            several = key == "rest" and isinstance(value, list | tuple)
+            given[key] = [_number(number) for number in value] if several else _number(value)
+        return JointData(entry["joint"], **given)
     except ModelError as error:
         raise ModelError(f"{where}: {error}") from error
+
+
+def _data_fields(entry: JointData) -> dict[str, Any]:
+    plain = JointData(entry.joint)
+    found = {key: getattr(entry, key) for key in _JOINT_DATA if getattr(entry, key) != getattr(plain, key)}
+    if isinstance(entry.rest, tuple):
+        found["rest"] = list(entry.rest)
+    return {"joint": entry.joint, **found}
 
 
 def _fields(coupling: Coupling) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import numpy as np
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.assembly import Assembly
 from p3dof.closed_loop.loop_model import LoopModel
+from p3dof.closed_loop.motors import motor_side
 from p3dof.closed_loop.overview import Overview
 from p3dof.tables import NONE, Cell, Table, number
 
@@ -241,6 +242,34 @@ def actuators_table(loop: LoopModel, time: FloatArray, tau: FloatArray, v: Float
         rows.append((name, float(tau[at, i]), float(time[at]), rms, unit, peak_power))
     header = ("Actuator", "peak", "at [s]", "RMS", "unit", "peak power [W]")
     return Table("Forces of the actuators", header, tuple(rows))
+
+
+def motors_table(loop: LoopModel, tau: FloatArray, v: FloatArray) -> Table | None:
+    """Return peaks of torque and speed before the gears over a motion; None where there are no gears.
+
+    Parameters
+    ----------
+    loop : LoopModel
+        The robot.
+    tau : (N, n_actuated) array
+        Forces of its actuated joints [N or N m].
+    v : (N, nv) array
+        Velocities of all joints.
+
+    Returns
+    -------
+    Table, optional
+    """
+    data = {entry.joint: entry for entry in loop.sidecar.joint_data}
+    geared = [name for name in loop.actuated if name in data and data[name].gear_ratio != 1.0]
+    side = motor_side(loop.actuated, loop.sidecar.joint_data, tau, v[:, loop.actuated_v])
+    rows: list[tuple[Cell, ...]] = []
+    for name in geared:
+        i = loop.actuated.index(name)
+        peaks = (float(np.abs(values[:, i]).max()) for values in (side.torque, side.speed))
+        rows.append((name, data[name].gear_ratio, data[name].rotor_inertia, *peaks))
+    header = ("Motor of", "gear ratio", "rotor [kg m^2]", "peak torque [N m]", "peak speed [rad/s]")
+    return Table("Motors, before their gears", header, tuple(rows), decimals=6) if rows else None
 
 
 def mean_over(time: FloatArray, values: FloatArray) -> float:

@@ -13,7 +13,7 @@ from p3dof.cli.loop.motion import Forces, forces_along
 from p3dof.cli.options import Whole
 from p3dof.cli.output import print_plain, show
 from p3dof.closed_loop import ClosedLoopModel
-from p3dof.closed_loop.tables import actuators_table
+from p3dof.closed_loop.tables import actuators_table, motors_table
 
 MOTION = click.option(
     "--motion",
@@ -61,7 +61,8 @@ def forces(
     found: Forces = forces_along(robot, source(motion_file), samples, externals(external), equilibrium)
     written = write_results(found.to_csv, out)
     console = console_beside(out)
-    show(console, actuators_table(robot, found.time, found.tau, found.v))
+    motors = motors_table(robot, found.tau, found.v)
+    show(console, actuators_table(robot, found.time, found.tau, found.v), *([motors] if motors else []))
     for remark in found.remarks:
         print_plain(console, remark)
     print_plain(console, f"{len(found.time)} samples of the curve through the values of the file.")

@@ -200,22 +200,32 @@ class _Translation:
         self._model.armature = armature
 
     def _joint_data(self) -> tuple[JointData, ...]:
-        """Return springs, damping and friction; MuJoCo has springs in balls and free joints too."""
-        m, found = self._m, []
+        """Return springs, damping, friction and motors."""
+        m, found, motors = self._m, [], self._motors()
         for number, name in enumerate(self._joints):
-            stiffness, rest = float(m.jnt_stiffness[number]), 0.0
-            if self._model.nvs[self._model.getJointId(name)] == 1:
-                rest = float(m.qpos_spring[m.jnt_qposadr[number]])
-            elif stiffness:
-                raise ModelError(f"MJCF: the joint {shown(name)} of several freedoms has a spring: not read")
-            dof = m.jnt_dofadr[number]
+            stiffness, dof = float(m.jnt_stiffness[number]), m.jnt_dofadr[number]
             losses = float(m.dof_damping[dof]), float(m.dof_frictionloss[dof])
-            found.append(JointData(name, stiffness, rest, *losses))
+            rest = self._values(m.qpos_spring, number) if stiffness else 0.0
+            found.append(JointData(name, stiffness, rest, *losses, 0.0, *motors.get(name, (0.0, 1.0))))
         for number, one in self._tendons.items():
             (rest, slack), stiffness = m.tendon_lengthspring[number], float(m.tendon_stiffness[number])
             losses = float(m.tendon_damping[number]), float(m.tendon_frictionloss[number])
-            found.append(JointData(one.name, stiffness if rest == slack else 0.0, float(rest), *losses))
+            spring = stiffness if rest == slack else 0.0, float(rest)
+            found.append(JointData(one.name, *spring, *losses, 0.0, *motors.get(one.name, (0.0, 1.0))))
         return tuple(found)
+
+    def _motors(self) -> dict[str, tuple[float, float]]:
+        """Return rotor and gear of the joints that one actuator drives: its length is gear times theirs."""
+        m, found = self._m, dict[str, list[tuple[float, float]]]()
+        for number in range(m.nu):
+            name, gear = self._pulls(number), float(m.actuator_gear[number, 0])
+            if name is None:
+                continue
+            if self._types.mjtTrn(int(m.actuator_trntype[number])) == self._types.mjtTrn.mjTRN_TENDON:
+                gear *= self._tendon(int(m.actuator_trnid[number, 0])).joints.get(name, 1.0)
+            rotor = float(m.actuator_armature[number]) if hasattr(m, "actuator_armature") else 0.0
+            found.setdefault(name, []).append((rotor, gear))
+        return {name: motors[0] for name, motors in found.items() if len(motors) == 1 and motors[0][1]}
 
     def _equalities(self) -> tuple[tuple[Closure, ...], tuple[Coupling, ...]]:
         m, kinds = self._m, self._types.mjtEq

@@ -186,9 +186,12 @@ class _Writer:
             )
         values = {"armature": rotor[0], "damping": data.damping, "frictionloss": data.friction}
         if data.stiffness:
-            if part.kind not in ("hinge", "slide"):
+            ball = part.kind == "ball" and data.rest in (0.0, (0.0, 0.0, 0.0, 1.0))
+            if part.kind not in ("hinge", "slide") and not ball:
                 raise ModelError(f"MJCF: the joint {shown(name)} of several freedoms has a spring")
-            values |= {"stiffness": data.stiffness, "springref": data.rest}
+            values |= {"stiffness": data.stiffness}
+            if isinstance(data.rest, float):
+                values |= {"springref": data.rest}
             if model.nqs[part.joint] == 2:
                 message = f"MJCF: the spring of the continuous joint {shown(name)} counts its turns in MuJoCo"
                 warnings.warn(message, ModelWarning, stacklevel=6)
@@ -253,7 +256,8 @@ class _Writer:
             return
         motors = sub(root, "actuator")
         for name in self._loop.actuated:
-            sub(motors, "motor", name=name, **{"tendon" if name in tendons else "joint": name}, gear="1")
+            gear = numbers(self._data.get(name, JointData(name)).gear_ratio, digits=17)
+            sub(motors, "motor", name=name, **{"tendon" if name in tendons else "joint": name}, gear=gear)
 
     def _keyframe(self, root: Xml.Element) -> None:
         """Write the reference configuration, its loops closed, in the order of the joints in the file."""

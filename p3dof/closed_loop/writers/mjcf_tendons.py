@@ -94,7 +94,7 @@ def write_tendons(
         armature = float(loop.model.armature[loop.model.idx_vs[joint.joint]])
         values = {"damping": entry.damping, "frictionloss": entry.friction, "armature": armature}
         if entry.stiffness:
-            values |= {"stiffness": entry.stiffness, "springlength": entry.rest}
+            values |= {"stiffness": entry.stiffness, "springlength": float(np.asarray(entry.rest))}
         acting = {
             key: numbers(value, digits=17) for key, value in values.items() if value or key == "springlength"
         }

@@ -54,6 +54,8 @@ def _sidecar(loop: LoopModel, balls: Iterable[str]) -> Sidecar:
     for i in range(1, model.njoints):
         rotor = np.asarray(model.armature)[model.idx_vs[i] : model.idx_vs[i] + model.nvs[i]]
         name = str(model.names[i])
+        own = data.get(name, JointData(name)).reflected_inertia
+        rotor = np.where(np.abs(rotor - own) <= 1e-15 * own, 0.0, rotor - own)
         if rotor.any():
             if np.ptp(rotor):
                 raise ModelError(f"URDF: the joint {shown(name)} has rotors (armature) that differ")
