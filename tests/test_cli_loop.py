@@ -171,7 +171,7 @@ def test_motors_before_their_gears_are_told(capsys, five_bar, motion):
     row = re.search(r"right_joint\W+40\.0+\W+0\.000010\W+(\d+\.\d+)\W+(\d+\.\d+)", table)
     assert float(row[1]) == pytest.approx(abs(peak) / 40, abs=1e-5)
     assert float(row[2]) == pytest.approx(40 * 0.3, rel=1e-3)
-    assert "left_joint" not in table
+    assert "left_joint" not in table[: table.index("The curve")]
 
 
 def test_a_robot_without_joints_is_told_in_one_line(capsys, tmp_path):

@@ -442,7 +442,8 @@ def test_springs_of_balls_and_gears_of_motors_are_written():
     model.addJoint(0, pin.JointModelSpherical(), pin.SE3.Random(), "ball")
     model.addJoint(1, pin.JointModelRX(), pin.SE3.Random(), "arm")
     for i in (1, 2):
-        model.appendBodyToJoint(i, pin.Inertia.Random(), pin.SE3.Identity())
+        body = pin.Inertia(1.0 + i, np.array([0.1, 0.2, -0.1]), np.diag([0.02, 0.03, 0.04]))
+        model.appendBodyToJoint(i, body, pin.SE3.Identity())
         model.addJointFrame(i)
     data = (JointData("ball", stiffness=2.5), JointData("arm", gear_ratio=-12.5))
     loop = ClosedLoopModel(model, Sidecar((), ("arm",), joint_data=data))
