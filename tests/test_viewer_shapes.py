@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import random
+import re
 import sys
 
 import closed_loop_robots as robots
@@ -179,6 +181,60 @@ def test_without_the_libraries_there_are_rods(folder, monkeypatch):
     assert named(figure) == []
 
 
+@pytest.mark.parametrize(
+    ("visual", "words"),
+    [
+        ("<visual/>", "base: "),
+        ('<visual><geometry><box size="1 2"/></geometry></visual>', "base: a shape that is not understood"),
+        ('<visual><geometry><box size="a b c"/></geometry></visual>', "base: yourdfpy cannot read its shape"),
+        ("<visual><geometry><cylinder/></geometry></visual>", "base: yourdfpy cannot read its shape"),
+        ('<visual><geometry><sphere radius="-1"/></geometry></visual>', "a sphere without size"),
+        (
+            '<visual><geometry><sphere radius="nan"/></geometry></visual>',
+            "base: a shape that is not understood",
+        ),
+        ("<visual><geometry><torus/></geometry></visual>", "base: yourdfpy cannot read its shape"),
+    ],
+)
+def test_a_shape_that_is_none_is_told_and_the_others_are_shown(folder, visual, words):
+    (folder / "bad.urdf").write_text(with_shapes(base=visual), encoding="utf-8")
+    figure = figure_of(folder / "bad.urdf")
+    assert len(figure.notes) == 1
+    assert words in figure.notes[0]
+    assert len(named(figure)) == 3
+
+
+def test_broken_shapes_are_told_or_one_clear_error():
+    text, rng = with_shapes(), random.Random(3)  # noqa: S311 - no secret
+    words = (
+        "nan",
+        "inf",
+        "1e300",
+        "-1",
+        "0",
+        "",
+        "x",
+        "1 2",
+        "1 2 3 4",
+        "0x10",
+        "1_0",
+        "1e29 1e29 1e29",
+        "../x.stl",
+    )
+    shapes, told, refused = re.findall("<visual>.*?</visual>", text, re.DOTALL), 0, 0
+    for _ in range(60):
+        shape = rng.choice(shapes)
+        part = rng.choice(re.findall(r'[a-z]+="[^"]*"', shape))
+        name = part.partition("=")[0]
+        bad = text.replace(shape, shape.replace(part, rng.choice((f'{name}="{rng.choice(words)}"', ""))))
+        try:
+            told += len(RobotFigure(loop_of(bad), bad).notes)
+        except p3dof.P3dofError as error:
+            refused += "\n" not in str(error)
+    assert told > 30
+    assert refused > 0
+
+
 BAD = {
     "no mesh at all": b"solid",
     "empty": b"",
@@ -220,6 +276,12 @@ def test_meshes_are_bounded(folder, monkeypatch):
     files.read("four/bar.stl", None)
     with pytest.raises(FileError, match="at most 30 triangles in all"):
         files.read("four/bar.stl", None)
+    monkeypatch.setattr(meshes, "MAX_MESHES", 100)
+    (folder / "four/no.stl").write_bytes(b"x" * 200)
+    files = MeshFiles(folder)
+    for words in ("expected triangles", "at most 100 bytes in all meshes"):
+        with pytest.raises(FileError, match=words):
+            files.read("four/no.stl", None)
     monkeypatch.setattr(meshes, "MAX_MESH", 100)
     with pytest.raises(FileError, match="expected at most 100 bytes"):
         MeshFiles(folder).read("four/bar.stl", None)

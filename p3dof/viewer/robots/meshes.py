@@ -26,6 +26,8 @@ SUFFIXES = (".stl", ".obj", ".ply", ".dae", ".off")
 """The endings of mesh files that are read."""
 MAX_MESH = 40_000_000
 """Largest mesh file [bytes]."""
+MAX_MESHES = 200_000_000
+"""Most bytes of all mesh files of a robot, whether they can be read or not."""
 MAX_FACES = 600_000
 """Most triangles of all meshes of a robot: that is tens of megabytes in a page."""
 _MAX_COPIES = 400_000_000
@@ -79,7 +81,7 @@ class MeshFiles:
     ) -> None:
         self._folders = [*_folders(package_dirs), *([] if folder is None else [Path(folder).resolve()])]
         self._own = None if folder is None else Path(folder).resolve()
-        self._faces = 0
+        self._faces = self._bytes = 0
         self._known: dict[Path, Skin] = {}
 
     def find(self, name: str) -> Path:
@@ -170,7 +172,10 @@ class MeshFiles:
         return [*own, *(folder / inner for folder in self._folders)]
 
     def _loaded(self, path: Path, name: str) -> Skin:
+        if self._bytes > MAX_MESHES:
+            raise FileError(f"{name}: expected at most {MAX_MESHES} bytes in all meshes")
         data = read_bytes(path, MAX_MESH)
+        self._bytes += len(data)
         if path.suffix.lower() == ".dae":
             data = _checked_collada(data, name)
         trimesh = _trimesh()

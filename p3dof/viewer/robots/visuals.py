@@ -16,10 +16,13 @@ import pinocchio as pin
 from p3dof.checks import LARGEST, one_line
 from p3dof.closed_loop.formats.mjcf_geoms import geoms
 from p3dof.closed_loop.xml_text import XmlReader, is_text, read_xml, root_of
-from p3dof.errors import MissingExtraError, ModelError
+from p3dof.errors import MissingExtraError
 
 MAX_SHAPES = 2000
 """Most shapes of a robot."""
+
+_SIZES = {"box": 3, "cylinder": 2, "sphere": 1, "mesh": 3}
+"""How many measures each kind of a URDF has."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,38 +94,41 @@ def _of_urdf(model: pin.Model, text: str, name: str) -> tuple[list[Visual], list
         import yourdfpy
     except ImportError as error:
         raise MissingExtraError("shapes of a URDF need yourdfpy: pip install 'p3dof[shapes]'") from error
-    try:
-        read = yourdfpy.URDF.load(
-            io.BytesIO(_only_visuals(robot)), build_scene_graph=False, load_meshes=False
-        ).robot
-        named = {material.name: material for material in read.materials}
-        found: list[Visual] = []
-        left_out = []
-        for link in read.links:
-            for visual in link.visuals if model.existFrame(link.name, pin.FrameType.BODY) else ():
-                frame = model.frames[model.getFrameId(link.name, pin.FrameType.BODY)]
-                shape = _shape(visual, frame, named)
-                if shape is None:
-                    left_out.append(f"{link.name}: a shape that is not understood")
-                else:
+    materials = robot.findall("material")
+    found: list[Visual] = []
+    left_out: list[str] = []
+    for link in robot.findall("link"):
+        name = link.get("name", "")
+        if model.existFrame(name, pin.FrameType.BODY):
+            frame = model.frames[model.getFrameId(name, pin.FrameType.BODY)]
+            for visual in link.findall("visual")[: MAX_SHAPES - len(found)]:
+                shape = _shape(yourdfpy, materials, visual, frame)
+                if isinstance(shape, Visual):
                     found.append(shape)
-    except Exception as error:  # yourdfpy raises whatever Python does with what it did not expect
-        words = one_line(str(error), 120) or type(error).__name__
-        raise ModelError(f"{name}: yourdfpy cannot read its shapes ({words})") from error
+                else:
+                    left_out.append(f"{one_line(name, 80)}: {shape}")
     return found, left_out
 
 
-def _only_visuals(robot: Xml.Element) -> bytes:
-    """Return a URDF that has nothing but materials, links and their visible shapes."""
+def _shape(
+    yourdfpy: Any, materials: list[Xml.Element], visual: Xml.Element, frame: pin.Frame
+) -> Visual | str:
+    """Return a shape as yourdfpy reads it, or what is wrong with it."""
     plain = Xml.Element("robot", name="robot")
-    plain.extend(robot.findall("material"))
-    for link in robot.findall("link"):
-        Xml.SubElement(plain, "link", name=link.get("name", "")).extend(link.findall("visual"))
-    content: bytes = Xml.tostring(plain, encoding="utf-8")
-    return content
+    wanted = [material.get("name") for material in visual.findall("material")]
+    plain.extend([one for one in materials if one.get("name") in wanted][:1])
+    Xml.SubElement(plain, "link", name="link").append(visual)
+    content = io.BytesIO(Xml.tostring(plain, encoding="utf-8"))
+    try:
+        read = yourdfpy.URDF.load(content, build_scene_graph=False, load_meshes=False).robot
+        named = {material.name: material for material in read.materials}
+        return _translated(read.links[0].visuals[0], frame, named) or "a shape that is not understood"
+    except Exception as error:  # yourdfpy raises whatever Python does with what it did not expect
+        words = one_line(str(error), 120) or type(error).__name__
+        return f"yourdfpy cannot read its shape ({words})"
 
 
-def _shape(visual: Any, frame: pin.Frame, materials: dict[str, Any]) -> Visual | None:
+def _translated(visual: Any, frame: pin.Frame, materials: dict[str, Any]) -> Visual | None:
     """Return a shape as yourdfpy has it on a link; None if there is none that is known."""
     origin = np.eye(4) if visual.origin is None else np.asarray(visual.origin, dtype=float)
     place = frame.placement * pin.SE3(origin[:3, :3], origin[:3, 3])
@@ -130,7 +136,7 @@ def _shape(visual: Any, frame: pin.Frame, materials: dict[str, Any]) -> Visual |
     if geometry is None:
         return None
     colour = _colour(visual.material, materials)
-    mesh, size = "", None
+    kind, mesh, size = "", "", None
     if geometry.box is not None:
         kind, size = "box", tuple(np.ravel(geometry.box.size))
     elif geometry.cylinder is not None:
@@ -140,7 +146,9 @@ def _shape(visual: Any, frame: pin.Frame, materials: dict[str, Any]) -> Visual |
     elif geometry.mesh is not None:
         scale = 1.0 if geometry.mesh.scale is None else geometry.mesh.scale
         kind, mesh, size = "mesh", str(geometry.mesh.filename), tuple(np.broadcast_to(scale, 3))
-    if size is None or not np.all(np.abs(np.array([*size, *origin.ravel()], dtype=float)) < LARGEST):
+    if size is None or len(size) != _SIZES[kind]:
+        return None
+    if not np.all(np.abs(np.array([*size, *origin.ravel()], dtype=float)) < LARGEST):
         return None
     return Visual(int(frame.parentJoint), place, kind, tuple(float(x) for x in size), mesh, colour)
 
