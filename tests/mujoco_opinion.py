@@ -79,17 +79,9 @@ class Opinion:
     def actuators(self) -> np.ndarray:
         """Generalised forces (nv, nu) of unit forces of the actuators, before their gears."""
         m, d = self.m, self.d
-        columns = []
-        for number in range(m.nu):
-            d.ctrl[:] = 0
-            d.ctrl[number] = 1.0
-            mujoco.mj_fwdActuation(m, d)
-            others = np.arange(m.nu) != number
-            assert not d.actuator_force[others].any(), "only motors, whose forces are their controls"
-            columns.append(d.qfrc_actuator / d.actuator_force[number] / m.actuator_gear[number, 0])
-        d.ctrl[:] = 0
-        mujoco.mj_fwdActuation(m, d)
-        return np.array(columns).reshape(-1, m.nv).T
+        moments = np.zeros((m.nu, m.nv))
+        mujoco.mju_sparse2dense(moments, d.actuator_moment, d.moment_rownnz, d.moment_rowadr, d.moment_colind)
+        return (moments / m.actuator_gear[:, :1]).T
 
     def applied(self) -> np.ndarray:
         """All generalised forces that are no actuators' and no constraints', with friction as we have it."""
