@@ -1,4 +1,4 @@
-"""Robots whose files are broken: each is one clear error in bounded time, or a robot."""
+"""Robots whose files are broken: each is one clear error in bounded time, or a robot that can be written."""
 
 import random
 import re
@@ -7,10 +7,14 @@ import warnings
 
 import pytest
 import test_robot_files as files
+from closed_loop_robots import hexapod
 from documents import ROOT
 
 from p3dof.closed_loop import load_robot
+from p3dof.closed_loop.writers import mjcf, sdf, urdf
 from p3dof.errors import P3dofError
+
+mujoco = pytest.importorskip("mujoco")
 
 WORDS = ("nan", "inf", "-1", "0", "1e308", "1e-320", "", "x", "..", "1 2", "1 2 3", "true", "world", "a", "é")
 SIGNS = (*WORDS, "<", "&", '"', "'")
@@ -21,6 +25,7 @@ def texts():
     return [
         files.chain(files.ROTOR + files.GEAR + files.loop()),
         files.chain(files.BALL, second='<mimic joint="shoulder"/>'),
+        hexapod(),
         *((ROOT / "urdf" / name).read_text("utf-8") for name in ("p3dof_plus.urdf", "p3dof_mjcf.xml")),
     ]
 
@@ -45,11 +50,20 @@ def broken(text, rng):
 def loaded(text):
     """Return what the error says that a text is refused with; nothing if it is a robot."""
     try:
-        load_robot(text)
+        robot = load_robot(text)
     except P3dofError as error:
         return str(error)
     except Exception as error:
         raise AssertionError(f"this escaped for:\n{text}") from error
+    for write in (urdf.texts, mjcf.text, sdf.text, lambda robot: sdf.text(robot, drake=True)):
+        try:
+            written = write(robot)
+            if write is mjcf.text:
+                mujoco.MjModel.from_xml_string(written)
+        except P3dofError as error:  # noqa: PERF203
+            assert "\n" not in str(error)  # noqa: PT017 - most are written
+        except Exception as error:
+            raise AssertionError(f"this escaped when writing:\n{text}") from error
     return ""
 
 
@@ -68,12 +82,10 @@ def search(seed, count):
     assert refused > count / 10
 
 
-def test_broken_files_are_refused_in_one_line():
-    pytest.importorskip("mujoco")
+def test_broken_files_are_refused_in_one_line_and_others_are_written():
     search(1, 300)
 
 
 @pytest.mark.fuzz
 def test_very_many_broken_files_are_refused_in_one_line(request):
-    pytest.importorskip("mujoco")
     search(request.config.getoption("--hypothesis-seed"), 30_000)

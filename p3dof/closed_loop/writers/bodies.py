@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from p3dof.checks import FloatArray, shown
+from p3dof.checks import LARGEST, FloatArray, shown
 from p3dof.closed_loop.writers.chains import Part, parts_of
 from p3dof.errors import ModelError
 
@@ -159,6 +159,11 @@ def with_least(model: pin.Model, bodies: list[Body], target: str) -> None:
     largest = float(np.abs(pin.crba(model, data, pin.neutral(model))).max(initial=0.0))
     directions = _directions(bodies)
     for body in bodies:
+        known = np.append(np.ravel(body.inertia.inertia), [body.inertia.mass, *body.inertia.lever])
+        if not np.all(np.abs(known) < LARGEST):  # also what is not a number
+            raise ModelError(
+                f"{target}: the inertia of the body {shown(body.name)} is too large, or no number"
+            )
         moments, axes = principal(body.inertia)
         more = np.maximum(moments, LEAST)
         more[2] = min(more[2], more[0] + more[1])
@@ -184,7 +189,8 @@ def with_least(model: pin.Model, bodies: list[Body], target: str) -> None:
                 f"{target}: the body {shown(body.name)} has no mass or moment of inertia, and the robot is "
                 f"too light for the least of {LEAST:g} that it would get"
             )
-        body.inertia = pin.Inertia(mass, body.inertia.lever, axes @ np.diag(more) @ axes.T)
+        matrix = axes @ np.diag(more) @ axes.T
+        body.inertia = pin.Inertia(mass, body.inertia.lever, (matrix + matrix.T) / 2)
 
 
 def _directions(bodies: list[Body]) -> dict[int, FloatArray | None]:
