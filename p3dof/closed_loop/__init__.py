@@ -13,6 +13,8 @@ from p3dof.closed_loop.batch.energy import BodyEnergies
 from p3dof.closed_loop.batch.hybrid import BatchHybridDynamics
 from p3dof.closed_loop.batch.states import BatchStates
 from p3dof.closed_loop.batch.targets import FrameTargets
+from p3dof.closed_loop.compiled.compiled_loop import CompiledLoop
+from p3dof.closed_loop.compiled.results import CompiledDerivatives, CompiledDynamics
 from p3dof.closed_loop.derivatives import (
     ByForces,
     ByMotion,
@@ -48,6 +50,9 @@ __all__ = [
     "ClosedLoopModel",
     "Closure",
     "ClosureJoint",
+    "CompiledDerivatives",
+    "CompiledDynamics",
+    "CompiledLoop",
     "Coupling",
     "ForwardDynamics",
     "ForwardDynamicsDerivatives",

@@ -60,13 +60,14 @@ class CouplingRows:
         self._powers = powers
         self._others = _Others(model, couplings)
         each = zip(couplings, *circles, self._others.on_circles, strict=True)
-        self._period = np.array([_period(coupling, *known) for coupling, *known in each])
-        self._wrapped = np.flatnonzero(self._period)
+        self.periods = np.array([_period(coupling, *known) for coupling, *known in each])
+        """Up to multiples of what each holds; zero where it holds as it is."""
+        self._wrapped = np.flatnonzero(self.periods)
 
     def errors(self, q: FloatArray) -> FloatArray:
         """Return q_joint - p(q_on) - Σ f q_other (..., size), to the nearest that continuous joints allow."""
         error = self._values(q, 0) - self._derivative(q, 0) - self._others.sums(q)
-        period = self._period[self._wrapped]
+        period = self.periods[self._wrapped]
         error[..., self._wrapped] -= period * np.round(error[..., self._wrapped] / period)
         return error
 

@@ -274,6 +274,11 @@ class LoopModel:
         """Rank of the closures around the reference configuration; None if the loops do not close there."""
         return self._assembler.generic_rank if self._scaled is None else self._scaled.core.generic_rank
 
+    @property
+    def unit_of_length(self) -> float:
+        """The unit that a model much larger or smaller than a metre is computed in [m]; else 1."""
+        return 1.0 if self._scaled is None else self._scaled.units.length
+
     def closure_error(self, q: ArrayLike) -> FloatArray:
         """Return how far each closure is open, and how far off each coupling is.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -18,6 +18,7 @@ from p3dof.closed_loop.batch.energy import BodyEnergies, body_energies
 from p3dof.closed_loop.batch.linear import IndexArray
 from p3dof.closed_loop.batch.states import BatchAssembler, BatchStates
 from p3dof.closed_loop.batch.targets import FrameTargets, Targets
+from p3dof.closed_loop.compiled.compiled_loop import CompiledLoop
 from p3dof.closed_loop.hybrid_model import rows_of
 from p3dof.closed_loop.loop_model import External
 from p3dof.closed_loop.margins_model import MarginsModel
@@ -197,6 +198,52 @@ class ClosedLoopModel(MarginsModel):
             forces = forces + self.passive.forces(*states[:2])
             return _inverse_dynamics_scaled(self._scaled, states, loads, forces, stop)
         return self._batch_dynamics.inverse_dynamics(*states, loads, forces, stop)
+
+    def compile(
+        self,
+        around: ArrayLike | None = None,
+        external: Iterable[str] = (),
+        joint_forces: bool = False,
+        inertias: Iterable[str] = (),
+        level: str = "auto",
+        threads: int | None = None,
+    ) -> CompiledLoop:
+        """Return the dynamics of this robot compiled, 100 to 1000 times as fast; needs a C compiler.
+
+        The robot is taken as it is now. Functions are compiled when they are first used, which takes seconds,
+        and kept in a cache on the disk. Samples near configurations where the compiled partition of speeds
+        fails are computed by this model instead.
+
+        Parameters
+        ----------
+        around : (nq,) or (K, nq) array, optional
+            Closed configurations that the partition is made for; by default around the reference
+            configuration.
+        external : iterable of str
+            Frames on which external wrenches will act.
+        joint_forces : bool
+            Whether forces in all joints will be given.
+        inertias : iterable of str
+            Joints whose bodies will get their inertial parameters at each call, such as a payload.
+        level : {"auto", "avx512", "avx2", "baseline", "numpy"}
+            The instructions to use: those of this processor; of others; or NumPy, without a compiler.
+        threads : int, optional
+            Most threads for many samples; all processors by default.
+
+        Returns
+        -------
+        CompiledLoop
+
+        Raises
+        ------
+        ModelError
+            If a joint is of a kind that cannot be compiled.
+        AssemblyError
+            If the loops do not close at the reference configuration.
+        InputError
+            If an argument does not fit.
+        """
+        return CompiledLoop(self, around, external, joint_forces, inertias, level, threads)
 
     def motor_side(self, tau: ArrayLike, v: ArrayLike) -> MotorSide:
         """Return torques and speeds of the motors before their gears, see `JointData`.

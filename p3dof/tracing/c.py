@@ -15,6 +15,8 @@ def statements(
     names: MutableMapping[int, str],
     sincos: str | None = None,
     labels: Mapping[int, str] | None = None,
+    real: str = "double",
+    suffix: str = "",
 ) -> list[str]:
     """Return one declaration for every operation.
 
@@ -30,6 +32,11 @@ def statements(
         A function ``f(x, &s, &c)`` that takes the place of sin and cos.
     labels : mapping of int to str, optional
         What to call new values; ``t`` and their place without it.
+    real : str
+        The type of values.
+    suffix : str
+        What the names of functions end in; with one there is a function for the minimum, too, and a
+        ``zero`` of the type.
 
     Returns
     -------
@@ -41,17 +48,23 @@ def statements(
         if index in names or not operation.operands:
             continue
         if sincos is not None and operation.name in ("sin", "cos"):
-            lines += _sincos(tape, index, names, sincos)
+            lines += _sincos(tape, index, names, sincos, real)
             continue
         operands = [text(operand, names) for operand in operation.operands]
         if operation.name in SIGNS:
             expression = SIGNS[operation.name].format(*operands)
-        elif operation.name == "min":
+        elif operation.name == "min" and not suffix:
             expression = _MINIMUM.format(*operands)
         else:
-            expression = f"{operation.name}({operands[0]})"
+            function = "minimum" if operation.name == "min" else operation.name
+            if suffix:  # numbers become as wide as the type
+                operands = [
+                    known if isinstance(operand, Symbol) else f"zero + {known}"
+                    for operand, known in zip(operation.operands, operands, strict=True)
+                ]
+            expression = f"{function}{suffix}({', '.join(operands)})"
         names[index] = labels.get(index, f"t{index}")
-        lines.append(f"const double {names[index]} = {expression};")
+        lines.append(f"const {real} {names[index]} = {expression};")
     return lines
 
 
@@ -75,7 +88,7 @@ def text(value: Number, names: Mapping[int, str]) -> str:
     return f"({number})" if value < 0 else number
 
 
-def _sincos(tape: Tape, index: int, names: MutableMapping[int, str], function: str) -> list[str]:
+def _sincos(tape: Tape, index: int, names: MutableMapping[int, str], function: str, real: str) -> list[str]:
     """Return one call for both the sine and the cosine of a value, whichever is asked for."""
     operand = tape.operations[index].operands[0]
     assert isinstance(operand, Symbol)  # noqa: S101 - functions of numbers are known when they are traced
@@ -84,4 +97,4 @@ def _sincos(tape: Tape, index: int, names: MutableMapping[int, str], function: s
     for place in places:
         names[place] = f"t{place}"
     sine, cosine = (names[place] for place in places)
-    return [f"double {sine}, {cosine};", f"{function}({text(operand, names)}, &{sine}, &{cosine});"]
+    return [f"{real} {sine}, {cosine};", f"{function}({text(operand, names)}, &{sine}, &{cosine});"]

@@ -61,14 +61,15 @@ def function_of(
     callable
     """
     names = {symbol.index: f"x{i}" for i, symbol in enumerate(inputs)}
-    lines = []
+    lines, used = [], set()
     for index in tape.needed(results, dict(names)):
         names[index] = f"t{index}"
+        used.add(tape.operations[index].name)
         lines.append(f"t{index} = {_expression(tape.operations[index], names)}")
     arguments = ", ".join(f"x{i}" for i in range(len(inputs)))
     values = ", ".join(_text(value, names) for value in results)
     source = "\n    ".join([f"def compiled({arguments}):", *lines, f"return ({values},)"])
-    scope: dict[str, Any] = {name: getattr(namespace, name) for name in FUNCTIONS}
+    scope: dict[str, Any] = {name: getattr(namespace, name) for name in FUNCTIONS if name in used}
     scope["minimum"] = getattr(namespace, "minimum", min)  # `math` has none
     exec(compile(source, "<straight line>", "exec"), scope)  # noqa: S102 - the text is made of our own names
     function: Callable[..., tuple[float, ...]] = scope["compiled"]

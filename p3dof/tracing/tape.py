@@ -9,7 +9,7 @@ from typing import NamedTuple, TypeAlias
 Number: TypeAlias = "float | Symbol"
 
 COMMUTATIVE = ("add", "mul")
-FUNCTIONS = ("sqrt", "sin", "cos", "tanh")
+FUNCTIONS = ("sqrt", "sin", "cos", "tanh", "floor", "atan2")
 SIGNS = {"add": "{} + {}", "sub": "{} - {}", "mul": "{} * {}", "div": "{} / {}", "neg": "-{}"}
 """How Python and C write the arithmetic."""
 
@@ -173,6 +173,16 @@ class Tape:
     def tanh(self, x: Number) -> Number:
         """Hyperbolic tangent."""
         return self._function("tanh", x)
+
+    def floor(self, x: Number) -> Number:
+        """Return the largest whole number that is not above x."""
+        return self._function("floor", x)
+
+    def atan2(self, y: Number, x: Number) -> Number:
+        """Return the angle of the point (x, y)."""
+        if isinstance(y, Symbol) or isinstance(x, Symbol):
+            return self._record("atan2", y, x)
+        return math.atan2(y, x)
 
     def minimum(self, a: Number, b: Number) -> Number:
         """Return the smaller of two numbers; b where either is NaN."""

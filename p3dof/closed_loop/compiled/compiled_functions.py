@@ -1,0 +1,249 @@
+"""`CompiledFunctions`: the functions of one robot, traced and compiled when they are first used."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from p3dof.checks import FloatArray, as_floats, frozen_array, shown
+from p3dof.closed_loop.compiled import build
+from p3dof.closed_loop.compiled.functions import FUNCTIONS, Function
+from p3dof.closed_loop.compiled.kernels import BoundFunction, Kernel, processors
+from p3dof.closed_loop.compiled.printing import lanes_source
+from p3dof.closed_loop.compiled.results import Tangents
+from p3dof.closed_loop.compiled.robot import closed_configurations, robot_of
+from p3dof.closed_loop.derivatives_model import DerivativesModel
+from p3dof.closed_loop.independent import coordinate_names
+from p3dof.closed_loop.loop_model import CLOSED, External
+from p3dof.errors import InputError, ModelWarning
+
+_DIRECTIONS = 65_536
+"""Samples times directions that are done at a time."""
+
+
+class CompiledFunctions:
+    """The functions of one robot, traced and compiled when they are first used.
+
+    Parameters
+    ----------
+    loop : DerivativesModel
+        The robot as it is now: masses and gravity that change later are not seen.
+    around : (K, nq) array, optional
+        Closed configurations that the partition of speeds is made for.
+    external : iterable of str
+        Frames on which external wrenches act.
+    joint_forces : bool
+        Whether forces in all joints are given.
+    inertias : iterable of str
+        Joints whose bodies get their inertial parameters at each call.
+    level : str
+        ``"auto"``, ``"avx512"``, ``"avx2"``, ``"baseline"`` or ``"numpy"``.
+    threads : int, optional
+        Most threads for many samples; all processors by default.
+
+    Raises
+    ------
+    ModelError
+        If a joint is of a kind that cannot be compiled, or the robot is too large.
+    AssemblyError
+        If the loops do not close at the reference configuration.
+    InputError
+        If an argument does not fit.
+    """
+
+    def __init__(
+        self,
+        loop: DerivativesModel,
+        around: ArrayLike | None = None,
+        external: Iterable[str] = (),
+        joint_forces: bool = False,
+        inertias: Iterable[str] = (),
+        level: str = "auto",
+        threads: int | None = None,
+    ) -> None:
+        if level != "numpy" and level not in build.LEVELS:
+            raise InputError(
+                f"level: expected one of {', '.join((*build.LEVELS, 'numpy'))}, got {shown(level)}"
+            )
+        if level != "numpy" and build.compiler() is None:
+            warnings.warn(
+                "no C compiler (gcc or clang) on the path: NumPy computes what would be compiled",
+                ModelWarning,
+                stacklevel=3,
+            )
+            level = "numpy"
+        self.level = level
+        """Instructions that are used."""
+        self._loop, self._threads = loop.copy(), threads or processors()
+        start = _configurations(self._loop, around)
+        self._around = start
+        self._robot = robot_of(self._loop, start, external, joint_forces, inertias)
+        names = coordinate_names(self._loop.model)
+        self.independent: tuple[str, ...] = tuple(names[i] for i in self._robot.independent)
+        """Coordinates whose speeds the others follow from: joints, or single freedoms such as ``base[2]``."""
+        self._functions: dict[str, Function] = {}
+        self._kernels: dict[str, Kernel] = {}
+        self._defaults = self._robot.defaults
+
+    def __repr__(self) -> str:
+        names = ", ".join(self.independent)
+        return f"CompiledLoop({self._loop.model.name!r}, level={self.level!r}, independent=[{names}])"
+
+    def operations(self, name: str = "inverse_dynamics") -> int:
+        """Return how many additions, products and so on a sample takes.
+
+        Parameters
+        ----------
+        name : str
+            One of the functions that can be bound, see `bind`.
+
+        Returns
+        -------
+        int
+
+        Raises
+        ------
+        InputError
+            If there is no such function.
+        """
+        return self._function(name).operations
+
+    def bind(self, name: str = "inverse_dynamics") -> BoundFunction:
+        """Return a function of one sample that reads and writes arrays of its own, for a loop at kHz.
+
+        Parameters
+        ----------
+        name : str
+            ``inverse_dynamics``, ``hybrid_dynamics``, ``forward_dynamics``, ``motion`` (velocity,
+            acceleration
+            and forces from those of the independent speeds), ``step`` (one of Newton's method), ``integrate``
+            (a configuration moved by a small rate), ``tangent_of_forces``, ``tangent_of_accelerations``.
+
+        Returns
+        -------
+        BoundFunction
+
+        Raises
+        ------
+        InputError
+            If there is no such function.
+        """
+        bound = self._kernel(name).bound()
+        for key, value in self._defaults.items():
+            if key in bound.inputs:
+                bound.inputs[key][:] = value
+        return bound
+
+    def _function(self, name: str) -> Function:
+        if name not in FUNCTIONS:
+            raise InputError(f"name: expected one of {', '.join(FUNCTIONS)}, got {shown(name)}")
+        if name not in self._functions:
+            self._functions[name] = FUNCTIONS[name](self._robot)
+        return self._functions[name]
+
+    def _kernel(self, name: str) -> Kernel:
+        if name not in self._kernels:
+            function = self._function(name)
+            library = None
+            if self.level != "numpy":
+                (library,) = build.libraries([lanes_source([function])], self.level)
+            self._kernels[name] = Kernel(function, library)
+        return self._kernels[name]
+
+    def _run(self, name: str, inputs: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        return self._kernel(name)(len(inputs["q"]), inputs, self._threads)
+
+    def _rows(self, given: Mapping[str, tuple[ArrayLike, int]]) -> tuple[dict[str, FloatArray], bool]:
+        """Return the inputs of N samples, and whether there was one without that axis."""
+        single = np.ndim(given["q"][0]) == 1
+        found: dict[str, FloatArray] = {}
+        for name, (value, size) in given.items():
+            array = as_floats(name, value)
+            if single:
+                array = array[None]
+            # Numbers that are not finite are no reason to stop: the general layer tells of their samples.
+            rows = len(next(iter(found.values()))) if found else len(array)
+            if array.shape != (rows, size):
+                told = (size,) if single else ("N" if not found else rows, size)
+                raise InputError(f"{name}: expected shape {told}, got {np.shape(value)}")
+            found[name] = array
+        return found, single
+
+    def _load(
+        self,
+        count: int,
+        external: External | None,
+        joint_forces: ArrayLike | None,
+        inertias: Mapping[str, ArrayLike] | None = None,
+    ) -> dict[str, FloatArray]:
+        """Return the inputs besides the motion: what is not given is as the robot has it."""
+        for what, values in (("external", external), ("inertias", inertias)):
+            if values is not None and not isinstance(values, Mapping):
+                raise InputError(
+                    f"{what}: expected a mapping of names to arrays, got {type(values).__name__}"
+                )
+        found = dict(self._defaults)
+        given: dict[str, ArrayLike] = {f"wrench_{name}": value for name, value in (external or {}).items()}
+        given |= {f"inertia_{name}": value for name, value in (inertias or {}).items()}
+        if joint_forces is not None:
+            given["joint_forces"] = joint_forces
+        for name, value in given.items():
+            if name not in found:
+                raise InputError(
+                    f"{name.replace('_', ' ')}: it was not compiled for that; it takes "
+                    f"{', '.join(key.replace('_', ' ') for key in found) or 'nothing'}"
+                )
+            size = len(self._defaults[name])
+            found[name] = frozen_array(name, value, (size,) if np.ndim(value) == 1 else (count, size))
+        return found
+
+    def _alone(
+        self, i: int, load: Mapping[str, FloatArray]
+    ) -> tuple[DerivativesModel, tuple[dict[str, FloatArray], FloatArray | None]]:
+        """Return the general robot of a sample, and what acts on it."""
+        row = {name: value if value.ndim == 1 else value[i] for name, value in load.items()}
+        loop = self._robot.with_inertias(self._loop, row)
+        forces = {name.removeprefix("wrench_"): x for name, x in row.items() if name.startswith("wrench_")}
+        return loop, (forces, row.get("joint_forces"))
+
+    def _tangents(
+        self,
+        name: str,
+        given: Mapping[str, FloatArray],
+        load: Mapping[str, FloatArray],
+        seeds: Sequence[str],
+    ) -> Tangents:
+        """Return derivatives: every sample as many times as there are directions, side by side."""
+        count, function = len(given["q"]), self._function(name)
+        widths = [function.inputs[seed] for seed in seeds]
+        total, edges = sum(widths), np.cumsum([0, *widths]).tolist()
+        directions, parts = np.eye(total), []
+        for start in range(0, max(count, 1), _DIRECTIONS // max(total, 1) + 1):
+            block = slice(start, start + _DIRECTIONS // max(total, 1) + 1)
+            rows = len(given["q"][block])
+            inputs = {key: np.repeat(x[block], total, axis=0) for key, x in given.items()}
+            inputs |= {
+                key: np.repeat(x[block], total, axis=0) if x.ndim == 2 else x for key, x in load.items()
+            }
+            for seed, (first, stop) in zip(seeds, pairwise(edges), strict=True):
+                inputs[seed] = np.tile(directions[:, first:stop], (rows, 1))
+            found = self._run(name, inputs)
+            parts.append({key: x.reshape(rows, total, x.shape[1]) for key, x in found.items()})
+        joined = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+        return Tangents(joined, edges)
+
+
+def _configurations(loop: DerivativesModel, around: ArrayLike | None) -> list[FloatArray]:
+    if around is None:
+        return closed_configurations(loop, np.array(loop.assemble().q))
+    rows = frozen_array("around", np.atleast_2d(np.asarray(around, dtype=float)), ("K", loop.model.nq))
+    if not len(rows):
+        raise InputError("around: expected at least one configuration")
+    gaps = [np.abs(loop.closure_error(q)).max(initial=0.0) for q in rows]
+    if max(gaps) > CLOSED:
+        raise InputError(f"around: configuration {int(np.argmax(gaps))} is open by {max(gaps):.3g} m or rad")
+    return [np.array(q) for q in rows] if len(rows) > 1 else closed_configurations(loop, np.array(rows[0]))

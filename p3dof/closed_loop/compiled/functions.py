@@ -1,0 +1,442 @@
+"""`Function`: what is printed as C or run as NumPy, with its inputs and outputs by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from p3dof.closed_loop.compiled.dynamics import mass_matrix
+from p3dof.closed_loop.compiled.formulas import At, Moving, Robot
+from p3dof.closed_loop.compiled.pivots import solve_symmetric
+from p3dof.closed_loop.compiled.rates import moved, seeds_of
+from p3dof.closed_loop.compiled.vectors import dot
+from p3dof.closed_loop.loop_model import CLOSED, CONSISTENT, NEARLY_CLOSED, NEARLY_CONSISTENT
+from p3dof.errors import ModelError
+from p3dof.tracing import Number, Symbol, Tape
+from p3dof.tracing.derivatives import tangent
+from p3dof.tracing.python import function_of
+
+MARGIN = 1e-3
+"""Smallest pivot, compared with those that the partition was made on, that is trusted."""
+MISSING = 1e-10
+"""Largest force that no actuator gives, of all forces together, that is put down to rounding."""
+_FOLLOWED = 1e-4
+"""What is left of the largest gap where Newton's steps along a motion ended well."""
+MOST_OPERATIONS = 30_000
+"""More take compilers longer than anybody waits."""
+
+
+@dataclass(frozen=True, eq=False)
+class Function:
+    """A traced function.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+    tape : Tape
+        Its operations.
+    inputs, outputs : mapping of str to int
+        Names and sizes, in their order.
+    symbols : tuple of Symbol
+        All inputs.
+    results : tuple of Number
+        All outputs.
+    """
+
+    name: str
+    tape: Tape
+    inputs: Mapping[str, int]
+    outputs: Mapping[str, int]
+    symbols: tuple[Symbol, ...]
+    results: tuple[Number, ...]
+
+    @cached_property
+    def operations(self) -> int:
+        """How many operations a sample takes; sines and cosines count one each, signs none."""
+        tape = self.tape
+        needed = (tape.operations[index] for index in tape.needed(self.results))
+        return sum(bool(operation.operands) and operation.name != "neg" for operation in needed)
+
+    @cached_property
+    def on_arrays(self) -> Callable[..., tuple[Any, ...]]:
+        """The function on NumPy arrays: takes all inputs, returns all outputs."""
+        return function_of(self.tape, self.symbols, self.results, np)
+
+
+class _Builder:
+    """Collects inputs and outputs of one function."""
+
+    def __init__(self) -> None:
+        self.tape = Tape()
+        self.inputs: dict[str, int] = {}
+        self.outputs: dict[str, int] = {}
+        self._symbols: list[Symbol] = []
+        self._results: list[Number] = []
+
+    def take(self, name: str, size: int) -> tuple[Symbol, ...]:
+        self.inputs[name] = size
+        found = self.tape.symbols(f"{name}[{i}]" for i in range(size))
+        self._symbols += found
+        return found
+
+    def loaded(self, robot: Robot) -> tuple[Robot, dict[str, tuple[Symbol, ...]]]:
+        """Take what acts and what is known only when it runs; return the robot with that, and all by name."""
+        found = {name: self.take(name, size) for name, size in robot.inputs.items()}
+        return robot.with_inputs(found), found
+
+    def give(self, name: str, values: Sequence[Number]) -> None:
+        self.outputs[name] = len(values)
+        self._results += values
+
+    def evidence(self, at: At, limits: Sequence[Number]) -> None:
+        """Give margin and gap, and whether the sample is to be trusted: a positive number, no NaN."""
+        tape = self.tape
+        margin: Number = at.margin
+        least = tape.subtract(margin, MARGIN * MARGIN)
+        for limit in limits:
+            least = tape.minimum(limit, least)
+        total: Number = 0.0
+        for value in self._results:
+            total = total + value
+        self.give("margin", [tape.sqrt(margin)])
+        self.give("gap", [tape.sqrt(dot(at.errors, at.errors))])
+        # What is not finite makes the difference NaN, and the minimum with it.
+        self.give("trusted", [tape.minimum(least, tape.add(tape.subtract(total, total), 1.0))])
+
+    def function(self, name: str) -> Function:
+        found = Function(
+            name, self.tape, self.inputs, self.outputs, tuple(self._symbols), tuple(self._results)
+        )
+        if found.operations > MOST_OPERATIONS:
+            raise ModelError(
+                f"{name}: {found.operations} operations are more than compilers take "
+                f"(at most {MOST_OPERATIONS}): lock joints, or use the general layer"
+            )
+        return found
+
+
+def jacobian_rows(robot: Robot) -> Function:
+    """Return the Jacobian of closures and couplings at q, all entries: what a plan is made from."""
+    build = _Builder()
+    at = At(robot, build.tape, build.take("q", robot.tree.nq))
+    nv = robot.tree.nv
+    build.give("J", [row.get(i, 0.0) for row in at.rows for i in range(nv)])
+    return build.function("jacobian_rows")
+
+
+def inverse_dynamics(robot: Robot) -> Function:
+    """Return forces and multipliers of a motion (q, v, a), and whether it keeps the loops closed."""
+    build = _Builder()
+    tree = robot.tree
+    q, v, a = (build.take(name, size) for name, size in (("q", tree.nq), ("v", tree.nv), ("a", tree.nv)))
+    robot, load = build.loaded(robot)
+    at = At(robot, build.tape, q)
+    moving = Moving(at, v, load)
+    bodies = moving.motion(a)
+    needed = moving.needed(a, bodies)
+    tau, multipliers, missing = _actuated(at, needed)
+    build.give("tau", tau)
+    build.give("lambda_", multipliers)
+    speeds = [_row(row, v) for row in at.rows]
+    limits = [
+        *_closed(at, CLOSED),
+        _within(build.tape, speeds, CONSISTENT * robot.length, v),
+        _within(build.tape, moving.opening(a, bodies), CONSISTENT * robot.length, v, a),
+        _given(build.tape, missing, (*tau, *multipliers)),
+    ]
+    build.evidence(at, limits)
+    return build.function("inverse_dynamics")
+
+
+def motion(robot: Robot) -> Function:
+    """Return velocity and acceleration of the tree from those of the independent speeds, and the forces."""
+    build = _Builder()
+    tape, tree, free = build.tape, robot.tree, robot.independent
+    q, v, a = (
+        build.take(name, size)
+        for name, size in (("q", tree.nq), ("v_independent", len(free)), ("a_independent", len(free)))
+    )
+    robot, load = build.loaded(robot)
+    at = At(robot, tape, q)
+    moving, all_v, all_a = _completed(at, v, a, load)
+    tau, multipliers, missing = _actuated(at, moving.needed(all_a))
+    build.give("v", all_v)
+    build.give("a", all_a)
+    build.give("tau", tau)
+    build.give("lambda_", multipliers)
+    limits = [*_closed(at, CLOSED * _FOLLOWED), _given(tape, missing, (*tau, *multipliers))]
+    build.evidence(at, limits)
+    return build.function("motion")
+
+
+def tangent_of_forces(robot: Robot) -> Function:
+    """Return forces and their derivative along one direction of the independent motion."""
+    build = _Builder()
+    tape, tree, free = build.tape, robot.tree, robot.independent
+    n = len(free)
+    q, v, a = (
+        build.take(name, size) for name, size in (("q", tree.nq), ("v_independent", n), ("a_independent", n))
+    )
+    robot, load = build.loaded(robot)
+    dq, dv, da = (build.take(name, n) for name in ("dq", "dv", "da"))
+    at = At(robot, tape, q)
+    moving, _, all_a = _completed(at, v, a, load)
+    tau, _, _ = _actuated(at, moving.needed(all_a))
+    seeds = seeds_of(at, dict(zip(free, dq, strict=True)))
+    seeds |= {symbol.index: seed for symbol, seed in zip((*v, *a), (*dv, *da), strict=True)}
+    build.give("tau", tau)
+    build.give("dtau", tangent(tau, seeds))
+    build.evidence(at, _closed(at, CLOSED))
+    return build.function("tangent_of_forces")
+
+
+def forward_dynamics(robot: Robot) -> Function:
+    """Return the acceleration of the tree from its state and the motors' forces."""
+    build = _Builder()
+    tree = robot.tree
+    q, v = build.take("q", tree.nq), build.take("v", tree.nv)
+    tau = build.take("tau", len(robot.motors))
+    robot, load = build.loaded(robot)
+    at = At(robot, build.tape, q)
+    moving = Moving(at, v, load)
+    build.give("a", _accelerated(at, moving, tau))
+    _evidence_of_state(build, at, v)
+    return build.function("forward_dynamics")
+
+
+def tangent_of_accelerations(robot: Robot) -> Function:
+    """Return the acceleration and its derivative along one direction of state and forces."""
+    build = _Builder()
+    tape, tree, free = build.tape, robot.tree, robot.independent
+    n = len(free)
+    q, v = build.take("q", tree.nq), build.take("v_independent", n)
+    tau = build.take("tau", len(robot.motors))
+    robot, load = build.loaded(robot)
+    dq, dv, dtau = build.take("dq", n), build.take("dv", n), build.take("dtau", len(robot.motors))
+    at = At(robot, tape, q)
+    all_v = at.completed(dict(zip(free, v, strict=True)), [0.0] * len(at.rows))
+    moving = Moving(at, all_v, load)
+    mass = _projected_mass(at, free, free)
+    found = _independent_accelerations(at, moving, tau, mass)
+    # What is out of balance when q and v change and the accelerations stay is what they have to make up for.
+    a = at.completed(found, moving.opening([0.0] * tree.nv))
+    left = [-x for x in moving.needed(a)]
+    for motor, value in zip(robot.motors, tau, strict=True):
+        left[motor] = left[motor] + value
+    balance, _ = at.projected(left)
+    seeds = seeds_of(at, dict(zip(free, dq, strict=True)))
+    seeds |= {symbol.index: seed for symbol, seed in zip((*v, *tau), (*dv, *dtau), strict=True)}
+    kept = {x.index: 0.0 for x in found.values() if isinstance(x, Symbol)}
+    lost = tangent([balance[i] for i in free], {**seeds, **kept})
+    made = solve_symmetric(tape, mass, lost)
+    moved = {x.index: dx for x, dx in zip(found.values(), made, strict=True) if isinstance(x, Symbol)}
+    build.give("a", a)
+    build.give("da", tangent(a, {**seeds, **moved}))
+    build.evidence(at, _closed(at, CLOSED))
+    return build.function("tangent_of_accelerations")
+
+
+def hybrid_dynamics(robot: Robot) -> Function:
+    """Return forces and the acceleration of the tree from the accelerations of the motors."""
+    build = _Builder()
+    tape, tree, free = build.tape, robot.tree, robot.independent
+    held, idle = [i for i in free if i in robot.motors], [i for i in free if i not in robot.motors]
+    if len(held) != len(robot.motors):
+        raise ModelError("hybrid dynamics: more actuators than freedoms; their accelerations are not free")
+    q, v = build.take("q", tree.nq), build.take("v", tree.nv)
+    given = dict(zip(robot.motors, build.take("a_actuated", len(robot.motors)), strict=True))
+    robot, load = build.loaded(robot)
+    at = At(robot, tape, q)
+    moving = Moving(at, v, load)
+    start = at.completed({**given, **dict.fromkeys(idle, 0.0)}, moving.opening([0.0] * tree.nv))
+    a = start
+    if idle:
+        force, _ = at.projected(moving.needed(start))
+        inertia = _projected_mass(at, idle, idle)
+        found = solve_symmetric(tape, inertia, [-force[i] for i in idle])
+        a = _added(at, start, dict(zip(idle, found, strict=True)))
+    tau, multipliers, _ = _actuated(at, moving.needed(a))
+    build.give("tau", tau)
+    build.give("a", a)
+    build.give("lambda_", multipliers)
+    _evidence_of_state(build, at, v)
+    return build.function("hybrid_dynamics")
+
+
+def step(robot: Robot) -> Function:
+    """Return q after one Newton step of the dependent coordinates, with the gap before it."""
+    build = _Builder()
+    q = build.take("q", robot.tree.nq)
+    at = At(robot, build.tape, q)
+    right = {row: -at.errors[row] for row in robot.plan.rows}
+    shift = at.factors.solve(right)
+    build.give("q", moved(at, shift))
+    build.evidence(at, _closed(at, CLOSED))
+    return build.function("step")
+
+
+def integrate(robot: Robot) -> Function:
+    """Return q moved by a small rate times time: a prediction for `step`."""
+    build = _Builder()
+    q, shift = build.take("q", robot.tree.nq), build.take("dq", robot.tree.nv)
+    build.give("q", moved(At(robot, build.tape, q), dict(enumerate(shift))))
+    return build.function("integrate")
+
+
+FUNCTIONS: Mapping[str, Callable[[Robot], Function]] = {
+    "inverse_dynamics": inverse_dynamics,
+    "hybrid_dynamics": hybrid_dynamics,
+    "forward_dynamics": forward_dynamics,
+    "motion": motion,
+    "step": step,
+    "integrate": integrate,
+    "tangent_of_forces": tangent_of_forces,
+    "tangent_of_accelerations": tangent_of_accelerations,
+}
+"""What can be compiled, by name."""
+
+
+def _completed(
+    at: At, v: Sequence[Number], a: Sequence[Number], load: Mapping[str, Sequence[Number]]
+) -> tuple[Moving, list[Number], list[Number]]:
+    free, nv = at.robot.independent, at.robot.tree.nv
+    all_v = at.completed(dict(zip(free, v, strict=True)), [0.0] * len(at.rows))
+    moving = Moving(at, all_v, load)
+    all_a = at.completed(dict(zip(free, a, strict=True)), moving.opening([0.0] * nv))
+    return moving, all_v, all_a
+
+
+def _actuated(at: At, needed: Sequence[Number]) -> tuple[list[Number], list[Number], list[Number]]:
+    """Return the motors' forces, the smallest ones, all multipliers, and what no motor gives."""
+    robot, plan = at.robot, at.robot.plan
+    free = robot.independent
+    if all(motor in free for motor in robot.motors):
+        force, rows = at.projected(needed)
+        tau = [force[motor] for motor in robot.motors]
+        missing = [force[i] for i in free if i not in robot.motors]
+    else:
+        tau = _smallest(at, needed)
+        left = list(needed)
+        for motor, value in zip(robot.motors, tau, strict=True):
+            left[motor] = left[motor] - value
+        force, rows = at.projected(left)
+        missing = [force[i] for i in free]
+    values = [rows.get(row, 0.0) for row in range(len(at.rows))] if plan.pivots else [0.0] * len(at.rows)
+    return tau, at.loops.multipliers(values), missing
+
+
+def _smallest(at: At, needed: Sequence[Number]) -> list[Number]:
+    """Return the smallest forces of redundant motors: Aᵀ (A Aᵀ)⁻¹ r with A = Nᵀ B."""
+    robot = at.robot
+    force, _ = at.projected(needed)
+    A = {
+        place: [1.0 if motor == place else at.null_space[place].get(motor, 0.0) for motor in robot.motors]
+        for place in robot.independent
+    }
+    kept = [place for place, row in A.items() if any(isinstance(x, Symbol) or x != 0.0 for x in row)]
+    squares = [[dot(A[i], A[j]) for j in kept] for i in kept]
+    x = solve_symmetric(at.tape, squares, [force[i] for i in kept])
+    return [dot([A[i][k] for i in kept], x) for k in range(len(robot.motors))]
+
+
+def _accelerated(at: At, moving: Moving, tau: Sequence[Number]) -> list[Number]:
+    free = at.robot.independent
+    found = _independent_accelerations(at, moving, tau, _projected_mass(at, free, free))
+    return at.completed(found, moving.opening([0.0] * at.robot.tree.nv))
+
+
+def _independent_accelerations(
+    at: At, moving: Moving, tau: Sequence[Number], mass: Sequence[Sequence[Number]]
+) -> dict[int, Number]:
+    robot, free = at.robot, at.robot.independent
+    start = at.completed(dict.fromkeys(free, 0.0), moving.opening([0.0] * robot.tree.nv))
+    left = [-x for x in moving.needed(start)]
+    for motor, value in zip(robot.motors, tau, strict=True):
+        left[motor] = left[motor] + value
+    force, _ = at.projected(left)
+    found = solve_symmetric(at.tape, mass, [force[i] for i in free])
+    return dict(zip(free, found, strict=True))
+
+
+def _projected_mass(at: At, rows: Sequence[int], columns: Sequence[int]) -> list[list[Number]]:
+    """Return the entries of Nᵀ M N at independent places, both given in rising order."""
+    M = mass_matrix(at.robot.tree, at.where)
+    N = {place: {place: 1.0, **at.null_space[place]} for place in {*rows, *columns}}
+    found: list[list[Number]] = []
+    for i, row in enumerate(rows):
+        entries: list[Number] = []
+        pushed: dict[int, Number] = {}
+        for place, factor in N[row].items():
+            for other, mass in M[place].items():
+                pushed[other] = pushed.get(other, 0.0) + mass * factor
+        for j, column in enumerate(columns):
+            if rows == columns and j > i:
+                entries.append(0.0)  # only the lower half is looked at
+                continue
+            total: Number = 0.0
+            for place, factor in N[column].items():
+                if place in pushed:
+                    total = total + factor * pushed[place]
+            entries.append(total)
+        found.append(entries)
+    return found
+
+
+def _added(at: At, start: Sequence[Number], more: Mapping[int, Number]) -> list[Number]:
+    """Return rates with more of the independent ones."""
+    found = list(start)
+    for place, value in more.items():
+        found[place] = found[place] + value
+        for dependent, factor in at.null_space[place].items():
+            found[dependent] = found[dependent] + factor * value
+    return found
+
+
+def _closed(at: At, largest: float) -> list[Number]:
+    """Return what is positive where the loops are closed, and no axes are opposite that should agree."""
+    tape, bound = at.tape, largest * at.robot.length
+    return [tape.subtract(bound * bound, dot(at.errors, at.errors)), *at.loops.aligned()]
+
+
+def _within(
+    tape: Tape, opening: Sequence[Number], relative: float, v: Sequence[Number], a: Sequence[Number] = ()
+) -> Number:
+    """Return what is positive where closures open by less than a part of the motion, or of one unit.
+
+    The mean square stands for the largest entry, than which it is smaller.
+    """
+    if not opening:
+        return 1.0
+    speed = dot(v, v) * (1.0 / len(v))
+    size = _largest(tape, dot(a, a) * (1.0 / len(a)), speed * speed) if a else speed
+    return tape.subtract(relative * relative * _largest(tape, size, 1.0), dot(opening, opening))
+
+
+def _given(tape: Tape, missing: Sequence[Number], forces: Sequence[Number]) -> Number:
+    """Return what is positive where no force is missing that no actuator gives."""
+    if not missing:
+        return 1.0
+    allowed = dot(forces, forces) * (MISSING * MISSING)
+    return tape.add(tape.subtract(allowed, dot(missing, missing)), 1e-300)
+
+
+def _largest(tape: Tape, a: Number, b: Number) -> Number:
+    return -tape.minimum(-a, -b)
+
+
+def _evidence_of_state(build: _Builder, at: At, v: Sequence[Number]) -> None:
+    speeds = [_row(row, v) for row in at.rows]
+    opening = _within(build.tape, speeds, NEARLY_CONSISTENT * at.robot.length, v)
+    build.evidence(at, [*_closed(at, NEARLY_CLOSED), opening])
+
+
+def _row(row: Mapping[int, Number], v: Sequence[Number]) -> Number:
+    total: Number = 0.0
+    for place, factor in row.items():
+        total = total + factor * v[place]
+    return total

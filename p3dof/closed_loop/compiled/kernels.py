@@ -1,0 +1,161 @@
+"""`Kernel`: a traced function that runs on rows of arrays, compiled or by NumPy."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from p3dof.checks import FloatArray
+from p3dof.closed_loop.compiled.functions import Function
+
+SHARE = 8_192
+"""Samples that are worth a thread of their own."""
+_BLOCK = 4_096
+"""Samples that NumPy takes at a time."""
+
+
+def processors() -> int:
+    """Return how many processors the process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+class Kernel:
+    """A traced function on rows of arrays.
+
+    Parameters
+    ----------
+    function : Function
+        What to compute.
+    library : ctypes.CDLL, optional
+        Where it is compiled; NumPy does it without one.
+    """
+
+    def __init__(self, function: Function, library: ctypes.CDLL | None) -> None:
+        self.function = function
+        self._many: Any = None
+        if library is not None:
+            self._many = getattr(library, f"{function.name}_many")
+            self._many.argtypes = [ctypes.c_ssize_t, *[ctypes.c_void_p] * 3]
+            self._many.restype = None
+            self._path = library._name
+
+    def __call__(self, count: int, inputs: Mapping[str, FloatArray], threads: int) -> dict[str, FloatArray]:
+        """Return the outputs of all samples.
+
+        Parameters
+        ----------
+        count : int
+            Samples.
+        inputs : mapping of str to (count, size) or (size,) array
+            All inputs; one row is meant for all samples.
+        threads : int
+            How many at most.
+
+        Returns
+        -------
+        dict of str to (count, size) array
+        """
+        function = self.function
+        outputs: dict[str, FloatArray] = {}
+        for name, size in function.outputs.items():
+            outputs[name] = np.empty((count, size))
+        given = [np.ascontiguousarray(inputs[name]) for name in function.inputs]
+        run = self._by_numpy if self._many is None else self._compiled
+        shares = max(1, min(threads, count // SHARE))
+        edges = np.linspace(0, count, shares + 1).astype(int).tolist()
+        parts = list(pairwise(edges))
+        job = partial(run, given, list(outputs.values()))
+        if shares == 1:
+            job(parts[0])
+        else:
+            with ThreadPoolExecutor(shares) as pool:
+                list(pool.map(job, parts))
+        return outputs
+
+    def _compiled(
+        self, given: Sequence[FloatArray], outputs: Sequence[FloatArray], part: tuple[int, int]
+    ) -> None:
+        start, stop = part
+        strides = [array.shape[1] if array.ndim == 2 else 0 for array in given]
+        sources = [
+            array.ctypes.data + 8 * start * stride for array, stride in zip(given, strides, strict=True)
+        ]
+        targets = [array.ctypes.data + 8 * start * array.shape[1] for array in outputs]
+        self._many(stop - start, pointers(sources), sizes(strides), pointers(targets))
+
+    def _by_numpy(
+        self, given: Sequence[FloatArray], outputs: Sequence[FloatArray], part: tuple[int, int]
+    ) -> None:
+        for start in range(part[0], part[1], _BLOCK):
+            stop = min(start + _BLOCK, part[1])
+            columns = [
+                column for array in given for column in (array[start:stop].T if array.ndim == 2 else array)
+            ]
+            with np.errstate(all="ignore"):
+                found = iter(self.function.on_arrays(*columns))
+            for array in outputs:
+                for i in range(array.shape[1]):
+                    array[start:stop, i] = next(found)
+
+    def bound(self) -> BoundFunction:
+        """Return the function of one sample, bound to arrays of its own."""
+        return BoundFunction(self.function, self._path if self._many is not None else None)
+
+
+class BoundFunction:
+    """A compiled function of one sample that reads and writes arrays of its own.
+
+    Fill `inputs`, call `run`, read `outputs`. Nothing is checked: look at the ``margin`` and the ``gap``.
+
+    Parameters
+    ----------
+    function : Function
+        What to compute.
+    path : str, optional
+        The library that it is compiled in.
+    """
+
+    def __init__(self, function: Function, path: str | None) -> None:
+        self._in, self._out = np.zeros(max(1, len(function.symbols))), np.zeros(max(1, len(function.results)))
+        self.inputs = _views(self._in, function.inputs)
+        """Arrays by name; enter the sample here."""
+        self.outputs = _views(self._out, function.outputs)
+        """Arrays by name; `run` fills them."""
+        if path is None:
+            self.run = partial(_run_by_numpy, function, self._in, self._out)
+            return
+        call = getattr(ctypes.PyDLL(path), f"{function.name}_bound")  # so short that other threads may wait
+        call.argtypes, call.restype = [ctypes.c_void_p], None
+        self._pointers = pointers([self._in.ctypes.data, self._out.ctypes.data])
+        self.run = partial(call, ctypes.addressof(self._pointers))
+        """Compute one sample."""
+
+
+def _run_by_numpy(function: Function, given: FloatArray, found: FloatArray) -> None:
+    with np.errstate(all="ignore"):
+        found[: len(function.results)] = function.on_arrays(*given)
+
+
+def _views(array: FloatArray, groups: Mapping[str, int]) -> dict[str, FloatArray]:
+    found, start = {}, 0
+    for name, size in groups.items():
+        found[name] = array[start : start + size]
+        start += size
+    return found
+
+
+def pointers(addresses: Sequence[int]) -> Any:
+    """Return an array of pointers for C."""
+    return (ctypes.c_void_p * max(1, len(addresses)))(*addresses)
+
+
+def sizes(numbers: Sequence[int]) -> Any:
+    """Return an array of ptrdiff_t for C."""
+    return (ctypes.c_ssize_t * max(1, len(numbers)))(*numbers)

@@ -1,0 +1,601 @@
+"""Compiled dynamics of robots with closed loops, against the general layer."""
+
+import warnings
+from dataclasses import replace
+
+import closed_trees as trees
+import numpy as np
+import pinocchio as pin
+import pytest
+from documents import ROOT
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import p3dof
+from p3dof.closed_loop import ClosedLoopModel, Closure, Coupling, JointData, Sidecar
+from p3dof.closed_loop.compiled import build, functions
+from p3dof.closed_loop.compiled.pivots import planned
+from p3dof.errors import DynamicsError, InputError, ModelError, ModelWarning, P3dofError
+
+GALLERY = ROOT / "docs/_static/gallery"
+SHARED = ROOT.parent / "shared/robots"
+HERE = ("four_bar", "five_bar", "delta", "stewart", "gripper", "leg", "two_arms", "biped")
+NO_COMPILER = build.compiler() is None
+needs_compiler = pytest.mark.skipif(NO_COMPILER, reason="no C compiler here")
+
+
+def gallery(name):
+    return p3dof.load_robot(GALLERY / f"{name}.urdf")
+
+
+def largest(values):
+    return max(1e-9, float(np.abs(values).max(initial=0.0)))
+
+
+def condition(loop, q):
+    J = loop.closure_jacobian(q)
+    sizes = np.linalg.svd(J, compute_uv=False)[: loop.rank(q)] if J.size else np.ones(1)
+    return sizes[0] / sizes[-1]
+
+
+def equal(loop, moving, found, expected):
+    """Whether forces are those of the general layer, to 1e-12 or what the closures' condition leaves."""
+    for i, one in enumerate(expected):
+        allowed = max(1e-12, 1e-15 * condition(loop, moving.q[i]))
+        assert np.abs(found[i] - one).max(initial=0.0) <= allowed * largest(one), i
+
+
+@pytest.fixture(scope="module", params=HERE)
+def robot(request):
+    """A robot of the gallery, compiled, and motions of it; its motors alone move it."""
+    loop = gallery(request.param)
+    quick = NO_COMPILER or request.param not in ("five_bar", "gripper", "leg")  # the others take seconds
+    compiled = loop.compile(level="numpy" if quick else "auto")
+    moving = trees.motions(loop, 12, seed=3, spread=0.2)
+    if request.param == "leg":  # idle freedoms move as they must
+        rows = zip(moving.q, moving.v, moving.a, strict=True)
+        moving.a = np.array([loop.hybrid_dynamics(q, v, a[loop.actuated_v]).a for q, v, a in rows])
+    return loop, compiled, moving
+
+
+def test_forces_and_multipliers_of_the_gallery(robot):
+    loop, compiled, moving = robot
+    found = compiled.inverse_dynamics(moving.q, moving.v, moving.a)
+    assert not found.general.any()
+    assert found.errors == {}
+    expected = [loop.inverse_dynamics(*state) for state in zip(moving.q, moving.v, moving.a, strict=True)]
+    equal(loop, moving, found.tau, [one.tau for one in expected])
+    for i, one in enumerate(expected):
+        scale = largest(one.lambda_)
+        off = np.abs(found.lambda_[i] - one.lambda_)[one.unique]
+        assert off.max(initial=0.0) <= 1e-11 * scale
+    assert found.gap.max() < 1e-9
+
+
+def test_accelerations_of_the_gallery(robot):
+    loop, compiled, moving = robot
+    tau = compiled.inverse_dynamics(moving.q, moving.v, moving.a).tau
+    found = compiled.forward_dynamics(moving.q, moving.v, tau)
+    assert not found.general.any()
+    np.testing.assert_allclose(found.a, moving.a, rtol=0, atol=1e-9 * largest(moving.a))
+    one = loop.forward_dynamics(moving.q[0], moving.v[0], tau[0])
+    np.testing.assert_allclose(found.a[0], one.a, rtol=0, atol=1e-10 * largest(one.a))
+
+
+def test_forces_for_prescribed_accelerations_of_motors(robot):
+    loop, compiled, moving = robot
+    wanted = moving.a[:, loop.actuated_v]
+    if len(loop.actuated) > loop.mobility(moving.q[0]):
+        with pytest.raises(ModelError, match=r"more actuators than freedoms"):
+            compiled.hybrid_dynamics(moving.q, moving.v, wanted)
+        return
+    found = compiled.hybrid_dynamics(moving.q, moving.v, wanted)
+    assert not found.general.any()
+    expected = [loop.hybrid_dynamics(*state) for state in zip(moving.q, moving.v, wanted, strict=True)]
+    equal(loop, moving, found.tau, [one.tau for one in expected])
+    for i, one in enumerate(expected):
+        np.testing.assert_allclose(found.a[i], one.a, rtol=0, atol=1e-10 * largest(one.a))
+
+
+def test_derivatives_are_those_of_the_general_layer(robot):
+    loop, compiled, moving = robot
+    if loop.mobility(moving.q[0]) > len(loop.actuated):
+        found = compiled.inverse_dynamics_derivatives(moving.q[:1], moving.v[:1], moving.a[:1])
+        assert list(found.errors) == [0] or not found.general[0]
+        return
+    found = compiled.inverse_dynamics_derivatives(moving.q[:3], moving.v[:3], moving.a[:3])
+    assert not found.general.any()
+    for i in range(3):
+        state = moving.q[i], moving.v[i], moving.a[i]
+        exact = loop.inverse_dynamics_derivatives(*state, compiled.independent).tau
+        for mine, theirs in zip(vars(found.by).values(), vars(exact).values(), strict=True):
+            np.testing.assert_allclose(mine[i], theirs, rtol=0, atol=1e-9 * largest(theirs))
+        forces = found.values[i]
+        done = compiled.forward_dynamics_derivatives(moving.q[i], moving.v[i], forces)
+        wanted = loop.forward_dynamics_derivatives(moving.q[i], moving.v[i], forces, compiled.independent).a
+        for mine, theirs in zip(vars(done.by).values(), vars(wanted).values(), strict=True):
+            np.testing.assert_allclose(mine, theirs, rtol=0, atol=1e-8 * largest(theirs))
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="the public robots are not here")
+@pytest.mark.parametrize(
+    "path", ["5bar_linkage_iso3d", "5bar_linkage_iso6d", "digit_like", "digit_like_2legs", "robot_delta"]
+)
+def test_public_robots(path):
+    loop = p3dof.load_robot(SHARED / path / "robot.urdf")
+    compiled = loop.compile(level="numpy")
+    moving = trees.motions(loop, 4, seed=1, spread=0.1)
+    wanted = moving.a[:, loop.actuated_v]
+    found = compiled.hybrid_dynamics(moving.q, moving.v, wanted)
+    for i in np.flatnonzero(~found.general):
+        one = loop.hybrid_dynamics(moving.q[i], moving.v[i], wanted[i])
+        allowed = max(1e-12, 1e-15 * condition(loop, moving.q[i])) * largest(one.tau)
+        # Idle freedoms of tiny bodies: their inertia alone is what divides there.
+        allowed = (
+            max(allowed, 1e-9 * largest(one.tau)) if loop.mobility(moving.q[i]) > len(wanted[i]) else allowed
+        )
+        assert np.abs(found.tau[i] - one.tau).max() <= allowed
+
+
+# Any robot
+
+
+@given(seed=st.integers(0, 10**6), several=st.sampled_from([0.0, 0.3]))
+@settings(max_examples=15, deadline=None)
+def test_any_closed_tree(seed, several):
+    loop = trees.random_robot(seed, joints=3 + seed % 4, loops=1 + seed % 3, several=several)
+    if loop is None:
+        return
+    moving = trees.motions(loop, 3, seed)
+    compiled = loop.compile(level="numpy")
+    wanted = moving.a[:, loop.actuated_v]
+    found, told = compiled.hybrid_dynamics(moving.q, moving.v, wanted), []
+    for i in range(3):
+        try:
+            one = loop.hybrid_dynamics(moving.q[i], moving.v[i], wanted[i])
+        except P3dofError as error:
+            told.append((i, error))
+            continue
+        scale = condition(loop, moving.q[i])
+        assert np.abs(found.tau[i] - one.tau).max() <= max(1e-11, 1e-13 * scale) * largest(one.tau)
+        back = compiled.forward_dynamics(moving.q[i], moving.v[i], found.tau[i])
+        assert np.abs(back.a - found.a[i]).max() <= 1e-7 * max(1.0, scale / 1e3) * largest(found.a[i])
+    assert {i: type(error) for i, error in told} == {i: type(e) for i, e in found.errors.items()}
+
+
+def test_where_the_partition_fails_the_general_layer_decides():
+    bar = gallery("four_bar")
+    loop = ClosedLoopModel(bar.model, replace(bar.sidecar, actuated=("rocker_joint",)))
+    compiled = loop.compile(level="numpy")
+    at, margins, refused = loop.assemble().q, [], []
+    for angle in np.linspace(0.0, 2 * np.pi, 721):  # twice, crank and coupler are in line
+        at = loop.assemble({"crank_joint": angle}, guess=at).q
+        N = trees.free(loop, at)
+        v = N @ np.ones(N.shape[1])
+        a = -trees.drift(loop, at, v)
+        found = compiled.inverse_dynamics([at], [v], [a])
+        margins.append(found.margin[0])
+        assert found.general[0] == (found.margin[0] < functions.MARGIN)
+        try:
+            tau = loop.inverse_dynamics(at, v, a).tau
+        except P3dofError as error:
+            refused.append((type(found.errors[0]), type(error)))
+            continue
+        allowed = max(1e-12, 1e-15 * condition(loop, at), 1e-14 / found.margin[0])
+        np.testing.assert_allclose(found.tau[0], tau, rtol=allowed, atol=1e-12)
+    assert all(mine is theirs for mine, theirs in refused)
+    margins = np.array(margins)
+    assert margins.min() < 0.02
+    assert np.median(margins) > 0.3
+    # Exactly there, between two samples:
+    low, high = (2 * np.pi * (np.argmin(margins) + k) / 720 for k in (-1, 1))
+    found = None
+    for _ in range(60):
+        middle = (low + high) / 2
+        ends = []
+        for angle in (low, middle):
+            q = loop.assemble({"crank_joint": angle}, guess=at).q
+            ends.append(trees.free(loop, q)[2, 0] * np.sign(trees.free(loop, q)[0, 0]))
+            N = trees.free(loop, q)
+            found = compiled.inverse_dynamics([q], [N[:, 0]], [-trees.drift(loop, q, N[:, 0])])
+        low, high = (middle, high) if ends[0] * ends[1] > 0 else (low, middle)
+    assert found.margin[0] < functions.MARGIN
+    assert found.general[0]
+
+
+# What acts
+
+
+def sprung(name):
+    loop = gallery(name)
+    joints = [str(n) for n in loop.model.names[1:] if loop.model.nvs[loop.model.getJointId(n)] == 1]
+    data = [
+        JointData(joint, stiffness=2.0 + i, rest=0.3, damping=0.2, friction=0.1 * i)
+        for i, joint in enumerate(joints)
+    ]
+    several = [str(n) for n in loop.model.names[1:] if loop.model.nqs[loop.model.getJointId(n)] == 7]
+    rest = (0.01, 0.02, 0.3, *pin.Quaternion(pin.exp3(np.array([0.1, -0.2, 0.3]))).coeffs().tolist())
+    data += [JointData(joint, stiffness=50.0, rest=rest, damping=0.5) for joint in several]
+    loop.model.armature = np.linspace(0.01, 0.05, loop.model.nv)
+    return ClosedLoopModel(loop.model, replace(loop.sidecar, joint_data=tuple(data)))
+
+
+@pytest.mark.parametrize("name", ["four_bar", "stewart"])
+def test_springs_damping_friction_rotors_wrenches_and_joint_forces_act(name):
+    loop = sprung(name)
+    frame = loop.model.frames[loop.model.nframes - 1].name
+    first = loop.model.frames[loop.model.nframes // 2].name
+    compiled = loop.compile(external=[frame, first], joint_forces=True, level="numpy")
+    moving = trees.motions(loop, 5, seed=2)
+    rng = np.random.default_rng(0)
+    external = {frame: rng.normal(0, 10, (5, 6)), first: rng.normal(0, 10, 6)}
+    joints = rng.normal(0, 3, (5, loop.model.nv))
+    found = compiled.inverse_dynamics(moving.q, moving.v, moving.a, external, joints)
+    back = compiled.forward_dynamics(moving.q, moving.v, found.tau, external, joints)
+    np.testing.assert_allclose(back.a, moving.a, rtol=0, atol=1e-9 * largest(moving.a))
+    bare = compiled.inverse_dynamics(moving.q, moving.v, moving.a)
+    for i in range(5):
+        state = moving.q[i], moving.v[i], moving.a[i]
+        acting = {frame: external[frame][i], first: external[first]}
+        one = loop.inverse_dynamics(*state, acting, joints[i])
+        np.testing.assert_allclose(found.tau[i], one.tau, rtol=0, atol=1e-12 * largest(one.tau))
+        alone = loop.inverse_dynamics(*state)
+        np.testing.assert_allclose(bare.tau[i], alone.tau, rtol=0, atol=1e-12 * largest(one.tau))
+        by = compiled.inverse_dynamics_derivatives(*state, acting).by
+        exact = loop.inverse_dynamics_derivatives(*state, compiled.independent, acting).tau
+        for mine, theirs in zip(vars(by).values(), vars(exact).values(), strict=True):
+            np.testing.assert_allclose(mine, theirs, rtol=0, atol=1e-9 * largest(theirs))
+
+
+def test_a_payload_may_be_known_only_when_it_runs():
+    loop = gallery("stewart")
+    compiled = loop.compile(inertias=["platform_free"], level="numpy")
+    moving = trees.motions(loop, 3, seed=4)
+    heavy = pin.Inertia(25.0, np.array([0.01, 0.02, 0.05]), np.diag([0.3, 0.4, 0.5]))
+    numbers = heavy.toDynamicParameters()
+    found = compiled.inverse_dynamics(moving.q, moving.v, moving.a, inertias={"platform_free": numbers})
+    before = compiled.inverse_dynamics(moving.q, moving.v, moving.a)
+    other = loop.copy()
+    other.model.inertias[other.model.getJointId("platform_free")] = heavy
+    for i in range(3):
+        state = moving.q[i], moving.v[i], moving.a[i]
+        np.testing.assert_allclose(found.tau[i], other.inverse_dynamics(*state).tau, rtol=1e-11)
+        np.testing.assert_allclose(before.tau[i], loop.inverse_dynamics(*state).tau, rtol=1e-11)
+
+
+def test_a_ball_springs_back_from_any_turn():
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelSpherical(), pin.SE3.Identity(), "ball")
+    model.appendBodyToJoint(joint, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity())
+    model.addJointFrame(joint)
+    rest = tuple(pin.Quaternion(pin.exp3(np.array([0.3, 0.5, -0.2]))).coeffs().tolist())
+    loop = ClosedLoopModel(model, Sidecar((), (), joint_data=(JointData("ball", 3.0, rest),)))
+    compiled = loop.compile(level="numpy")
+    draw = np.random.default_rng(0)
+    turns = [np.array(rest), *(pin.Quaternion(pin.exp3(draw.normal(0, 2, 3))).coeffs() for _ in range(20))]
+    for q in turns:
+        found = compiled.forward_dynamics(q, np.zeros(3), np.zeros(0))
+        assert not found.general
+        expected = loop.forward_dynamics(q, np.zeros(3), np.zeros(0)).a
+        np.testing.assert_allclose(found.a, expected, rtol=0, atol=1e-11 * max(1.0, largest(expected)))
+
+
+def coupled(circle):
+    """Two arms, geared to each other; they turn without end, or have a polynomial between them."""
+    model = pin.Model()
+    kind = pin.JointModelRUBZ if circle else pin.JointModelRZ
+    for name in ("one", "two"):
+        joint = model.addJoint(0, kind(), pin.SE3.Identity(), name)
+        model.appendBodyToJoint(
+            joint, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3(np.eye(3), np.array([0.3, 0, 0]))
+        )
+        model.addJointFrame(joint)
+    model.gravity.linear = np.array([0, -9.81, 0])
+    polynomial = (0.2, -2.0) if circle else (0.2, 0.5, 0.3, -0.1)
+    return ClosedLoopModel(model, Sidecar((), ("two",), (Coupling("one", "two", polynomial),)))
+
+
+@pytest.mark.parametrize("circle", [True, False])
+def test_couplings(circle):
+    loop = coupled(circle)
+    compiled = loop.compile(level="numpy")
+    for angle in (-3.0, -0.4, 0.9, 2.8):
+        state = loop.complete([angle], [1.3], [0.7])
+        one = loop.inverse_dynamics(state.q, state.v, state.a)
+        found = compiled.inverse_dynamics(state.q, state.v, state.a)
+        assert not found.general
+        np.testing.assert_allclose(found.tau, one.tau, rtol=1e-12)
+        np.testing.assert_allclose(found.lambda_, one.lambda_, rtol=1e-12)
+
+
+def test_axes_that_are_opposite_do_not_close_a_hinge():
+    model = pin.Model()
+    arm = model.addJoint(0, pin.JointModelRX(), pin.SE3.Identity(), "arm")
+    turn = model.addJoint(arm, pin.JointModelRZ(), pin.SE3.Identity(), "turn")
+    model.appendBodyToJoint(turn, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity())
+    for joint, name in ((0, "ground"), (turn, "axle")):
+        model.addFrame(pin.Frame(name, joint, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    loop = ClosedLoopModel(model, Sidecar((Closure("ground", "axle", "hinge"),), ("turn",)))
+    compiled = loop.compile(level="numpy")
+    zero = np.zeros((1, 2))
+    assert not compiled.inverse_dynamics(zero, zero, zero).general[0]
+    opposite = compiled.inverse_dynamics([[np.pi, 0.0]], zero, zero)
+    assert opposite.gap[0] < 1e-12  # the sine of half a turn is zero
+    assert isinstance(opposite.errors[0], InputError)
+
+
+# Along a motion
+
+
+def swinging(loop, count, rate, amplitude, frequency=2.0):
+    """A motion of the motors around the reference that starts there."""
+    q0, model, base = loop.assemble().q, loop.model, []
+    for name in loop.actuated:
+        joint = model.getJointId(name)
+        at = model.idx_qs[joint]
+        base.append(np.arctan2(q0[at + 1], q0[at]) if model.nqs[joint] == 2 else q0[at])
+    time = np.arange(count)[:, None] / rate
+    w, phase = 2 * np.pi * frequency, np.arange(len(base))
+    return (
+        time[:, 0],
+        np.array(base) + amplitude * (np.sin(w * time + phase) - np.sin(phase)),
+        amplitude * w * np.cos(w * time + phase),
+        -amplitude * w * w * np.sin(w * time + phase),
+    )
+
+
+@needs_compiler
+@pytest.mark.parametrize("name", ["four_bar", "five_bar", "delta", "stewart", "gripper"])
+def test_two_steps_of_newton_follow_a_motion(name):
+    loop = gallery(name)
+    compiled = loop.compile(threads=1)
+    motion = swinging(loop, 203, rate=100.0, amplitude=0.03)
+    found = compiled.complete(*motion)
+    assert not found.general.any()
+    expected = loop.complete_batch(*motion[1:])
+    forces = loop.inverse_dynamics_batch(expected.q, expected.v, expected.a).tau
+    for mine, theirs in ((found.q, expected.q), (found.v, expected.v), (found.a, expected.a)):
+        np.testing.assert_allclose(mine, theirs, rtol=0, atol=1e-11 * max(1.0, largest(theirs)))
+    np.testing.assert_allclose(found.tau, forces, rtol=0, atol=1e-11 * largest(forces))
+    once = compiled.complete(*motion, steps=1)
+    assert once.gap.max() > found.gap.max() or once.general.any()
+
+
+@needs_compiler
+def test_a_lane_on_another_assembly_is_noticed(monkeypatch):
+    loop = gallery("four_bar")
+    compiled = loop.compile(threads=1)
+    motion = swinging(loop, 400, rate=200.0, amplitude=0.05)
+    expected = compiled.complete(*motion)
+    assert not expected.general.any()
+    modes = loop.assembly_modes(motion[1][0])
+    other = next(mode.q for mode in modes if not mode.same_assembly)
+    starts = type(compiled)._starts
+
+    def misled(self, sweep, target, guess):
+        found = starts(self, sweep, target, guess)
+        last = max(found)
+        found[last] = np.array(loop.assemble(target[last], guess=other).q)
+        return found
+
+    monkeypatch.setattr(type(compiled), "_starts", misled)
+    found = compiled.complete(*motion)
+    assert found.general.any()
+    np.testing.assert_allclose(found.tau, expected.tau, rtol=0, atol=1e-10 * largest(expected.tau))
+
+
+@needs_compiler
+def test_wrenches_act_along_a_motion_and_threads_share_it(monkeypatch):
+    from p3dof.closed_loop.compiled import kernels, sweep
+
+    loop = gallery("stewart")
+    motion = swinging(loop, 100, rate=100.0, amplitude=0.02)
+    push = np.linspace(0, 30, 600).reshape(100, 6)
+    alone = loop.compile(external=["platform"], threads=1).complete(*motion, {"platform": push})
+    monkeypatch.setattr(kernels, "SHARE", 30)
+    monkeypatch.setattr(sweep, "SHARE", 30)
+    both = loop.compile(external=["platform"], threads=2)
+    found = both.complete(*motion, {"platform": push})
+    for name in ("q", "v", "a", "tau"):
+        mine, theirs = getattr(found, name), getattr(alone, name)
+        np.testing.assert_allclose(mine, theirs, rtol=0, atol=1e-11 * largest(theirs))
+    again = both.inverse_dynamics(found.q, found.v, found.a, {"platform": push})
+    np.testing.assert_allclose(again.tau, found.tau, rtol=0, atol=1e-11 * largest(found.tau))
+    one = loop.inverse_dynamics(found.q[50], found.v[50], found.a[50], {"platform": push[50]})
+    np.testing.assert_allclose(found.tau[50], one.tau, rtol=0, atol=1e-11 * largest(one.tau))
+
+
+def test_following_needs_motors_that_determine_the_motion():
+    with pytest.raises(ModelError, match=r"do not determine the motion"):
+        gallery("leg").compile(level="numpy").complete(
+            [0.0], np.zeros((1, 6)), np.zeros((1, 6)), np.zeros((1, 6))
+        )
+
+
+# Calls
+
+
+@needs_compiler
+@pytest.mark.parametrize("name", ["five_bar", "stewart"])
+def test_every_level_and_a_bound_call_give_the_same(name):
+    loop = gallery(name)
+    moving = trees.motions(loop, 21, seed=7)
+    levels = ["baseline", "auto", "numpy"]
+    flags = build._processor()
+    levels += ["avx2"] * (" avx2 " in flags) + ["avx512"] * (" avx512dq " in flags and " avx512vl " in flags)
+    results = {}
+    for level in levels:
+        compiled = loop.compile(level=level)
+        results[level] = compiled.inverse_dynamics(moving.q, moving.v, moving.a)
+        bound = compiled.bind()
+        for key, row in (("q", moving.q[3]), ("v", moving.v[3]), ("a", moving.a[3])):
+            bound.inputs[key][:] = row
+        bound.run()
+        tau = results[level].tau[3]
+        np.testing.assert_allclose(bound.outputs["tau"], tau, rtol=0, atol=1e-14 * largest(tau))
+    for found in results.values():
+        tau = results["numpy"].tau
+        np.testing.assert_allclose(found.tau, tau, rtol=0, atol=1e-13 * largest(tau))
+
+
+def test_one_sample_and_many_are_the_same_and_neighbours_of_a_bad_one_stay():
+    loop = gallery("delta")
+    compiled = loop.compile(level="numpy" if NO_COMPILER else "auto")
+    moving = trees.motions(loop, 9, seed=5)
+    good = compiled.inverse_dynamics(moving.q, moving.v, moving.a)
+    q, v, a = moving.q.copy(), moving.v.copy(), moving.a.copy()
+    q[2, 0] = np.nan
+    q[4] += 0.1  # loops open
+    v[6] = 1.0  # opens them
+    found = compiled.inverse_dynamics(q, v, a)
+    assert sorted(found.errors) == [2, 4, 6]
+    assert all(isinstance(error, InputError) for error in found.errors.values())
+    kept = [0, 1, 3, 5, 7, 8]
+    assert np.array_equal(found.tau[kept], good.tau[kept])
+    assert np.isnan(found.tau[[2, 4, 6]]).all()
+    one = compiled.inverse_dynamics(moving.q[0], moving.v[0], moving.a[0])
+    assert one.tau.shape == (3,)
+    assert np.array_equal(one.tau, good.tau[0])
+    with pytest.raises(InputError):
+        compiled.inverse_dynamics(q[4], v[4], a[4])
+    with pytest.raises(ValueError, match=r"read-only"):
+        found.tau[0, 0] = 1.0
+
+
+def test_motions_that_need_forces_nobody_gives_are_errors():
+    loop = gallery("leg")
+    compiled = loop.compile(level="numpy")
+    moving = trees.motions(loop, 3, seed=3)
+    found = compiled.inverse_dynamics(moving.q, moving.v, moving.a)
+    assert found.general.all()
+    assert all(isinstance(error, DynamicsError) for error in found.errors.values())
+
+
+def test_an_open_tree_is_compiled_too():
+    model = pin.buildSampleModelManipulator()
+    loop = ClosedLoopModel.from_pinocchio(model)
+    compiled = loop.compile(level="numpy")
+    rng = np.random.default_rng(0)
+    q, v, a = rng.normal(size=(3, 4, model.nv))
+    data = model.createData()
+    expected = [pin.rnea(model, data, *state).copy() for state in zip(q, v, a, strict=True)]
+    np.testing.assert_allclose(compiled.inverse_dynamics(q, v, a).tau, expected, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda c: c.inverse_dynamics(np.zeros((2, 3)), np.zeros((2, 4)), np.zeros((2, 4))), "^q: expected"),
+        (lambda c: c.inverse_dynamics(np.zeros((2, 4)), np.zeros((3, 4)), np.zeros((2, 4))), "^v: expected"),
+        (lambda c: c.inverse_dynamics("q", np.zeros(4), np.zeros(4)), "^q: "),
+        (
+            lambda c: c.inverse_dynamics(np.zeros(4), np.zeros(4), np.zeros(4), {"tip": np.zeros(6)}),
+            "wrench tip",
+        ),
+        (
+            lambda c: c.inverse_dynamics(*np.zeros((3, 4)), joint_forces=np.zeros(4)),
+            "joint forces: it was not",
+        ),
+        (lambda c: c.inverse_dynamics(*np.zeros((3, 4)), 3.0), "^external: expected a mapping"),
+        (lambda c: c.inverse_dynamics(*np.zeros((3, 4)), inertias=[1]), "^inertias: expected a mapping"),
+        (lambda c: c.bind("inverse"), "^name: expected one of"),
+        (lambda c: c.operations("x"), "^name: expected one of"),
+        (lambda c: c.complete([0.0, 0.0], *np.zeros((3, 2, 2))), "^time: expected rising"),
+        (lambda c: c.complete([0.0, 1.0], *np.zeros((3, 2, 2)), steps=0), "^steps: expected"),
+    ],
+)
+def test_bad_calls_are_refused(call, message):
+    loop = gallery("five_bar")
+    with pytest.raises(P3dofError, match=message):
+        call(loop.compile(level="numpy"))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"level": "fast"}, "^level: expected one of auto"),
+        ({"external": "platform"}, "^external: expected several names"),
+        ({"external": ["nobody"]}, "the frame 'nobody' does not exist"),
+        ({"external": ["left_tip", "left_tip"]}, "a name is given twice"),
+        ({"inertias": ["nobody"]}, "the joint 'nobody' does not exist"),
+        ({"around": np.zeros((0, 4))}, "^around: expected at least one"),
+        ({"around": np.zeros(4)}, "^around: configuration 0 is open by"),
+        ({"around": np.zeros(3)}, "^around: expected"),
+    ],
+)
+def test_bad_options_are_refused(options, message):
+    with pytest.raises(P3dofError, match=message):
+        gallery("five_bar").compile(**{"level": "numpy", **options})
+
+
+def test_a_joint_of_an_unknown_kind_is_named():
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelEllipsoid(1.0, 0.5, 0.3), pin.SE3.Identity(), "egg")
+    model.appendBodyToJoint(joint, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity())
+    with pytest.raises(ModelError, match=r"joint 'egg': a joint of the type Ellipsoid cannot be compiled"):
+        ClosedLoopModel(model, Sidecar((), ())).compile(level="numpy")
+
+
+def test_too_many_operations_are_refused(monkeypatch):
+    monkeypatch.setattr(functions, "MOST_OPERATIONS", 100)
+    compiled = gallery("five_bar").compile(level="numpy")
+    with pytest.raises(ModelError, match=r"operations are more than compilers take"):
+        compiled.operations()
+
+
+def test_without_a_compiler_a_line_says_so(monkeypatch):
+    monkeypatch.setattr(build, "compiler", lambda: None)
+    with pytest.warns(ModelWarning, match=r"no C compiler"):
+        compiled = gallery("four_bar").compile()
+    assert compiled.level == "numpy"
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        gallery("four_bar").compile(level="numpy")  # asked for
+
+
+@needs_compiler
+def test_what_was_compiled_is_kept_and_code_of_others_is_not_run(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    gallery("four_bar").compile().bind()
+    folder = tmp_path / "p3dof" / "loops"
+    (kept,) = folder.iterdir()
+    before = kept.stat().st_mtime_ns
+    started = []
+    start = build._start
+    monkeypatch.setattr(build, "_start", lambda *args: started.append(args) or start(*args))
+    gallery("four_bar").compile().bind()
+    assert not started
+    assert kept.stat().st_mtime_ns == before
+    folder.chmod(0o777)  # anybody could put a library there
+    gallery("four_bar").compile().bind()
+    assert started
+    assert list(folder.iterdir()) == [kept]
+
+
+@needs_compiler
+def test_a_compiler_that_fails_is_told(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    broken = tmp_path / "cc"
+    broken.write_text("#!/bin/sh\necho 'no space' >&2\nexit 1\n")
+    broken.chmod(0o755)
+    monkeypatch.setattr(build, "compiler", lambda: str(broken))
+    with pytest.raises(ModelError, match=r"the C compiler failed: no space"):
+        gallery("four_bar").compile().bind()
+
+
+def test_masses_that_change_later_are_not_seen():
+    loop = gallery("four_bar")
+    compiled = loop.compile(level="numpy")
+    moving = trees.motions(loop, 1, seed=1)
+    before = compiled.inverse_dynamics(moving.q, moving.v, moving.a).tau
+    loop.model.gravity.linear = np.zeros(3)
+    assert np.array_equal(compiled.inverse_dynamics(moving.q, moving.v, moving.a).tau, before)
+
+
+def test_pivots_hold_on_all_samples_at_once():
+    good, small = np.array([[1.0, 2.0], [0.5, 0.3]]), np.array([[1e-12, 2.0], [0.5, 0.3]])
+    plan = planned(np.array([good, small]), ())
+    assert (0, 0) not in plan.pivots  # it vanishes on the second
+    assert planned(np.array([good]), (1,)).pivots[0][1] == 0
+    redundant = np.array([[[1.0, 2.0, 3.0], [2.0, 4.0, 6.0]]])
+    assert len(planned(redundant, ()).pivots) == 1
