@@ -141,11 +141,31 @@ def orientation(A: FloatArray, B: FloatArray, relative: float) -> float:
 def lapack() -> Any:
     """Return SciPy's LAPACK, whose calls cost a tenth of NumPy's; not at start-up: it takes long to import.
 
-    None of the functions that are used here wakes threads for matrices of less than 100 rows.
+    None of the functions that are used here wakes threads for matrices of less than 100 rows: those that
+    solve for several right sides at once would, which stalls a busy machine for milliseconds, so that they
+    are asked for one side after the other.
     """
+    from types import SimpleNamespace
+
     from scipy.linalg import lapack as functions
 
-    return functions
+    def by_columns(solve: Any) -> Any:
+        def solved(*given: Any, **options: Any) -> tuple[FloatArray, int]:
+            *matrix, b = given
+            if b.ndim == 1:
+                found: tuple[FloatArray, int] = solve(*matrix, b, **options)
+                return found
+            x = np.empty(b.shape, order="F")
+            for i, column in enumerate(b.T):
+                x[:, i], wrong = solve(*matrix, column, **options)
+                if wrong:
+                    return x, int(wrong)
+            return x, 0
+
+        return solved
+
+    kept = {name: getattr(functions, name) for name in dir(functions) if not name.startswith("_")}
+    return SimpleNamespace(**{**kept, **{name: by_columns(kept[name]) for name in ("dgetrs", "dpotrs")}})
 
 
 @cache
