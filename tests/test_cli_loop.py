@@ -10,6 +10,7 @@ import pinocchio as pin
 import pytest
 import yaml
 from browser import find_chromium
+from PIL import Image
 from test_cli import run
 
 import p3dof
@@ -415,7 +416,7 @@ def test_runs_that_cannot_be(five_bar):
         (("show", "FILE", "--no-open", "--wrench", "nowhere=1,2,3"), "'nowhere' does not exist"),
         (("show", "FILE", "--no-open", "--wrench", "left_tip=1,2,nan"), "expected finite numbers"),
         (("show", "FILE", "--no-open", "--package-dir", "nowhere"), "expected folders, got 'nowhere'"),
-        (("show", "FILE", "--out", "p.txt"), "expected a file name that ends in .html or .png"),
+        (("show", "FILE", "--out", "p.txt"), "expected a file name that ends in .html, .mp4, .gif or .png"),
     ],
 )
 def test_bad_input_is_one_line(capsys, tmp_path, monkeypatch, five_bar, arguments, words):
@@ -572,6 +573,20 @@ def test_show_takes_a_picture(capsys, tmp_path, five_bar):
     colours = np.asarray(as_image(picture.read_bytes())).reshape(-1, 3).astype(int)
     violet = (colours[:, 2] > colours[:, 0] + 30) & (colours[:, 0] > colours[:, 1] + 30)
     assert violet.sum() > 100  # closures and their forces are violet, and nothing else
+
+
+def test_show_makes_a_film(capsys, tmp_path, five_bar):
+    find_chromium()
+    film = tmp_path / "fall.gif"
+    options = ("--simulate", "0.05", "--fps", "20", "--speed", "0.5", "--size", "160", "120")
+    code, out, _ = loop(capsys, "show", five_bar, *options, "--out", film)
+    assert code == 0
+    assert f"wrote {film}" in out
+    with Image.open(film) as played:
+        assert (played.size, played.n_frames) == ((160, 120), 3)
+        first = np.asarray(played.convert("RGB")).astype(int)
+        played.seek(2)
+        assert np.abs(np.asarray(played.convert("RGB")) - first).max() > 50
 
 
 def test_rods_of_a_robot_reach_from_joint_to_joint_and_meet_where_loops_close():

@@ -25,6 +25,7 @@ from p3dof.viewer import (
     ArrowScale,
     Scene,
     animation_html,
+    films,
     joints_of,
     save_animation,
     save_screenshot,
@@ -314,18 +315,18 @@ def test_a_gif_plays_the_motion_in_a_loop(robot, result, tmp_path):
 def test_an_mp4_is_a_film(robot, result, tmp_path):
     find_chromium()
     try:
-        ffmpeg = video._ffmpeg()
+        ffmpeg = films._ffmpeg()
     except MissingExtraError:
         pytest.skip("neither ffmpeg nor imageio-ffmpeg is installed")
     path = save_video(tmp_path / "film.mp4", robot, result, fps=5, size=(321, 241), speed=2.0)
     data = path.read_bytes()
     assert data[4:8] == b"ftyp"
-    run = video.subprocess.run([ffmpeg, "-i", str(path)], capture_output=True, text=True, check=False)
+    run = films.subprocess.run([ffmpeg, "-i", str(path)], capture_output=True, text=True, check=False)
     assert re.search(r"h264.*yuv420p.*322x242.* 6 fps", run.stderr)
 
 
 def test_without_a_browser_or_ffmpeg_it_is_said(robot, result, tmp_path, monkeypatch):
-    monkeypatch.setattr(video.shutil, "which", lambda _: None)
+    monkeypatch.setattr(films.shutil, "which", lambda _: None)
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     with pytest.raises(MissingExtraError, match=r"p3dof\[video\].*gif"):
         save_video(tmp_path / "film.mp4", robot, result)

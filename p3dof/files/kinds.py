@@ -19,7 +19,6 @@ SUFFIXES: dict[str, tuple[str, ...]] = {
     "robot": (".urdf", ".xml", ".sdf"),
     "film": (".mp4", ".gif"),
     "picture": (".png",),
-    "still": (".html", ".png"),
     "show": (".html", ".mp4", ".gif", ".png"),
 }
 """The endings by kind. A new format is one more ending here, and a case where the file is written."""

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from p3dof.closed_loop import ClosedLoopModel
 from p3dof.methods import InverseDynamics
 from p3dof.motion import Motion
 from p3dof.viewer.animation import animation_html, save_animation
 from p3dof.viewer.machine import Machine
-from p3dof.viewer.robots.animation import robot_animation_html, robot_picture
+from p3dof.viewer.robots.animation import robot_animation_html, robot_picture, save_robot_film
 from p3dof.viewer.robots.motion import JointMotion
 from p3dof.viewer.robots.scene import RobotScene
 from p3dof.viewer.scale import ArrowScale
@@ -21,9 +22,7 @@ from p3dof.viewer.video import save_screenshot, save_video
 from p3dof.viewer.window import SceneWindow
 
 if TYPE_CHECKING:
-    from p3dof.closed_loop import ClosedLoopModel
     from p3dof.viewer.live import LiveViewer
-    from p3dof.viewer.robots.live import RobotViewer
 
 __all__ = [
     "ArrowScale",
@@ -38,6 +37,7 @@ __all__ = [
     "robot_animation_html",
     "robot_picture",
     "save_animation",
+    "save_robot_film",
     "save_screenshot",
     "save_video",
     "show",
@@ -66,7 +66,7 @@ def show(robot: Machine, motion: Motion | InverseDynamics | None = None, **optio
     return LiveViewer(robot, motion, **options)
 
 
-def show_robot(robot: ClosedLoopModel, motion: Any = None, **options: Any) -> RobotViewer:
+def show_robot(robot: ClosedLoopModel, motion: Any = None, **options: Any) -> Any:
     """Show any robot in a page with controls: closures, forces, sliders for its actuated joints.
 
     Parameters

@@ -22,7 +22,7 @@ from p3dof.closed_loop import ClosedLoopModel
 from p3dof.errors import InputError
 from p3dof.files import SUFFIXES, suffix_of, write_atomic
 from p3dof.simulation import Integration, simulate_robot
-from p3dof.viewer import JointMotion, robot_animation_html, robot_picture
+from p3dof.viewer import JointMotion, robot_animation_html, robot_picture, save_robot_film
 from p3dof.viewer.headless import MAX_PIXELS, SIZE
 from p3dof.viewer.robots.figure import RobotFigure
 
@@ -79,7 +79,7 @@ _RUN_SAMPLES = 1001
 )
 @PORT
 @SPEED
-@click.option("--fps", type=Number(1, 240), default=60.0, show_default=True, help="Frames a second.")
+@click.option("--fps", type=Number(1, 240), help="Frames a second; 60 without it, 25 in a film.")
 @click.option(
     "--at", type=float, help="Time of the motion to begin at, and of the picture [s]; its first without it."
 )
@@ -87,9 +87,9 @@ _RUN_SAMPLES = 1001
 @OPEN
 @click.option(
     "--out",
-    type=OutputFile("still"),
-    help="Write a file instead of serving: .html (plays with no network) or .png (needs a Chromium, and "
-    "playwright).",
+    type=OutputFile("show"),
+    help="Write a file instead of serving: .html (plays with no network), .mp4, .gif or .png (need a "
+    "Chromium, and playwright).",
 )
 @click.option(
     "--size",
@@ -98,7 +98,7 @@ _RUN_SAMPLES = 1001
     default=SIZE,
     show_default=True,
     metavar="WIDTH HEIGHT",
-    help="Of a picture [pixels].",
+    help="Of a picture or film [pixels].",
 )
 def show(
     robot: ClosedLoopModel,
@@ -113,7 +113,7 @@ def show(
     package_dirs: tuple[Path, ...],
     port: int | None,
     speed: float,
-    fps: float,
+    fps: float | None,
     at: float | None,
     paused: bool,
     browse: bool,
@@ -146,7 +146,7 @@ def show(
             warnings=warnings,
             port=port,
             speed=speed,
-            fps=fps,
+            fps=fps or 60.0,
             playing=not paused,
             at=at,
         )
@@ -154,12 +154,15 @@ def show(
     if out is None:
         serve(make, "the robot", browse)
         return 0
-    content: str | bytes
-    if suffix_of(out, "still") in SUFFIXES["picture"]:
-        content = robot_picture(figure, motion, at, title, robot, layers, size)
+    ending = suffix_of(out, "show")
+    if ending in SUFFIXES["picture"]:
+        write_atomic(out, robot_picture(figure, motion, at, title, robot, layers, size))
+    elif ending in SUFFIXES["film"]:
+        with progress_bar("film", 1) as progress:
+            save_robot_film(out, figure, motion, speed, fps or 25.0, title, robot, layers, size, progress)
     else:
-        content = robot_animation_html(figure, motion, speed, fps, title, robot, layers)
-    print_plain(Console(), f"wrote {write_atomic(out, content)}")
+        write_atomic(out, robot_animation_html(figure, motion, speed, fps or 60.0, title, robot, layers))
+    print_plain(Console(), f"wrote {out}")
     return 0
 
 

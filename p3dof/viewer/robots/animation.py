@@ -1,18 +1,21 @@
-"""A motion of any robot as one HTML file that plays in any browser, and a picture of it."""
+"""A motion of any robot as one HTML file that plays in any browser, as a picture, or as a film."""
 
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 
-from p3dof.checks import FloatArray, positive, shown
+from p3dof.checks import FloatArray, Progress, positive, shown
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.errors import InputError
 from p3dof.viewer.drawing import Drawable
+from p3dof.viewer.films import checked_rate, save_film
 from p3dof.viewer.frames import MAX_FRAMES, Frames, Labels, page_of
-from p3dof.viewer.headless import SIZE, picture_of
+from p3dof.viewer.headless import SIZE, checked_size, picture_of
 from p3dof.viewer.recorder import Recorder
 from p3dof.viewer.robots.motion import JointMotion, Moment
 from p3dof.viewer.robots.readings import ClosureReadings
@@ -100,6 +103,54 @@ def robot_picture(
     """
     instant = motion.time[:1] if time is None else np.array([time], dtype=float)
     return picture_of(_page(robot, motion, instant, 1.0, title, loop, layers), size)
+
+
+def save_robot_film(
+    path: str | os.PathLike[str],
+    robot: Drawable,
+    motion: JointMotion,
+    speed: float = 1.0,
+    fps: float = 25.0,
+    title: str = "robot",
+    loop: ClosedLoopModel | None = None,
+    layers: Mapping[str, bool] | None = None,
+    size: tuple[int, int] = SIZE,
+    progress: Progress | None = None,
+) -> Path:
+    """Write a film of a motion of any robot: an MP4, or a GIF that plays in a loop.
+
+    Parameters
+    ----------
+    path : path-like
+        The file, whose name ends in ``.mp4`` or ``.gif``.
+    robot, motion, speed, title, loop, layers
+        As of `robot_animation_html`.
+    fps : float
+        Frames a second, at most 50 for a GIF.
+    size : tuple of int
+        Width and height [pixels].
+    progress : callable, optional
+        Called with (done, total) frames.
+
+    Returns
+    -------
+    Path
+        The path written.
+
+    Raises
+    ------
+    MissingExtraError
+        If MeshCat, playwright or a browser is missing, or for an MP4 ffmpeg.
+    FileError
+        If the file cannot be written.
+    InputError
+        If an argument does not fit.
+    """
+    rate = checked_rate(path, fps)
+    checked_size(size)
+    time = _times(motion, positive("speed", speed, InputError) / rate)
+    html = _page(robot, motion, time, float(speed), title, loop, layers)
+    return save_film(path, html, time - time[0], rate, size, progress)
 
 
 def _page(
