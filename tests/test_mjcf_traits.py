@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -122,7 +124,7 @@ TENDONS = """
     <fixed name="sum"><joint joint="four" coef="2"/><joint joint="five" coef="-0.5"/></fixed>
     <fixed name="slide"><joint joint="six" coef="3"/></fixed>
     <fixed name="line"><joint joint="four" coef="1"/><joint joint="seven" coef="1.5"/></fixed>
-    <fixed name="pulled" stiffness="3" springlength="0.4" damping="0.2" frictionloss="0.1" armature="0.3">
+    <fixed name="pulled" stiffness="3" springlength="0.4" damping="0.2" frictionloss="0.1" {tendon}>
       <joint joint="one" coef="0.7"/><joint joint="three" coef="-1.1"/>
     </fixed>
   </tendon>
@@ -136,6 +138,8 @@ TENDONS = """
   </actuator>
 </mujoco>
 """
+NEWEST = mujoco.MjModel.from_xml_string("<mujoco/>")
+TENDONS = TENDONS.replace("{tendon}", 'armature="0.3"' if hasattr(NEWEST, "tendon_armature") else "")
 
 
 def test_a_floating_leg_with_a_rod_on_balls():
@@ -191,9 +195,7 @@ def test_a_mesh_that_is_there_weighs_and_one_that_is_needed_is_told(tmp_path):
 
 
 def test_tendons_are_rods_couplings_and_joints():
-    newer = (
-        "armature='0.02'" if hasattr(mujoco.MjModel.from_xml_string("<mujoco/>"), "actuator_armature") else ""
-    )
+    newer = "armature='0.02'" if hasattr(NEWEST, "actuator_armature") else ""
     xml = TENDONS.replace("{armature}", newer)
     robot = p3dof.load_robot(xml)
     assert [closure.kind for closure in robot.sidecar.closures] == ["distance"]
@@ -242,3 +244,15 @@ def test_tendons_that_cannot_be_followed_are_refused():
     ):
         with pytest.raises(ModelError, match=message):
             p3dof.load_robot(xml.replace('<tendon tendon1="line" tendon2="sum" polycoef="0.1 0.4"/>', wrong))
+
+
+def test_a_joint_may_be_named_first_in_two_equalities():
+    body = '<body><joint name="{0}" axis="0 1 0" ref="0.1"/><geom size="0.1" pos="0.1 0 0"/></body>'
+    tie = '<joint joint1="a" joint2="{0}" polycoef="0.2 {1}"/>'
+    xml = f"""<mujoco><worldbody>{"".join(map(body.format, "abc"))}</worldbody>
+      <equality>{tie.format("b", 0.5)}{tie.format("c", -2)}</equality></mujoco>"""
+    robot = p3dof.load_robot(xml)
+    assert [(coupling.joint, coupling.on) for coupling in robot.sidecar.couplings] == [("a", "b"), ("c", "a")]
+    robot = p3dof.ClosedLoopModel(robot.model, replace(robot.sidecar, actuated=()))
+    agree(robot, xml)
+    assert robot.mobility(robot.assemble().q) == 1

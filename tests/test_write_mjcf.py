@@ -420,7 +420,7 @@ def test_in_time_loops_stay_closed_in_mujoco():
     for _ in range(200):
         mujoco.mj_step(theirs, data)
         energies.append(data.energy.copy())
-    assert np.abs(data.efc_pos[: data.nefc]).max() < 1e-5
+    assert np.abs(data.efc_pos[: data.nefc]).max() < 1e-4  # in MuJoCo 4 it is 2e-6
     falls = np.ptp(energies, axis=0)[0]
     assert falls > 0.1  # J
     assert np.ptp(np.sum(energies, axis=1)) < 1e-3 * falls

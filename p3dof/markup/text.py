@@ -15,7 +15,7 @@ _GIMBAL = 1e-12
 
 
 def numbers(*values: float | Iterable[float], digits: int = 15) -> str:
-    """Return numbers separated by spaces; no negative zero.
+    """Return numbers separated by spaces; no negative zero, nor numbers so small that readers refuse them.
 
     Parameters
     ----------
@@ -29,6 +29,7 @@ def numbers(*values: float | Iterable[float], digits: int = 15) -> str:
     str
     """
     flat = np.hstack([np.asarray(value, dtype=float).ravel() for value in values])
+    flat = np.where(np.abs(flat) < np.finfo(float).tiny, 0.0, flat)
     return " ".join(f"{value + 0.0:.{digits}g}" for value in flat.tolist())
 
 

@@ -17,7 +17,7 @@ MuJoCo documentation, XML reference and "Computation": order of the joints of a 
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 from warnings import warn
@@ -27,7 +27,7 @@ import pinocchio as pin
 
 from p3dof.checks import FloatArray, shown
 from p3dof.closed_loop.formats.mjcf_file import compiled
-from p3dof.closed_loop.formats.mjcf_left_out import FIELDS, left_out
+from p3dof.closed_loop.formats.mjcf_left_out import acting, left_out, tendon_armature
 from p3dof.closed_loop.formats.mjcf_tendons import Tendon, pulled, tendon, tied
 from p3dof.closed_loop.joint_data import JointData
 from p3dof.closed_loop.sidecar import Closure, Coupling, Sidecar, suggestion
@@ -177,7 +177,7 @@ class _Translation:
     def _give_data(self) -> None:
         """Give the joints their armature, damping, friction and limits."""
         m, model, tendons = self._m, self._model, list(self._tendons)
-        model.armature = np.concatenate((m.dof_armature, m.tendon_armature[tendons]))
+        model.armature = np.concatenate((m.dof_armature, tendon_armature(m)[tendons]))
         self._give_rotors()
         model.damping = np.concatenate((m.dof_damping, m.tendon_damping[tendons]))
         friction = np.concatenate((m.dof_frictionloss, m.tendon_frictionloss[tendons]))
@@ -236,12 +236,11 @@ class _Translation:
             kind = kinds(int(m.eq_type[number]))
             if not m.eq_active0[number]:
                 continue
-            if kind == kinds.mjEQ_JOINT:
-                couplings.append(self._coupling(number))
-            elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
+            if kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
                 closures.append(self._closure(number, "3d" if kind == kinds.mjEQ_CONNECT else "6d"))
-            elif kind == kinds.mjEQ_TENDON:
-                found = self._tied(number, couplings)
+            elif kind in (kinds.mjEQ_JOINT, kinds.mjEQ_TENDON):
+                of = self._value if kind == kinds.mjEQ_JOINT else self._tendon
+                found = self._tied(number, of, couplings)
                 if isinstance(found, Closure):
                     closures.append(found)
                 else:
@@ -268,33 +267,25 @@ class _Translation:
         ]
         return Closure(frames[0], frames[1], kind)
 
-    def _coupling(self, number: int) -> Coupling:
-        """Return q1 - q1₀ = p(q2 - q2₀) as a polynomial in q2."""
-        m = self._m
-        joints = int(m.eq_obj1id[number]), int(m.eq_obj2id[number])
-        name = self._name(m.equality, number, "equality")
-        zeros = [float(m.qpos0[m.jnt_qposadr[joint]]) for joint in joints if joint >= 0]
-        polynomial = np.polynomial.Polynomial(m.eq_data[number, :5])
-        driven = self._name(m.joint, joints[0], "joint")
-        if joints[1] < 0:
-            return Coupling(driven, None, (zeros[0] + float(polynomial.coef[0]),), name)
-        shifted = polynomial(np.polynomial.Polynomial([-zeros[1], 1.0])) + zeros[0]
-        coefficients = tuple(float(c) for c in shifted.trim().coef)
-        return Coupling(driven, self._name(m.joint, joints[1], "joint"), coefficients, name)
+    def _value(self, joint: int) -> Tendon:
+        """Return the value of a joint, as the length of a tendon that has no other."""
+        name = self._joints[joint]
+        return Tendon(name, float(self._m.qpos0[self._m.jnt_qposadr[joint]]), {name: 1.0})
 
-    def _tied(self, number: int, couplings: Sequence[Coupling]) -> Closure | Coupling:
+    def _tied(
+        self, number: int, of: Callable[[int], Tendon], couplings: Sequence[Coupling]
+    ) -> Closure | Coupling:
         m, name = self._m, self._name(self._m.equality, number, "equality")
         first, second = int(m.eq_obj1id[number]), int(m.eq_obj2id[number])
-        other = None if second < 0 else self._tendon(second)
-        return tied(name, self._tendon(first), other, m.eq_data[number, :5], self._sites, couplings)
+        other = None if second < 0 else of(second)
+        return tied(name, of(first), other, m.eq_data[number, :5], self._sites, couplings)
 
     def _tendon(self, number: int) -> Tendon:
         return tendon(self._m, number, self._name(self._m.tendon, number, "tendon"), self._joints)
 
     def _acts(self, number: int) -> bool:
         """Whether a fixed tendon has a spring, a damper, friction or an inertia."""
-        acting = any(getattr(self._m, f"tendon_{field}")[number] for field in FIELDS)
-        return acting and bool(self._tendon(number).joints)
+        return acting(self._m, number) and bool(self._tendon(number).joints)
 
     def _add_tendon(self, number: int) -> str:
         """Give a fixed tendon a joint that has its length, and no mass."""

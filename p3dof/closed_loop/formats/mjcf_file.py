@@ -142,7 +142,7 @@ def _is_there(spec: Any, mesh: Any) -> bool:
     file = Path(mesh.file)
     if spec.strippath:
         file = Path(file.name)
-    return bool((Path(spec.modelfiledir) / spec.compiler.meshdir / file).is_file())
+    return bool((Path(spec.modelfiledir) / spec.meshdir / file).is_file())
 
 
 def _delete(spec: Any, element: Any) -> None:

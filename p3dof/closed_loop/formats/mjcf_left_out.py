@@ -7,10 +7,40 @@ from typing import Any
 
 import numpy as np
 
-from p3dof.checks import shown
+from p3dof.checks import FloatArray, shown
 
-FIELDS = ("stiffness", "damping", "frictionloss", "armature")
-"""What acts in a tendon by itself."""
+
+def acting(m: Any, number: int) -> bool:
+    """Return whether something acts in a tendon by itself.
+
+    Parameters
+    ----------
+    m : mujoco.MjModel
+        The compiled model.
+    number : int
+        Which tendon.
+
+    Returns
+    -------
+    bool
+    """
+    fields = m.tendon_stiffness, m.tendon_damping, m.tendon_frictionloss, tendon_armature(m)
+    return any(bool(field[number]) for field in fields)
+
+
+def tendon_armature(m: Any) -> FloatArray:
+    """Return the inertia of all tendons, which they have since MuJoCo 3.3.1.
+
+    Parameters
+    ----------
+    m : mujoco.MjModel
+        The compiled model.
+
+    Returns
+    -------
+    (ntendon,) array
+    """
+    return np.array(getattr(m, "tendon_armature", np.zeros(m.ntendon)))
 
 
 def left_out(m: Any, tendons: Collection[int]) -> Iterator[str]:
@@ -29,10 +59,7 @@ def left_out(m: Any, tendons: Collection[int]) -> Iterator[str]:
             low, high = m.tendon_lengthspring[number]
             if m.tendon_stiffness[number] and low != high:
                 yield f"the spring of {called}, which is slack between two lengths"
-        elif any(
-            field[number]
-            for field in (m.tendon_stiffness, m.tendon_damping, m.tendon_frictionloss, m.tendon_armature)
-        ):
+        elif acting(m, number):
             yield f"what acts in {called}, which is not fixed to joints"
     if hasattr(m, "actuator_damping"):
         for number in np.flatnonzero(m.actuator_damping):
