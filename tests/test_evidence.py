@@ -195,13 +195,13 @@ def test_the_residual_of_a_result_shows_a_solver_that_is_off(robot, monkeypatch)
 
 
 def test_the_residual_of_a_batch_shows_a_solver_that_is_off(robot, monkeypatch):
-    """With an inverse that is too large by a share, that share of the passive joints' forces is left over."""
+    """With solutions that are too large by a share, that share of the passive joints' forces is left over."""
     joints = robot.inverse_dynamics(MOTION, method="pinocchio").joints
     share = 1e-8
     right = robot.loop.inverse_dynamics_batch(joints.q, joints.v, joints.a)
-    inverse = batch_dynamics.inverse
-    monkeypatch.setattr(batch_dynamics, "inverse", lambda J: (1 + share) * inverse(J))
-    monkeypatch.setattr(batch_dynamics, "redundant", lambda J, _: np.ones(len(J), dtype=bool))
+    solve = batch_dynamics.solve
+    monkeypatch.setattr(batch_dynamics, "solve", lambda A, b: (1 + share) * solve(A, b))
+    monkeypatch.setattr(batch_dynamics, "follow", lambda rows, *_: np.ones(len(rows), dtype=bool))
     off = robot.loop.inverse_dynamics_batch(joints.q, joints.v, joints.a)
     passive = [name not in robot.loop.actuated for name in joints.names]
     for i in range(len(MOTION)):

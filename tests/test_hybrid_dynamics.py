@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import time
 
 import closed_loop_robots as robots
@@ -488,3 +489,40 @@ def test_inverse_dynamics_of_many_samples_is_done_by_arrays_with_idle_freedoms_t
         one = single(q[i], v[i], a[i])
         np.testing.assert_allclose(forces.tau[i], one.tau, rtol=0, atol=1e-10 * np.abs(one.tau).max())
         assert one.conditioning == 0.0
+
+
+def test_frames_are_prescribed_at_many_samples_by_arrays(monkeypatch):
+    """Base and hands by components: the forces of each sample, and its evidence."""
+    loop, count = biped(), 24
+    q, v = many(loop, count, standing(loop))
+    wanted = np.full((count, 6), np.nan)
+    wanted[:, :2] = np.random.default_rng(3).normal(size=(count, 2))
+    joints = {name: np.linspace(-1, 1, count) for name in loop.actuated[:2]}
+    alone = [
+        loop.hybrid_dynamics(q[i], v[i], {k: x[i] for k, x in joints.items()}, {"torso": wanted[i]})
+        for i in range(count)
+    ]
+    monkeypatch.setattr(loop, "hybrid_dynamics", None)  # all samples are done without it
+    found = loop.hybrid_dynamics_batch(q, v, joints, {"torso": wanted})
+    assert not found.errors
+    for i, one in enumerate(alone):
+        size = max(np.abs(one.tau).max(), np.abs(one.lambda_).max())
+        np.testing.assert_allclose(found.tau[i], one.tau, rtol=0, atol=1e-9 * size)
+        np.testing.assert_allclose(found.a[i], one.a, rtol=0, atol=1e-8 * np.abs(one.a).max())
+        assert found.conditioning[i] == pytest.approx(one.conditioning, rel=1e-8)
+    sent = pickle.loads(pickle.dumps(found))  # noqa: S301 - our own
+    np.testing.assert_array_equal(sent.conditioning, found.conditioning)
+
+
+def test_components_of_frames_that_change_are_done_one_by_one():
+    loop, count = biped(), 12
+    q, v = many(loop, count, standing(loop))
+    wanted = np.full((count, 6), np.nan)
+    wanted[:, :2] = 0.5
+    wanted[::2, 1], wanted[::2, 2] = np.nan, 0.5
+    joints = {name: np.zeros(count) for name in loop.actuated[:2]}
+    found = loop.hybrid_dynamics_batch(q, v, joints, {"torso": wanted})
+    for i in range(count):
+        one = loop.hybrid_dynamics(q[i], v[i], {k: x[i] for k, x in joints.items()}, {"torso": wanted[i]})
+        np.testing.assert_array_equal(found.tau[i], one.tau)
+    assert not found.errors

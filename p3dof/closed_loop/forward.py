@@ -99,19 +99,19 @@ class Forward:
         a[partition.dependent] = -split.solve(drift.take(partition.rows) if len(partition.left) else drift)
         for step in range(most + 1):
             left = terms.tree_force(point.q, v, a) - force
+            lambda_ = split.solve_transpose(left.take(partition.dependent))
+            borne = lambda_.dot(rows)
+            missing = left - borne  # Nᵀ of it has not the rounding of JN times λ, large beside little inertia
             if step == most:
                 break
-            more = lapack().dpotrs(root, left.dot(N))[0]
+            more = lapack().dpotrs(root, missing.dot(N))[0]
             if step and more.dot(more) <= _ENOUGH**2 * a.dot(a):
                 break
             a -= N.dot(more)
-        lambda_ = split.solve_transpose(left.take(partition.dependent))
-        borne = lambda_.dot(rows)
-        missing, opening = left - borne, point.J.dot(a) + drift
+        opening = point.J.dot(a) + drift
         size = (force.dot(force) + borne.dot(borne)) / len(v)
-        most_open = max(
-            1.0, drift.dot(drift) / len(drift), a.dot(a) / len(a)
-        )  # no more than the largest ones
+        # No more than the squares of the largest ones.
+        most_open = max(1.0, drift.dot(drift) / len(drift), a.dot(a) / len(a))
         fits = missing.dot(missing) <= _ACCURACY**2 * size
         if not (fits and opening.dot(opening) <= _ACCURACY**2 * most_open):
             return None  # also when something is not a number
@@ -163,6 +163,7 @@ class Forward:
         a = a - point.svd.solve(point.J @ a + drift)
         M = self._terms.mass_matrix(point.q)
         missing = force - self._terms.tree_force(point.q, v, a)
+        missing = missing - point.J.T @ point.svd.solve_transpose(missing)  # as above
         try:
             refined: FloatArray = a + N @ np.linalg.solve(N.T @ M @ N, N.T @ missing)
         except np.linalg.LinAlgError as error:

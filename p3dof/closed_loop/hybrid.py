@@ -161,10 +161,12 @@ class Hybrid:
         for step in range(_SOLUTIONS + 1):
             left = terms.tree_force(task.point.q, task.v, a) - task.external
             left[actuated] -= tau
+            lambda_ = split.solve_transpose(left.take(partition.dependent))[:known]
+            missing = left - lambda_.dot(rows[:known])  # as in `Forward`
             if step == _SOLUTIONS:
                 break
-            more = lapack().dgetrs(lu, pivots, left.dot(T))[0]
-            remaining = left.copy()
+            more = lapack().dgetrs(lu, pivots, missing.dot(T))[0]
+            remaining = missing.copy()
             remaining[actuated] -= more
             change = lapack().dpotrs(root, remaining.dot(Z))[0] if idle else tau[:0]
             settled = change.dot(change) <= _NO_CHANGE**2 * a.dot(a)
@@ -172,8 +174,6 @@ class Hybrid:
                 break
             tau = tau + more
             a -= Z.dot(change)
-        borne = split.solve_transpose(left.take(partition.dependent))
-        missing = left - borne[:known].dot(rows[:known])
         result = self._result(task, left, tau, a, None)
         opened, off = result.evidence.opening, result.evidence.off
         forces = (tau.dot(tau) + left.dot(left)) / len(left)  # no more than the largest ones, squared
@@ -199,14 +199,17 @@ class Hybrid:
             force = terms.tree_force(point.q, v, a) - external
             size = max(max_abs(force), max_abs(tau))
             force[actuated] -= tau
-            if step == _SOLUTIONS or (step and max_abs(N.T @ force) <= _ENOUGH * size):
+            remaining = force - point.J.T @ svd.solve_transpose(force)  # as in `Forward`
+            missing = max_abs(N.T @ remaining)
+            if step == _SOLUTIONS:
                 break
-            more = actuation.solve(T.T @ force)
-            tau = tau + more
-            remaining = force.copy()
+            more = actuation.solve(T.T @ remaining)
             remaining[actuated] -= more
-            a = a - Z @ (Z.T @ remaining)
-        missing = max_abs(N.T @ force)
+            change = Z @ (Z.T @ remaining)
+            small = max_abs(more) <= _NO_CHANGE * max_abs(tau) and max_abs(change) <= _NO_CHANGE * max_abs(a)
+            if step and small and missing <= _ENOUGH * size:
+                break
+            tau, a = tau + more, a - change
         fits = missing <= _ACCURACY * size or missing <= _ACCURACY * terms.scale(point.q, v, a, external)
         if not fits:  # also when something is not a number
             _refuse(missing, actuation, len(wanted), len(tau))

@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, as_floats, frozen_array
-from p3dof.closed_loop.batch.hybrid import BatchHybrid, BatchHybridDynamics
+from p3dof.closed_loop.batch.hybrid import BatchHybrid, BatchHybridDynamics, Prescribed
 from p3dof.closed_loop.batch.linear import BoolArray, IndexArray
 from p3dof.closed_loop.hybrid_results import HybridDynamics
 from p3dof.closed_loop.loop_model import External, LoopModel
@@ -116,7 +116,8 @@ class HybridModel(LoopModel):
     ) -> BatchHybridDynamics:
         """Return forces and motions for prescribed accelerations at many samples.
 
-        It is fast where as many joints are prescribed as are actuated, and no frame is.
+        It is fast where as many accelerations are prescribed as joints are actuated, and the same components
+        of frames at all samples.
 
         Parameters
         ----------
@@ -172,10 +173,12 @@ class HybridModel(LoopModel):
         sizes = len(self.actuated), model.nv, self._kinematics.size
         result = BatchHybridDynamics.empty(count, *sizes)
         done: BoolArray = np.zeros(count, dtype=bool)
-        if self._scaled is not None and not frames:
-            result, done = _solved_scaled(self._scaled, (q, v), (at, values), loads, acting)
-        elif not frames:
-            result, done = self._batch_hybrid.solve(q, v, (at, values), loads, acting)
+        asked = _prescribed_alike(at, values, places)
+        if asked is not None:
+            if self._scaled is not None:
+                result, done = _solved_scaled(self._scaled, (q, v), asked, loads, acting)
+            else:
+                result, done = self._batch_hybrid.solve(q, v, asked, loads, acting)
         for i in np.flatnonzero(~done):
             mine, framed, loaded = (
                 {name: value[i] for name, value in part.items()} for part in (joints, places, loads)
@@ -239,13 +242,18 @@ def _hybrid_scaled(
 def _solved_scaled(
     scaled: ScaledModel[HybridModel],
     state: tuple[FloatArray, FloatArray],
-    prescribed: tuple[IndexArray, FloatArray],
+    prescribed: Prescribed,
     loads: Mapping[str, FloatArray],
     forces: FloatArray,
 ) -> tuple[BatchHybridDynamics, BoolArray]:
     """`BatchHybrid.solve` in the model's own unit of length."""
-    core, units, (at, values) = scaled.core, scaled.units, prescribed
-    given = at, values / units.motion(units.v[at])
+    core, units, at = scaled.core, scaled.units, prescribed.at
+    lengths = np.concatenate([np.arange(0), *(np.flatnonzero(mask) for _, mask in prescribed.frames)]) < 3
+    given = replace(
+        prescribed,
+        values=prescribed.values / units.motion(units.v[at]),
+        of_frames=prescribed.of_frames / units.motion(lengths),
+    )
     acting = scaled.wrenches(loads), forces / units.force(units.v)
     with scaled.in_words():
         found, done = core._batch_hybrid.solve(scaled.q(state[0]), scaled.v(state[1]), given, *acting)
@@ -257,6 +265,23 @@ def _solved_scaled(
         closure_error=found.closure_error * units.motion(units.rows),
     )
     return result, done
+
+
+def _prescribed_alike(
+    at: IndexArray, values: FloatArray, places: Mapping[str, FloatArray]
+) -> Prescribed | None:
+    """Return what is prescribed of joints and frames; None if not the same components at all samples."""
+    frames: list[tuple[str, BoolArray]] = []
+    columns: list[FloatArray] = [np.zeros((len(values), 0))]
+    for name, wanted in places.items():
+        if wanted.shape != (len(values), 6) or np.isinf(wanted).any():
+            return None  # each sample alone tells what is wrong
+        mask = ~np.isnan(wanted[:1]).ravel() if len(wanted) else np.ones(6, dtype=bool)
+        if not (np.isnan(wanted) == ~mask).all() or not mask.any():
+            return None
+        frames.append((name, mask))
+        columns.append(wanted[:, mask])
+    return Prescribed(at, values, tuple(frames), np.concatenate(columns, axis=1))
 
 
 def _of_samples(name: str, value: FloatArray, count: int, size: int) -> FloatArray:

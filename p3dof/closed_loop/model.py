@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias, cast
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, as_floats, frozen_array
@@ -371,8 +372,9 @@ class ClosedLoopModel(MarginsModel):
     def _states(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
         q = frozen_array("q", q, ("N", self.model.nq))
         if self.model.nq != self.model.nv:
-            for row in q:
-                self._configuration("q", row)
+            model = self.model
+            if not all(pin.isNormalized(model, row, 1e-6) for row in q):
+                raise InputError("q: not normalised (unit quaternions and circles); see pinocchio.normalize")
         shape = (len(q), self.model.nv)
         return q, frozen_array("v", v, shape), frozen_array("a", a, shape)
 
@@ -425,8 +427,8 @@ def _inverse_dynamics_scaled(
         )
     return BatchInverseDynamics(
         found.tau * units.force(units.v[core.actuated_v]),
-        found.conditioning,
         found.residual * max(units.length, units.length**2),
         found.closure_error * units.motion(units.rows),
         {i: scaled.told(error) for i, error in found.errors.items()},
+        found.evidence,
     )

@@ -50,16 +50,17 @@ class ClosureRows:
         """Return how far closures and couplings are open, (N, rows) at configurations q (N, nq)."""
         k = self._kinematics
         errors = np.zeros((len(frames.p1), k.size))
-        for i, (closure, rows) in enumerate(zip(k.closures, k.rows, strict=False)):
-            if closure.kind not in ("3d", "6d"):
+        for kind in ("3d", "6d"):
+            which = [i for i, closure in enumerate(k.closures) if closure.kind == kind]
+            if not which:
                 continue
-            axes = np.swapaxes(frames.R1[:, i], -1, -2)
-            apart = apply(axes, frames.p2[:, i] - frames.p1[:, i])
-            if closure.kind == "3d":
-                errors[:, rows] = apart
-            else:
-                turn = rotation_vector(axes @ frames.R2[:, i])
-                errors[:, rows] = np.concatenate((apply(turned_rates(turn), apart), turn), axis=-1)
+            axes = np.swapaxes(frames.R1[:, which], -1, -2)
+            found = apply(axes, frames.p2[:, which] - frames.p1[:, which])
+            if kind == "6d":
+                turn = rotation_vector(axes @ frames.R2[:, which])
+                found = np.concatenate((apply(turned_rates(turn), found), turn), axis=-1)
+            rows = np.concatenate([np.arange(k.size)[k.rows[i]] for i in which])
+            errors[:, rows] = found.reshape(len(errors), len(rows))
         if len(k.own):
             for group in k.kinds.at(*self._places(frames)):
                 group.errors(errors)

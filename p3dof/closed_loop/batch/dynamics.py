@@ -9,8 +9,9 @@ independent rows as there are passive joints give
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -20,14 +21,18 @@ from p3dof.closed_loop.batch.closures import ClosureRows
 from p3dof.closed_loop.batch.kinematics import Samples, Sweep
 from p3dof.closed_loop.batch.linear import (
     FEW,
+    PROBES,
     BoolArray,
     IndexArray,
     apply,
     blocks,
     independent_rows,
-    inverse,
+    inverse_norms,
     largest,
     norms,
+    sized,
+    solve,
+    with_probes,
 )
 from p3dof.closed_loop.closures import LoopKinematics
 from p3dof.closed_loop.coordinates import rounding
@@ -50,6 +55,41 @@ _CHOICES = 3
 """How many times the independent rows are chosen before the rest is left to the single samples."""
 
 
+class BatchEvidence:
+    """What is found out about many samples when it is asked for, and once.
+
+    Parameters
+    ----------
+    known : (N,) array
+        The conditioning of each sample, where it is known.
+    find : callable
+        Finds that of samples, by their numbers.
+    """
+
+    def __init__(self, known: FloatArray, find: Callable[[IndexArray], FloatArray] | None = None) -> None:
+        self._known, self.find = known, find
+        self._open: list[IndexArray] = []
+
+    def leave_open(self, which: IndexArray) -> None:
+        """Note that the conditioning of some samples has to be found."""
+        self._open.append(which)
+
+    def know(self, i: int, conditioning: float) -> None:
+        """Enter the conditioning of one sample."""
+        self._known[i] = conditioning
+
+    @cached_property
+    def conditioning(self) -> FloatArray:
+        """The conditioning (N,) of all samples."""
+        if self._open and self.find is not None:
+            which = np.concatenate(self._open)
+            self._known[which] = self.find(which)
+        return self._known
+
+    def __reduce__(self) -> tuple[type[BatchEvidence], tuple[FloatArray]]:
+        return BatchEvidence, (self.conditioning,)  # for other processes
+
+
 @dataclass(frozen=True, eq=False)
 class BatchInverseDynamics:
     """Actuator forces that produce motions, and the evidence for them; see `InverseDynamics`.
@@ -58,33 +98,43 @@ class BatchInverseDynamics:
     ----------
     tau : (N, n_actuated) array
         Forces of the actuated joints [N or N m]; NaN in the rows of samples that failed.
-    conditioning : (N,) array
-        Smallest singular value of Nᵀ B, as in `InverseDynamics`.
     residual : (N,) array
         Largest error of the full equation of motion [N or N m].
     closure_error : (N, rows) array
         How far each closure is open [m or rad].
     errors : dict of int to P3dofError
         What went wrong, by sample.
+    evidence : BatchEvidence
+        What `conditioning` asks: it is found out when it is asked for, in the workspace of the model.
     """
 
     tau: FloatArray
-    conditioning: FloatArray
     residual: FloatArray
     closure_error: FloatArray
     errors: dict[int, P3dofError]
+    evidence: BatchEvidence
+
+    @property
+    def conditioning(self) -> FloatArray:
+        """Smallest singular value of Nᵀ B (N,), as in `InverseDynamics`."""
+        return self.evidence.conditioning
 
     def put(
-        self,
-        i: IndexArray | int,
-        tau: FloatArray,
-        conditioning: FloatArray | float,
-        residual: FloatArray | float,
-        closure_error: FloatArray,
+        self, i: IndexArray | int, tau: FloatArray, residual: FloatArray | float, closure_error: FloatArray
     ) -> None:
         """Enter what was found of some samples."""
-        self.tau[i], self.conditioning[i], self.residual[i] = tau, conditioning, residual
-        self.closure_error[i] = closure_error
+        self.tau[i], self.residual[i], self.closure_error[i] = tau, residual, closure_error
+
+
+@dataclass(frozen=True, eq=False)
+class _Choice:
+    """Independent rows of closures, the others, the joints that follow by these, idle ones, all others."""
+
+    rows: IndexArray
+    left: IndexArray
+    passive: IndexArray
+    idle: IndexArray
+    free: IndexArray
 
 
 class BatchDynamics:
@@ -103,6 +153,7 @@ class BatchDynamics:
         self._sweep = Sweep(loop.model)
         self._closures = ClosureRows(kinematics, self._sweep)
         self._passive = np.setdiff1d(np.arange(loop.model.nv), loop.actuated_v)
+        self._chosen: _Choice | None = None
 
     def inverse_dynamics(
         self,
@@ -134,15 +185,17 @@ class BatchDynamics:
         """
         count, loop = len(q), self._loop
         tau = np.full((count, len(loop.actuated)), np.nan)
-        conditioning, residual = np.full((2, count), np.nan)
+        residual, known = np.full((2, count), np.nan)
         gaps = np.full((count, self._kinematics.size), np.nan)
-        result = BatchInverseDynamics(tau, conditioning, residual, gaps, {})
-        for block in blocks(count):
+        evidence = BatchEvidence(known, lambda which: self._conditioning(q[which]))
+        result = BatchInverseDynamics(tau, residual, gaps, {}, evidence)
+        for block in blocks(count, sized(self._kinematics.size, loop.model.nv)):
             left = block
             if count >= FEW:
                 loads = {name: wrench[block] for name, wrench in external.items()}
                 good, *found = self._forces(q[block], v[block], a[block], loads, joint_forces[block])
                 result.put(block[good], *(values[good] for values in found))
+                evidence.leave_open(block[good])
                 left = block[~good]
             for i in left:
                 loads = {name: wrench[i] for name, wrench in external.items()}
@@ -153,8 +206,32 @@ class BatchDynamics:
                     if stop:
                         return result
                 else:
-                    result.put(i, one.tau, one.conditioning, one.residual, loop.closure_error(q[i]))
+                    result.put(i, one.tau, one.residual, loop.closure_error(q[i]))
+                    evidence.know(int(i), one.conditioning)
         return result
+
+    def _conditioning(self, q: FloatArray) -> FloatArray:
+        """Return the conditioning (N,) at configurations (N, nq)."""
+        found: FloatArray = np.zeros(len(q))
+        for block in blocks(len(q), sized(self._kinematics.size, self._loop.model.nv)):
+            samples = self._sweep.at(q[block])
+            J = self._closures.jacobian(q[block], samples, self._closures.frames(samples))
+            choice = self._chosen
+            if choice is None:
+                choice = self._choice(J[0])
+            if len(choice.idle):
+                continue
+            free = choice.free
+            N: FloatArray = np.zeros((len(block), J.shape[2], len(free)))
+            N[:, free] = np.eye(len(free))
+            with np.errstate(all="ignore"):
+                JR = J[:, choice.rows]
+                N[:, choice.passive] = -solve(JR[:, :, choice.passive], JR[:, :, free])
+            N = np.where(np.isfinite(N), N, 0.0)
+            # The rows of the free joints are those of 1, so that the orthonormal ones are (NᵀN)^(-1/2).
+            longest = np.linalg.eigvalsh(np.swapaxes(N, -1, -2) @ N).max(axis=1, initial=1.0)
+            found[block] = 1.0 / np.sqrt(longest)
+        return found
 
     def power(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """Return the rate of change of the mechanical energy (N,) [W]; see `energy.energy_rate`."""
@@ -187,8 +264,8 @@ class BatchDynamics:
         a: FloatArray,
         external: Mapping[str, FloatArray],
         joint_forces: FloatArray,
-    ) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return where the forces are good; forces, conditioning, residual and closure errors."""
+    ) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray]:
+        """Return where the forces are good; forces, residual and closure errors."""
         samples = self._sweep.moving(q, v)
         J, errors, fits = self._closed(samples, q, v, a)
         pool = pin.ModelPool(self._loop.model, 1)  # with a copy of the model as it is now
@@ -196,8 +273,8 @@ class BatchDynamics:
         f -= joint_forces + generalised(self._kinematics, self._sweep, samples, external)
         if self._loop.passive:
             f -= self._loop.passive.forces(q, v)
-        tau, conditioning, residual, good = self._project(J, f, fits)
-        return good, tau, conditioning, residual, errors
+        tau, residual, good = self._project(J, f, fits)
+        return good, tau, residual, errors
 
     def _closed(
         self, samples: Samples, q: FloatArray, v: FloatArray, a: FloatArray
@@ -215,50 +292,77 @@ class BatchDynamics:
 
     def _project(
         self, J: FloatArray, f: FloatArray, fits: BoolArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
-        """Return forces, conditioning and residual by (1), and where they are good."""
-        actuated = self._loop.actuated_v
-        tau, good = np.empty((len(f), len(actuated))), np.zeros(len(f), dtype=bool)
-        conditioning, residual = np.empty((2, len(f)))
+    ) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Return forces and residual by (1), and where they are good."""
+        tau, good = np.empty((len(f), len(self._loop.actuated_v))), np.zeros(len(f), dtype=bool)
+        residual: FloatArray = np.empty(len(f))
         for _ in range(_CHOICES):
             todo = np.flatnonzero(fits & ~good)
             if not len(todo):
                 break
-            rows, passive, idle = self._choice(J[todo[0]])
-            if len(rows) < len(passive) or len(passive) + len(idle) < len(self._passive):
-                break
-            free = np.concatenate((actuated, idle))
-            Jf, Jp = J[todo][:, rows][:, :, free], J[todo][:, rows][:, :, passive]
-            with np.errstate(all="ignore"):
-                K = inverse(Jp)
-                lambda_ = apply(np.swapaxes(K, -1, -2), f[todo][:, passive])
-                N = np.zeros((len(todo), J.shape[2], len(free)))
-                N[:, free], N[:, passive] = np.eye(len(free)), -K @ Jf
-                well = (norms(Jp) * norms(K) <= WELL) & redundant(J[todo], N)
-            N[~well] = 0.0
-            # The rows of the free joints are those of 1, so that the orthonormal ones are (NᵀN)^(-1/2).
-            longest = np.linalg.eigvalsh(np.swapaxes(N, -1, -2) @ N).max(axis=1, initial=1.0)
-            held = 1.0 / np.sqrt(longest)
-            well &= held >= _HELD
-            left = f[todo][:, passive] - apply(np.swapaxes(Jp, -1, -2), lambda_)
-            acting, missing = np.split(
-                f[todo][:, free] - apply(np.swapaxes(Jf, -1, -2), lambda_), [len(actuated)], axis=1
-            )
-            well &= largest(missing) <= _NOTHING * largest(f[todo])  # idle freedoms move as they must
-            tau[todo], conditioning[todo] = acting, held if not len(idle) else 0.0
-            residual[todo], good[todo] = np.maximum(largest(left), largest(missing)), well
-        return tau, conditioning, residual, good
+            if self._chosen is None:
+                self._chosen = self._choice(J[todo[0]])
+            choice, every = self._chosen, slice(None) if len(todo) == len(J) else todo
+            if len(choice.passive) + len(choice.idle) == len(self._passive):
+                tau[todo], residual[todo], good[todo] = self._by(choice, J[every], f[every])
+            if not good[todo].all():
+                self._chosen = None
+        return tau, residual, good
 
-    def _choice(self, J: FloatArray) -> tuple[IndexArray, IndexArray, IndexArray]:
-        """Return independent rows, the joints that follow by these, and the idle ones."""
-        passive = self._passive
-        rows = independent_rows(J[:, passive], len(passive))
-        if len(rows) == len(passive):
-            return rows, passive, passive[:0]
-        rank = Decomposition.of(J).rank
-        rows = independent_rows(J, rank)
-        chosen = passive[independent_rows(J[rows][:, passive].T, rank)]
-        return rows[: rank if len(chosen) == rank else 0], chosen, np.setdiff1d(passive, chosen)
+    def _by(self, choice: _Choice, J: FloatArray, f: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Return forces and residual of samples by a choice, and where they are good."""
+        passive, free, count = choice.passive, choice.free, len(self._loop.actuated_v)
+        JR = J[:, choice.rows] if len(choice.left) else J
+        Jp, Jf, others = JR[:, :, passive], JR[:, :, free], J[:, choice.left]
+        asked = np.concatenate((f[:, passive, None], np.swapaxes(others[:, :, passive], -1, -2)), axis=2)
+        with np.errstate(all="ignore"):  # what is not a number passes no test
+            x = solve(np.swapaxes(Jp, -1, -2), with_probes(asked))
+            inverse, lambda_, weights = inverse_norms(x), x[:, :, PROBES], x[:, :, PROBES + 1 :]
+            well = (norms(Jp) * inverse <= WELL) & (norms(Jf) * inverse <= 1.0 / _HELD)
+            well &= follow(others[:, :, free], weights, Jf, norms(J))
+            left = f[:, passive] - apply(np.swapaxes(Jp, -1, -2), lambda_)
+            rest = f[:, free] - apply(np.swapaxes(Jf, -1, -2), lambda_)
+            missing = rest[:, count:]
+            well &= largest(missing) <= _NOTHING * largest(f)  # idle freedoms move as they must
+        return rest[:, :count], np.maximum(largest(left), largest(missing)), well
+
+    def _choice(self, J: FloatArray) -> _Choice:
+        """Return independent rows, and the joints that follow by these."""
+        passive, rank = self._passive, len(self._passive)
+        rows, chosen = independent_rows(J[:, passive], rank), passive
+        if len(rows) < rank:
+            rank = Decomposition.of(J).rank
+            rows = independent_rows(J, rank)
+            chosen = passive[independent_rows(J[rows][:, passive].T, rank)]
+            if len(chosen) < len(rows):
+                chosen = passive[:0]  # joints that are actuated follow from others, too
+        idle = np.setdiff1d(passive, chosen) if len(chosen) else passive[:0]
+        left = np.setdiff1d(np.arange(len(J)), rows)
+        return _Choice(rows, left, chosen, idle, np.concatenate((self._loop.actuated_v, idle)))
+
+
+def follow(others: FloatArray, weights: FloatArray, J: FloatArray, size: FloatArray) -> BoolArray:
+    """Whether rows that were left out follow from those that were chosen.
+
+    Parameters
+    ----------
+    others : (n, left, k) array
+        Their entries of the free joints.
+    weights : (n, rows, left) array
+        What gives their entries of the joints that follow, from those of the chosen rows.
+    J : (n, rows, k) array
+        The chosen rows' entries of the free joints.
+    size : (n,) array
+        Norms of all rows.
+
+    Returns
+    -------
+    (n,) array of bool
+    """
+    if not others.shape[1]:
+        return np.ones(len(others), dtype=bool)
+    apart = norms(others - np.swapaxes(weights, -1, -2) @ J)
+    return np.asarray(apart <= RANK_TOLERANCE * size / np.sqrt(J.shape[1] + others.shape[1]))
 
 
 def generalised(

@@ -1,11 +1,13 @@
 """Hybrid dynamics of many samples at once; see `p3dof.closed_loop.hybrid`.
 
-As many independent rows of the closures' Jacobian J as there are joints that are neither prescribed nor idle
-give the rates of these d from those of the others f, so that all is algebra of stacked arrays:
+As many independent rows of the closures' Jacobian J and of prescribed frames F as there are joints that are
+neither prescribed nor idle give the rates of these d from those of the others f, so that all is algebra of
+stacked arrays. With R the chosen rows of [J; F] and c their accelerations less J̇ v and Ḟ v,
 
-    a_d = -Jd⁻¹ (J̇ v + Jf a_f),    N = [1; -Jd⁻¹ Jf]
+    a_d = Rd⁻¹ (c - Rf a_f),    N = [1; -Rd⁻¹ Rf]
 
-The columns of N of the prescribed joints and of the idle ones are P and Z there.
+The columns of N of the prescribed joints, and Rd⁻¹ for those rows of frames, are P there; those of idle
+joints are Z.
 """
 
 from __future__ import annotations
@@ -18,34 +20,47 @@ import pinocchio as pin
 
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.batch.closures import ClosureRows
-from p3dof.closed_loop.batch.dynamics import CONSISTENT, TIGHT, WELL, generalised, redundant
-from p3dof.closed_loop.batch.kinematics import Sweep
+from p3dof.closed_loop.batch.dynamics import (
+    CONSISTENT,
+    TIGHT,
+    WELL,
+    BatchEvidence,
+    generalised,
+)
+from p3dof.closed_loop.batch.kinematics import Pair, Sweep
 from p3dof.closed_loop.batch.linear import (
     FEW,
+    PROBES,
     BoolArray,
     IndexArray,
     apply,
     blocks,
     independent_rows,
     inverse,
+    inverse_norms,
     largest,
     norms,
+    sized,
+    solve,
+    with_probes,
 )
 from p3dof.closed_loop.closures import LoopKinematics
 from p3dof.closed_loop.coordinates import rounding
 from p3dof.closed_loop.hybrid_results import HybridDynamics
-from p3dof.closed_loop.linear import Decomposition
+from p3dof.closed_loop.linear import RANK_TOLERANCE, Decomposition
 from p3dof.closed_loop.loop_model import LoopModel
-from p3dof.errors import P3dofError
+from p3dof.errors import InputError, P3dofError
 
-_BLOCK = 512
-"""Samples that are treated together: matrices as large as the mass matrix shall fit into the cache."""
 _SEEN = 1e-5
 """Least conditioning of the prescribed accelerations in a batch."""
 _ACCURACY = 1e-10
 """Largest residual in a batch, relative to the forces in it."""
 _ENOUGH = 1e-13
 """The same, from which on nothing is refined."""
+_CHOICES = 2
+"""How many times rows and joints are chosen before all is left to the single samples."""
+_KINDS = 16
+"""How many kinds of prescription are remembered."""
 _SOLUTIONS = 2
 """Solutions of the linear equations at most; the second one refines the first."""
 
@@ -60,47 +75,105 @@ class BatchHybridDynamics:
         Forces of the actuated joints [N or N m]; NaN in the rows of samples that failed.
     a : (N, nv) array
         Accelerations of the whole tree.
-    conditioning : (N,) array
-        Smallest singular value of S N, as in `HybridDynamics`.
     residual : (N,) array
         Largest error of the full equation of motion [N or N m].
     closure_error : (N, rows) array
         How far each closure is open [m or rad].
     errors : dict of int to P3dofError
         What went wrong, by sample.
+    evidence : BatchEvidence
+        What `conditioning` asks: it is found out when it is asked for, in the workspace of the model.
     """
 
     tau: FloatArray
     a: FloatArray
-    conditioning: FloatArray
     residual: FloatArray
     closure_error: FloatArray
     errors: dict[int, P3dofError]
+    evidence: BatchEvidence
+
+    @property
+    def conditioning(self) -> FloatArray:
+        """Smallest singular value of S N (N,), as in `HybridDynamics`."""
+        return self.evidence.conditioning
 
     def put(self, i: int, one: HybridDynamics, gaps: FloatArray) -> None:
         """Enter what was found of one sample alone, `gaps` (rows,) being how far its closures are open."""
-        self.tau[i], self.a[i] = one.tau, one.a
-        self.conditioning[i], self.residual[i] = one.conditioning, one.residual
+        self.tau[i], self.a[i], self.residual[i] = one.tau, one.a, one.residual
         self.closure_error[i] = gaps
+        self.evidence.know(i, one.conditioning)
+
+    def put_all(
+        self, which: IndexArray, tau: FloatArray, a: FloatArray, residual: FloatArray, gaps: FloatArray
+    ) -> None:
+        """Enter what was found of many samples together."""
+        self.tau[which], self.a[which], self.residual[which] = tau, a, residual
+        self.closure_error[which] = gaps
+        self.evidence.leave_open(which)
 
     @classmethod
     def empty(cls, count: int, actuated: int, nv: int, rows: int) -> BatchHybridDynamics:
         """Return results of samples of which nothing is known."""
         tau, a, gaps = (np.full((count, size), np.nan) for size in (actuated, nv, rows))
-        conditioning, residual = np.full((2, count), np.nan)
-        return cls(tau, a, conditioning, residual, gaps, {})
+        residual, known = np.full((2, count), np.nan)
+        return cls(tau, a, residual, gaps, {}, BatchEvidence(known))
+
+
+@dataclass(frozen=True, eq=False)
+class Prescribed:
+    """Prescribed accelerations of many samples.
+
+    Parameters
+    ----------
+    at : (n,) array of int
+        Indices in v of joints.
+    values : (N, n) array
+        Their accelerations.
+    frames : tuple of (str, (6,) array of bool)
+        Frames, and which components of their accelerations are prescribed.
+    of_frames : (N, m) array
+        These components, one frame after the other.
+    """
+
+    at: IndexArray
+    values: FloatArray
+    frames: tuple[tuple[str, BoolArray], ...]
+    of_frames: FloatArray
+
+    @property
+    def size(self) -> int:
+        """How many accelerations are prescribed."""
+        return self.values.shape[1] + self.of_frames.shape[1]
+
+    @property
+    def kind(self) -> tuple[object, ...]:
+        """What is prescribed, without the values."""
+        return (self.at.tobytes(), *((name, mask.tobytes()) for name, mask in self.frames))
+
+    def of(self, block: IndexArray) -> Prescribed:
+        """Return those of some samples."""
+        return Prescribed(self.at, self.values[block], self.frames, self.of_frames[block])
+
+
+@dataclass(frozen=True, eq=False)
+class _Choice:
+    """Independent rows of closures and frames, the others, joints that follow by these, idle ones."""
+
+    rows: IndexArray
+    left: IndexArray
+    dependent: IndexArray
+    idle: IndexArray
 
 
 @dataclass(frozen=True, eq=False)
 class _Motions:
-    """The free motions of n samples that have the same independent rows and joints."""
+    """The free motions of n samples by one choice: N = [P Z], T, Z, the inverses of Zᵀ M Z and of Tᵀ B."""
 
     N: FloatArray
     T: FloatArray
     Z: FloatArray
     H: FloatArray
     G: FloatArray
-    """Inverses of Zᵀ M Z, and of Tᵀ B."""
 
 
 class BatchHybrid:
@@ -117,14 +190,14 @@ class BatchHybrid:
     def __init__(self, loop: LoopModel, kinematics: LoopKinematics) -> None:
         self._model, self._kinematics, self._actuated = loop.model, kinematics, loop.actuated_v
         self._sweep, self._data = Sweep(loop.model), loop.model.createData()
-        self._closures = ClosureRows(kinematics, self._sweep)
         self._upper = np.triu(np.ones((loop.model.nv, loop.model.nv))) - np.eye(loop.model.nv) / 2
+        self._known: dict[object, tuple[ClosureRows, list[_Choice]]] = {}
 
     def solve(
         self,
         q: FloatArray,
         v: FloatArray,
-        prescribed: tuple[IndexArray, FloatArray],
+        prescribed: Prescribed,
         external: Mapping[str, FloatArray],
         joint_forces: FloatArray,
     ) -> tuple[BatchHybridDynamics, BoolArray]:
@@ -136,8 +209,8 @@ class BatchHybrid:
             Configurations.
         v : (N, nv) array
             Velocities.
-        prescribed : tuple of (n,) and (N, n) array
-            Indices in v, and accelerations.
+        prescribed : Prescribed
+            The accelerations.
         external : mapping of str to (N, 6) array
             Wrenches on frames.
         joint_forces : (N, nv) array
@@ -148,70 +221,95 @@ class BatchHybrid:
         result : BatchHybridDynamics
         good : (N,) array of bool
         """
-        count = len(q)
-        sizes = len(self._actuated), self._model.nv, self._kinematics.size
-        result = BatchHybridDynamics.empty(count, *sizes)
+        count, rows, nv = len(q), self._kinematics.size, self._model.nv
+        result = BatchHybridDynamics.empty(count, len(self._actuated), nv, rows)
+        result.evidence.find = lambda which: self._conditioning(q[which], prescribed)
         done = np.zeros(count, dtype=bool)
-        at, values = prescribed
-        if count >= FEW and len(at) == len(self._actuated):
-            for block in blocks(count, _BLOCK):
+        if count >= FEW and prescribed.size == len(self._actuated):
+            for block in blocks(count, sized(max(rows, nv), nv)):
                 loads = {name: wrench[block] for name, wrench in external.items()}
-                given = at, values[block]
                 with np.errstate(all="ignore"):  # what is not a number passes no test
-                    good, *found = self._block(q[block], v[block], given, loads, joint_forces[block])
+                    good, *found = self._block(
+                        q[block], v[block], prescribed.of(block), loads, joint_forces[block]
+                    )
                 which = block[good]
                 done[which] = True
-                for all_, some in zip(vars(result).values(), found, strict=False):
-                    all_[which] = some[good]
+                result.put_all(which, *(some[good] for some in found))
         return result, done
+
+    def _rows(self, prescribed: Prescribed) -> tuple[ClosureRows, list[_Choice]]:
+        """Return the rows of closures and prescribed frames, and the choice that was good last, if any."""
+        if prescribed.kind not in self._known:
+            if len(self._known) >= _KINDS:
+                self._known.clear()
+            pairs = [self._pair(name, mask) for name, mask in prescribed.frames]
+            self._known[prescribed.kind] = ClosureRows(self._kinematics, self._sweep, pairs), []
+        return self._known[prescribed.kind]
+
+    def _pair(self, name: str, mask: BoolArray) -> Pair:
+        frame = self._kinematics.frame(name, "frames", InputError)
+        ends = (0, pin.SE3.Identity(), frame.parentJoint, frame.placement.copy())
+        return Pair(ends, tuple(int(i) for i in np.flatnonzero(mask)), at_first=False)
 
     def _block(
         self,
         q: FloatArray,
         v: FloatArray,
-        prescribed: tuple[IndexArray, FloatArray],
+        prescribed: Prescribed,
         external: Mapping[str, FloatArray],
         joint_forces: FloatArray,
-    ) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return where it is good; forces, accelerations, conditioning, residual, closure errors."""
-        samples = self._sweep.moving(q, v)
-        frames = self._closures.frames(samples)
-        J, errors = self._closures.jacobian(q, samples, frames), self._closures.errors(q, frames)
-        drift = self._closures.drift(q, samples, frames, v)
+    ) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return where it is good; forces, accelerations, residual, closure errors."""
+        closures, known = self._rows(prescribed)
+        samples, size = self._sweep.moving(q, v), self._kinematics.size
+        frames = closures.frames(samples)
+        rows, errors = closures.jacobian(q, samples, frames), closures.errors(q, frames)
+        J, wanted = rows[:, :size], -closures.drift(q, samples, frames, v)
+        wanted[:, size:] += prescribed.of_frames
         fits = largest(errors) <= np.maximum(TIGHT, rounding(q))
         fits &= largest(apply(J, v)) <= CONSISTENT * np.maximum(1.0, largest(v))
         acting = joint_forces + generalised(self._kinematics, self._sweep, samples, external)
-        tau: FloatArray = np.empty((len(q), len(self._actuated)))
+        tau: FloatArray = np.zeros((len(q), len(self._actuated)))
         a: FloatArray = np.zeros(v.shape)
-        conditioning, residual = np.zeros((2, len(q)))
-        at, a[:, at] = prescribed
-        chosen = self._choice(J[fits][0], at) if fits.any() else None
-        if chosen is None:
-            return np.zeros(len(q), dtype=bool), tau, a, conditioning, residual, errors
-        rows, dependent, idle = chosen
-        Jr = J[:, rows]
-        Jd = Jr[:, :, dependent]
-        K = inverse(Jd)
-        a[:, dependent] = -apply(K, drift[:, rows] + apply(Jr, a))
-        motions, conditioning = self._motions(Jr, K, self._inertia(q), (at, dependent, idle))
-        fits &= norms(Jd) * norms(K) <= WELL
-        fits &= redundant(J, motions.N) & (conditioning >= _SEEN)
-        tau, a, force, size = self._solution(motions, q, v, a, acting)
-        lambda_ = apply(np.swapaxes(K, -1, -2), force[:, dependent])
-        residual = largest(force - apply(np.swapaxes(Jr, -1, -2), lambda_))
-        opening = largest(apply(J, a) + drift)
-        fits &= residual <= _ACCURACY * size
+        nothing = np.zeros(len(q), dtype=bool), tau, a, np.zeros(len(q)), errors
+        if not fits.any():
+            return nothing
+        first = int(np.argmax(fits))
+        for _ in range(_CHOICES):
+            fresh = not known
+            if fresh:
+                chosen = self._choice(rows[first], size, prescribed.at)
+                if chosen is None:
+                    break
+                known.append(chosen)
+            a[:, prescribed.at] = prescribed.values
+            motions, well = self._motions(known[0], rows, wanted, a, prescribed.at, self._inertia(q))
+            if (fits & well).any() or fresh:
+                break
+            known.clear()  # it does not fit here any more
+        else:
+            return nothing
+        if not known:
+            return nothing
+        tau, a, force, scale = self._solution(motions, q, v, a, acting)
+        residual = largest(apply(np.swapaxes(motions.N, -1, -2), force))
+        opening = largest(apply(rows, a) - wanted)
+        fits &= well & (residual <= _ACCURACY * scale)
         fits &= opening <= CONSISTENT * np.maximum(1.0, largest(a))
-        return fits, tau, a, conditioning, residual, errors
+        if not fits[first]:
+            known.clear()
+        return fits, tau, a, residual, errors
 
-    def _choice(self, J: FloatArray, at: IndexArray) -> tuple[IndexArray, IndexArray, IndexArray] | None:
+    def _choice(self, rows: FloatArray, size: int, at: IndexArray) -> _Choice | None:
         """Return independent rows, joints that follow by these, and idle ones; None if there are none."""
-        rank = Decomposition.of(J).rank
-        rows, rest = independent_rows(J, rank), np.setdiff1d(np.arange(J.shape[1]), at)
-        dependent = rest[independent_rows(J[rows][:, rest].T, rank)]
-        if len(rows) < rank or len(dependent) < rank:
+        rank = Decomposition.of(rows[:size]).rank
+        closures, of_frames = independent_rows(rows[:size], rank), np.arange(size, len(rows))
+        chosen, rest = np.concatenate((closures, of_frames)), np.setdiff1d(np.arange(rows.shape[1]), at)
+        dependent = rest[independent_rows(rows[chosen][:, rest].T, len(chosen))]
+        if len(closures) < rank or len(dependent) < len(chosen):
             return None
-        return rows, dependent, np.setdiff1d(rest, dependent)
+        left = np.setdiff1d(np.arange(size), closures)
+        return _Choice(chosen, left, dependent, np.setdiff1d(rest, dependent))
 
     def _inertia(self, q: FloatArray) -> FloatArray:
         """Return the mass matrices (n, nv, nv) of the tree: the upper triangles, with half the diagonals."""
@@ -222,27 +320,56 @@ class BatchHybrid:
 
     def _motions(
         self,
-        J: FloatArray,
-        K: FloatArray,
+        choice: _Choice,
+        rows: FloatArray,
+        wanted: FloatArray,
+        a: FloatArray,
+        at: IndexArray,
         M: FloatArray,
-        parts: tuple[IndexArray, IndexArray, IndexArray],
-    ) -> tuple[_Motions, FloatArray]:
-        """Return the free motions, and the conditioning (n,) of the prescribed ones."""
-        at, dependent, idle = parts
-        free = np.concatenate((at, idle))
-        N = np.zeros((len(J), J.shape[2], len(free)))
-        N[:, free] = np.eye(len(free))
-        N[:, dependent] = -K @ J[:, :, free]
-        P, Z = N[:, :, : len(at)], N[:, :, len(at) :]
-        MZ = M @ Z + np.swapaxes(M, -1, -2) @ Z
-        H = inverse(np.swapaxes(Z, -1, -2) @ MZ)
-        T = P - Z @ (H @ (np.swapaxes(MZ, -1, -2) @ P))
-        # The rows of the prescribed joints in N are those of 1, so that those of orthonormal motions are the
-        # first ones of (NᵀN)^(-1/2).
-        square = inverse(np.swapaxes(N, -1, -2) @ N)[:, : len(at), : len(at)]
-        seen = np.linalg.eigvalsh(np.where(np.isfinite(square), square, 0.0)).min(axis=1, initial=1.0)
+    ) -> tuple[_Motions, BoolArray]:
+        """Return the free motions, and where they are good; enter the joints that follow into a (n, nv)."""
+        chosen, dependent, free = rows[:, choice.rows], choice.dependent, np.concatenate((at, choice.idle))
+        count, of_frames = len(rows), rows.shape[1] - self._kinematics.size
+        unit = np.zeros((count, len(choice.rows), of_frames))
+        unit[:, len(choice.rows) - of_frames :] = np.eye(of_frames)
+        target = wanted[:, choice.rows] - apply(chosen[:, :, at], a[:, at])
+        Rd, Rf = chosen[:, :, dependent], chosen[:, :, free]
+        x = solve(Rd, with_probes(np.concatenate((target[..., None], unit, -Rf), axis=2)))
+        a[:, dependent] = x[:, :, PROBES]
+        N = np.zeros((count, rows.shape[2], of_frames + len(free)))
+        N[:, free, of_frames + np.arange(len(free))] = 1.0
+        N[:, dependent] = x[:, :, PROBES + 1 :]
+        well = (norms(Rd) * inverse_norms(x) <= WELL) & (norms(N) <= 1.0 / _SEEN)
+        if len(choice.left):
+            tolerance = RANK_TOLERANCE * norms(rows) / np.sqrt(rows.shape[2])
+            well &= norms(rows[:, choice.left] @ N) <= tolerance
+        driven = of_frames + len(at)
+        P, Z = N[:, :, :driven], N[:, :, driven:]
+        T: FloatArray = P
+        H: FloatArray = np.zeros((count, 0, 0))
+        if Z.shape[2]:
+            MZ = M @ Z + np.swapaxes(M, -1, -2) @ Z
+            H = inverse(np.swapaxes(Z, -1, -2) @ MZ)
+            T = P - Z @ (H @ (np.swapaxes(MZ, -1, -2) @ P))
         G = inverse(np.swapaxes(T[:, self._actuated], -1, -2))
-        return _Motions(N, T, Z, H, G), np.sqrt(np.maximum(seen, 0.0))
+        return _Motions(N, T, Z, H, G), well
+
+    def _conditioning(self, q: FloatArray, prescribed: Prescribed) -> FloatArray:
+        """Return the conditioning (n,) of the prescribed accelerations at configurations (n, nq)."""
+        closures, _ = self._rows(prescribed)
+        size, at, found = self._kinematics.size, prescribed.at, np.zeros(len(q))
+        for block in blocks(len(q), sized(max(size, self._model.nv), self._model.nv)):
+            samples = self._sweep.at(q[block])
+            rows = closures.jacobian(q[block], samples, closures.frames(samples))
+            picks = np.broadcast_to(np.eye(self._model.nv)[at], (len(block), len(at), self._model.nv))
+            S = np.concatenate((picks, rows[:, size:]), axis=1)
+            _, s, Vt = np.linalg.svd(rows[:, :size])
+            ranks = np.count_nonzero(s > RANK_TOLERANCE * s[:, :1], axis=1) if size else np.zeros(len(S), int)
+            for rank in np.unique(ranks):
+                alike = ranks == rank
+                seen = np.linalg.svd(S[alike] @ np.swapaxes(Vt[alike, rank:], -1, -2), compute_uv=False)
+                found[block[alike]] = seen[:, -1] if seen.shape[1] else 1.0
+        return found
 
     def _solution(
         self, motions: _Motions, q: FloatArray, v: FloatArray, a: FloatArray, acting: FloatArray

@@ -220,16 +220,21 @@ class RelativeRows:
 
     def drift(self, samples: Samples, frames: Frames, v: FloatArray) -> FloatArray:
         """Return the relative accelerations (N, rows) at zero joint acceleration, for v (N, nv)."""
-        V1, V2 = (self._sweep.twists(samples.J, v, joints) for joints in (self._joints1, self._joints2))
+        (V1, V2), (A1, A2) = self._ends_of(samples.J, v), self._ends_of(samples.J_dot, v)
         carrying = np.where(self._at_first, V1, V2)
         point_dot = carrying[..., :3] + cross(carrying[..., 3:], frames.point)
-        omega1, omega = V1[..., 3:], V2[..., 3:] - V1[..., 3:]
+        omega1, omega, alpha = V1[..., 3:], V2[..., 3:] - V1[..., 3:], A2[..., 3:] - A1[..., 3:]
         u = V2[..., :3] - V1[..., :3] + cross(omega, frames.point)
-        turning = np.stack((cross(omega, point_dot) - cross(omega1, u), -cross(omega1, omega)), axis=-2)
-        turning = np.matmul(turning, frames.R1)  # R1ᵀ x = (xᵀ R1)ᵀ
-        turning = turning.reshape(len(v), 6 * len(self._joints1))[:, self._rows]
-        J_dot = np.matmul(self._projection(frames, None), samples.J_dot) * self._sign
-        return np.asarray(apply(J_dot, v) + turning)
+        linear = A2[..., :3] - A1[..., :3] + cross(alpha, frames.point)
+        turning = linear + cross(omega, point_dot) - cross(omega1, u), alpha - cross(omega1, omega)
+        rates = np.matmul(np.stack(turning, axis=-2), frames.R1)  # R1ᵀ x = (xᵀ R1)ᵀ
+        return np.asarray(rates.reshape(len(v), 6 * len(self._joints1))[:, self._rows])
+
+    def _ends_of(self, J: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return `Sweep.twists` of the bodies of frames 1, and of frames 2."""
+        both = self._sweep.twists(J, v, self._joints1 + self._joints2)
+        count = len(self._joints1)
+        return both[:, :count], both[:, count:]
 
     def _projection(self, frames: Frames, last: FloatArray | None) -> FloatArray:
         """Return the matrices (N, rows, 6) from a relative twist at the world's origin to the rows."""
