@@ -188,6 +188,9 @@ def test_many_states_are_each():
         one = loop.minimal_dynamics(many[i], v[i], names)
         for field in ("mass_matrix", "coriolis_matrix", "gravity_forces", "motion", "speeds", "actuation"):
             np.testing.assert_array_equal(getattr(found, field)[i], getattr(one, field))
+        np.testing.assert_allclose(
+            found.coriolis_forces[i], one.coriolis_matrix @ one.speeds, rtol=0, atol=1e-12
+        )
         np.testing.assert_array_equal(
             frames.drift[i], loop.frame_jacobian("platform", many[i], v[i], names).drift
         )

@@ -70,6 +70,11 @@ class MinimalDynamics:
     passive_forces: FloatArray
     external_forces: FloatArray
 
+    @property
+    def coriolis_forces(self) -> FloatArray:
+        """C ẏ (..., n), Coriolis and centrifugal forces [N or N m]."""
+        return np.asarray((self.coriolis_matrix @ self.speeds[..., None])[..., 0])
+
 
 @dataclass(frozen=True, eq=False)
 class FrameJacobian:
