@@ -54,6 +54,7 @@ def test_every_parameter_of_a_body_and_of_a_joint_has_its_column():
     tau = loop.inverse_dynamics(q, v, a).tau
     np.testing.assert_allclose(found.forces @ found.parameters, tau, rtol=1e-10)
     joints = [str(name) for name in loop.model.names[1:]]
+    assert found.parameter_names[:40:10] == ("left_near.m", "left_far.m", "right_near.m", "right_far.m")
     for k, name in enumerate(found.parameter_names):
         owner, what = name.rsplit(".", 1)
         model, given = loop.model.copy(), {entry.joint: entry for entry in data}
@@ -72,6 +73,18 @@ def test_every_parameter_of_a_body_and_of_a_joint_has_its_column():
         change = other.inverse_dynamics(q, v, a, joint_forces=force).tau - tau
         np.testing.assert_allclose(found.forces[:, k], change / 0.01, rtol=0, atol=1e-9, err_msg=name)
     np.testing.assert_array_equal(found.inertial, found.forces[:, :40])
+
+
+def test_springs_of_joints_that_turn_without_end_turn_back_by_the_shorter_way():
+    lengths = robots.FOUR_BAR
+    plain = ClosedLoopModel.from_urdf(robots.four_bar(*lengths, kind="continuous"), robots.FOUR_BAR_SIDECAR)
+    data = (JointData("crank_joint", 2.0, 3.0), JointData("rocker_joint", 1.0, -0.5))
+    loop = ClosedLoopModel(plain.model, replace(plain.sidecar, joint_data=data))
+    reach = robots.four_bar_q(-2.5, *lengths)
+    state = loop.complete([-2.5], [1.0], [2.0], guess=np.ravel([(np.cos(x), np.sin(x)) for x in reach]))
+    found = loop.force_regressor(state.q, state.v, state.a)
+    tau = loop.inverse_dynamics(state.q, state.v, state.a).tau
+    np.testing.assert_allclose(found.forces @ found.parameters, tau, rtol=1e-10)
 
 
 def test_many_motions_are_each():

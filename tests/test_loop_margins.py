@@ -91,16 +91,32 @@ def test_a_flat_parallelogram_is_about_to_lose_a_closure():
     assert loop.singularity_margins(dead).closures < 1e-9
 
 
-def test_margins_do_not_depend_on_the_size_of_the_robot():
-    loop, q = stewart()
-    found = loop.singularity_margins(q, "platform")
+def sarrus() -> tuple[ClosedLoopModel, np.ndarray]:
+    loop = ClosedLoopModel.from_urdf(robots.sarrus(), robots.SARRUS_SIDECAR)
+    return loop, loop.assemble([0.2]).q
+
+
+def test_the_margin_of_closures_is_that_of_their_homogeneous_jacobian():
+    loop, q = sarrus()  # six rows: lengths, angles
+    found = loop.singularity_margins(q, length=0.3)
+    J = loop.closure_jacobian(q) / np.repeat([0.3, 1.0], 3)[:, None]
+    _, s, Vt = np.linalg.svd(J)
+    assert found.closures == pytest.approx(s[4] / s[0], rel=1e-9)
+    np.testing.assert_allclose(np.abs(found.closures_direction), np.abs(Vt[4]), rtol=0, atol=1e-9)
+    assert found.moving(np.array([0.0, 1.0, -2.0, 0.15, 0.25, 0.0])) == ("x_head", "x_knee", "y_knee")
+
+
+@pytest.mark.parametrize(("build", "frame"), [(stewart, "platform"), (sarrus, "plate")])
+def test_margins_do_not_depend_on_the_size_of_the_robot(build, frame):
+    loop, q = build()
+    found = loop.singularity_margins(q, frame)
     for s in (1e-3, 0.5, 50.0):
         model = loop.model.copy()
         for i in range(model.njoints):
             place = model.jointPlacements[i]
             model.jointPlacements[i] = pin.SE3(place.rotation, s * place.translation)
-        for frame in model.frames:
-            frame.placement = pin.SE3(frame.placement.rotation, s * frame.placement.translation)
+        for mark in model.frames:
+            mark.placement = pin.SE3(mark.placement.rotation, s * mark.placement.translation)
         sidecar = replace(
             loop.sidecar,
             reference={
@@ -111,7 +127,7 @@ def test_margins_do_not_depend_on_the_size_of_the_robot():
         )
         other = ClosedLoopModel(model, sidecar)
         factors = np.concatenate([np.where(_lengths(model, name), s, 1.0) for name in model.names[1:]])
-        same = other.singularity_margins(q * factors, "platform")
+        same = other.singularity_margins(q * factors, frame)
         assert same.length == pytest.approx(s * found.length)
         for name in ("actuation", "closures", "output"):
             assert getattr(same, name) == pytest.approx(getattr(found, name), rel=1e-6)

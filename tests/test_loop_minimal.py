@@ -208,9 +208,10 @@ def test_coordinates_are_the_motors_where_these_determine_the_motion():
     assert len(chosen) == 2
     assert set(chosen) < set(redundant.actuated)
     few, _ = five_bar(actuated=("left_joint",))
-    assert few.coordinates(q)[0] == "left_joint"
-    assert len(few.coordinates(q)) == 2
-    assert few.coordinates(robots.five_bar_q(1.9, 1.1)) == few.coordinates(q)
+    for angles in ((2.0, 1.0), (1.5, 0.2)):  # at the first one the right elbow moves more
+        assert few.coordinates(robots.five_bar_q(*angles)) == ("left_joint", "right_joint")
+    turned, _ = five_bar(actuated=("right_joint", "left_joint"))
+    assert turned.coordinates(q) == turned.actuated
 
 
 def test_a_floating_base_is_a_coordinate_of_its_own_axes():
@@ -239,6 +240,10 @@ def test_what_does_not_determine_the_motion_is_refused():
         loop.minimal_dynamics(q + 0.01)
     with pytest.raises(InputError, match="opens"):
         loop.frame_jacobian("left_tip", q, [1.0, 0.0, 0.0, 0.0])
+    fast = 1e3 * loop.minimal_dynamics(q).motion @ [1.0, -1.0]
+    loop.minimal_dynamics(q, fast + np.array([1e-4, 0.0, 0.0, 0.0]))  # a small part of it
+    with pytest.raises(InputError, match="opens"):
+        loop.minimal_dynamics(q, [1e-4, 0.0, 0.0, 0.0])
     with pytest.raises(InputError, match="frame"):
         loop.frame_jacobian("nowhere", q)
     rod = ClosedLoopModel.from_urdf(robots.parallelogram(), Sidecar((), ("left_joint",)))
