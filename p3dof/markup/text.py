@@ -14,15 +14,16 @@ _GIMBAL = 1e-12
 """Cosine of the pitch below which roll and yaw turn about the same axis."""
 
 
-def numbers(*values: float | Iterable[float], digits: int = 15) -> str:
+def numbers(*values: float | Iterable[float], exact: bool = False) -> str:
     """Return numbers separated by spaces; no negative zero, nor numbers so small that readers refuse them.
 
     Parameters
     ----------
     *values : float or iterable of float
         The numbers.
-    digits : int
-        Significant digits: 15 are the same on every computer, 17 are the number itself.
+    exact : bool
+        Write the shortest text that is read as the very number; else 15 significant digits, the same
+        on every computer.
 
     Returns
     -------
@@ -30,7 +31,12 @@ def numbers(*values: float | Iterable[float], digits: int = 15) -> str:
     """
     flat = np.hstack([np.asarray(value, dtype=float).ravel() for value in values])
     flat = np.where(np.abs(flat) < np.finfo(float).tiny, 0.0, flat)
-    return " ".join(f"{value + 0.0:.{digits}g}" for value in flat.tolist())
+    return " ".join(_number(value + 0.0, exact) for value in flat.tolist())
+
+
+def _number(value: float, exact: bool) -> str:
+    short = f"{value:.15g}"
+    return short if not exact or float(short) == value else repr(value)
 
 
 def roll_pitch_yaw(rotation: FloatArray) -> tuple[float, float, float]:

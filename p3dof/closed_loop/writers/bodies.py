@@ -189,6 +189,8 @@ def with_least(model: pin.Model, bodies: list[Body], target: str) -> None:
                 f"{target}: the body {shown(body.name)} has no mass or moment of inertia, and the robot is "
                 f"too light for the least of {LEAST:g} that it would get"
             )
+        if not added and np.all(np.abs(more - moments) <= _UNNOTICED * moments[2]):
+            continue
         matrix = axes @ np.diag(more) @ axes.T
         body.inertia = pin.Inertia(mass, body.inertia.lever, (matrix + matrix.T) / 2)
 

@@ -140,9 +140,11 @@ class _Writer:
         _inertial(element, body.inertia)
 
     def _joint(self, element: Xml.Element, part: Part, at: pin.SE3) -> None:
-        shape = {} if part.kind in ("ball", "free") else {"axis": numbers(at.rotation @ part.axis, digits=17)}
+        shape = (
+            {} if part.kind in ("ball", "free") else {"axis": numbers(at.rotation @ part.axis, exact=True)}
+        )
         if part.kind != "free" and at.translation.any():
-            shape["pos"] = numbers(at.translation, digits=17)
+            shape["pos"] = numbers(at.translation, exact=True)
         sub(
             element,
             "joint",
@@ -164,7 +166,7 @@ class _Writer:
             raise ModelError(
                 f"MJCF: the free joint {shown(part.name)} has friction, in axes that turn with it"
             )
-        damping = {"damping": numbers(data.damping, digits=17)} if data and data.damping else {}
+        damping = {"damping": numbers(data.damping, exact=True)} if data and data.damping else {}
         self._loosened[part.name] = names = [
             self._joints.new(f"{part.name}_{number}") for number in range(1, 5)
         ]
@@ -195,7 +197,7 @@ class _Writer:
             if model.nqs[part.joint] == 2:
                 message = f"MJCF: the spring of the continuous joint {shown(name)} counts its turns in MuJoCo"
                 warnings.warn(message, ModelWarning, stacklevel=6)
-        return {key: numbers(value, digits=17) for key, value in values.items() if value}
+        return {key: numbers(value, exact=True) for key, value in values.items() if value}
 
     def _limits(self, part: Part) -> dict[str, str]:
         model, joint = self._model, part.joint
@@ -204,12 +206,12 @@ class _Writer:
             at, to = model.idx_qs[joint], model.idx_vs[joint]
             effort = float(model.upperEffortLimit[to])
             if part.name in self._loop.actuated and 0 < effort < _UNLIMITED:
-                found["actuatorfrcrange"] = numbers(-effort, effort, digits=17)
+                found["actuatorfrcrange"] = numbers(-effort, effort, exact=True)
             if model.nqs[joint] == 1:
                 limits = np.array([model.lowerPositionLimit[at], model.upperPositionLimit[at]])
                 if limits[0] < limits[1]:
                     if np.any(np.abs(limits) < _UNLIMITED):
-                        found["range"] = numbers(np.clip(limits, -_UNLIMITED, _UNLIMITED), digits=17)
+                        found["range"] = numbers(np.clip(limits, -_UNLIMITED, _UNLIMITED), exact=True)
                 else:
                     self._roomless.append(part.name)
         return found
@@ -256,7 +258,7 @@ class _Writer:
             return
         motors = sub(root, "actuator")
         for name in self._loop.actuated:
-            gear = numbers(self._data.get(name, JointData(name)).gear_ratio, digits=17)
+            gear = numbers(self._data.get(name, JointData(name)).gear_ratio, exact=True)
             sub(motors, "motor", name=name, **{"tendon" if name in tendons else "joint": name}, gear=gear)
 
     def _keyframe(self, root: Xml.Element) -> None:
@@ -280,23 +282,27 @@ class _Writer:
             values |= dict(zip(names, carriage.values(data.oMi), strict=True))
         order = [values[str(joint.get("name"))] for joint in self._elements[0].iter("joint")]
         if order:
-            sub(sub(root, "keyframe"), "key", name="reference", qpos=numbers(*order, digits=17))
+            sub(sub(root, "keyframe"), "key", name="reference", qpos=numbers(*order, exact=True))
 
 
 def _pose(place: pin.SE3) -> dict[str, str]:
     """Return the attributes of a placement."""
     found = {}
     if place.translation.any():
-        found["pos"] = numbers(place.translation, digits=17)
+        found["pos"] = numbers(place.translation, exact=True)
     if np.any(place.rotation != np.eye(3)):
         x, y, z, w = pin.Quaternion(place.rotation).coeffs()
-        found["quat"] = numbers(w, x, y, z, digits=17)
+        found["quat"] = numbers(w, x, y, z, exact=True)
     return found
 
 
 def _inertial(element: Xml.Element, inertia: Any) -> None:
     moments, axes = principal(inertia)
+    if np.array_equal(inertia.inertia, np.diag(np.diag(inertia.inertia))):
+        moments, axes = np.diag(inertia.inertia).copy(), np.eye(3)
+    largest = int(np.argmax(moments))
+    moments[largest] = min(moments[largest], moments.sum() - moments[largest])  # but for the rounding, it is
     pose = _pose(pin.SE3(axes, np.array(inertia.lever)))
     pose.setdefault("pos", "0 0 0")
-    mass = numbers(float(inertia.mass), digits=17)
-    sub(element, "inertial", mass=mass, diaginertia=numbers(moments, digits=17), **pose)
+    mass = numbers(float(inertia.mass), exact=True)
+    sub(element, "inertial", mass=mass, diaginertia=numbers(moments, exact=True), **pose)

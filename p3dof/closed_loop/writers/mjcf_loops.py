@@ -208,5 +208,9 @@ class LoopWriter:
         one, two = ((self._zero[joint] * place).translation for joint, place in ends)
         more = length - float(np.linalg.norm(one - two))
         sub(
-            self._equalities, "tendon", name=name, tendon1=name, polycoef=numbers(more, 0, 0, 0, 0, digits=17)
+            self._equalities,
+            "tendon",
+            name=name,
+            tendon1=name,
+            polycoef=numbers(more, 0, 0, 0, 0, exact=True),
         )

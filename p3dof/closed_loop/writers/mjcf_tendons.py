@@ -96,7 +96,7 @@ def write_tendons(
         if entry.stiffness:
             values |= {"stiffness": entry.stiffness, "springlength": float(np.asarray(entry.rest))}
         acting = {
-            key: numbers(value, digits=17) for key, value in values.items() if value or key == "springlength"
+            key: numbers(value, exact=True) for key, value in values.items() if value or key == "springlength"
         }
         _fixed(
             tendons,
@@ -112,7 +112,7 @@ def write_tendons(
 
 def _coupling(coupling: Coupling, names: Names, tendons: Xml.Element, equalities: Xml.Element) -> None:
     name = names.new(coupling.name or coupling.joint)
-    coefficients = numbers(*(coupling.coefficients + (0.0,) * 5)[:5], digits=17)
+    coefficients = numbers(*(coupling.coefficients + (0.0,) * 5)[:5], exact=True)
     if not coupling.others:
         on = {} if coupling.on is None else {"joint2": coupling.on}
         sub(equalities, "joint", name=name, joint1=coupling.joint, **on, polycoef=coefficients)
@@ -133,7 +133,7 @@ def _fixed(
 ) -> None:
     tendon = sub(tendons, "fixed", name=name, **(acting or {}))
     for joint, factor in joints:
-        sub(tendon, "joint", joint=joint, coef=numbers(factor, digits=17))
+        sub(tendon, "joint", joint=joint, coef=numbers(factor, exact=True))
 
 
 def turned(couplings: Sequence[Coupling], values: dict[str, FloatArray], circles: Collection[str]) -> None:

@@ -199,7 +199,7 @@ class _Writer:
         if part.kind == "ball":
             return
         axis = sub(element, "axis")
-        sub(axis, "xyz", numbers(part.axis, digits=17))
+        sub(axis, "xyz", numbers(part.axis, exact=True))
         self._limits(axis, part)
         self._dynamics(axis, part, data)
         self._mimic(element, axis, part)
@@ -208,7 +208,7 @@ class _Writer:
                 raise ModelError(
                     f"SDF: the joint {shown(part.name)} has an armature, which SDF has no word for"
                 )
-            sub(element, "drake:rotor_inertia", numbers(rotor[0], digits=17))
+            sub(element, "drake:rotor_inertia", numbers(rotor[0], exact=True))
             sub(element, "drake:gear_ratio", "1")
 
     def _limits(self, axis: Xml.Element, part: Part) -> None:
@@ -219,15 +219,15 @@ class _Writer:
             bounds = float(model.lowerPositionLimit[at]), float(model.upperPositionLimit[at])
             for name, value in zip(("lower", "upper"), bounds, strict=True):
                 if bounds[0] < bounds[1] and np.isfinite(value):
-                    sub(limit, name, numbers(value - self._values[part.name][0], digits=17))
+                    sub(limit, name, numbers(value - self._values[part.name][0], exact=True))
         speed = float(model.upperVelocityLimit[model.idx_vs[joint]])
         if 0 < speed < np.inf:
-            sub(limit, "velocity", numbers(speed, digits=17))
+            sub(limit, "velocity", numbers(speed, exact=True))
         effort = float(model.upperEffortLimit[model.idx_vs[joint]])
         if not actuated:
             sub(limit, "effort", "0")
         elif 0 < effort < np.inf:
-            sub(limit, "effort", numbers(effort, digits=17))
+            sub(limit, "effort", numbers(effort, exact=True))
 
     def _dynamics(self, axis: Xml.Element, part: Part, data: JointData) -> None:
         values = {"damping": data.damping, "friction": data.friction}
@@ -237,7 +237,7 @@ class _Writer:
         if any(values.values()):
             dynamics = sub(axis, "dynamics")
             for name, value in values.items():
-                sub(dynamics, name, numbers(value, digits=17))
+                sub(dynamics, name, numbers(value, exact=True))
 
     def _mimic(self, element: Xml.Element, axis: Xml.Element, part: Part) -> None:
         coupling = next((c for c in self._loop.sidecar.couplings if c.joint == part.name), None)
@@ -247,7 +247,7 @@ class _Writer:
             raise ModelError(f"SDF: the coupling {coupling.title} is no multiple of one other joint")
         constant, factor = (*coupling.coefficients, 0.0)[:_LINEAR]
         offset = constant + factor * self._values[coupling.on][0] - self._values[part.name][0]
-        multiplier, offset_ = numbers(factor, digits=17), numbers(offset, digits=17)
+        multiplier, offset_ = numbers(factor, exact=True), numbers(offset, exact=True)
         if self._drake:
             sub(element, "drake:mimic", joint=coupling.on, multiplier=multiplier, offset=offset_)
             return
@@ -299,7 +299,7 @@ class _Writer:
         child = one if swapped else two
         axes = [child.T @ one[:, 0], child.T @ two[:, 1]]
         for tag, axis in zip(("axis", "axis2"), reversed(axes) if swapped else axes, strict=True):
-            sub(sub(element, tag), "xyz", numbers(axis, digits=17))
+            sub(sub(element, tag), "xyz", numbers(axis, exact=True))
 
     def _site(self, end: End) -> str:
         return self._sites[end[0], end[1].homogeneous.tobytes()]
@@ -312,7 +312,7 @@ class _Writer:
             for side, at, (joint, place) in zip("AB", ("p_AP", "p_BQ"), ends, strict=True):
                 sub(element, f"drake:ball_constraint_body_{side}", self._links[joint])
                 there = place.act((float(max(spans)) or 1.0) * point)
-                sub(element, f"drake:ball_constraint_{at}", numbers(there, digits=17))
+                sub(element, f"drake:ball_constraint_{at}", numbers(there, exact=True))
 
 
 def _in_a_row(bodies: list[Body], first: int) -> list[Body]:
@@ -334,14 +334,14 @@ def _clean(name: str) -> str:
 
 
 def _pose(parent: Xml.Element, place: pin.SE3, frame: str) -> None:
-    values = numbers(place.translation, roll_pitch_yaw(place.rotation), digits=17)
+    values = numbers(place.translation, roll_pitch_yaw(place.rotation), exact=True)
     sub(parent, "pose", values, relative_to=frame)
 
 
 def _inertial(link: Xml.Element, inertia: Any) -> None:
     element = sub(link, "inertial")
-    sub(element, "pose", numbers(inertia.lever, np.zeros(3), digits=17))
-    sub(element, "mass", numbers(float(inertia.mass), digits=17))
+    sub(element, "pose", numbers(inertia.lever, np.zeros(3), exact=True))
+    sub(element, "mass", numbers(float(inertia.mass), exact=True))
     entries = sub(element, "inertia")
     for name, value in moments(np.array(inertia.inertia)).items():
-        sub(entries, name, numbers(value, digits=17))
+        sub(entries, name, numbers(value, exact=True))
