@@ -229,6 +229,19 @@ def test_a_hand_does_not_jump_to_another_assembly():
     assert not np.array_equal(hand.q, q)
 
 
+def test_the_hand_goes_on_between_samples_of_a_coarse_motion_of_another_assembly():
+    loop = p3dof.ClosedLoopModel.from_urdf(robots.four_bar(*robots.FOUR_BAR), robots.FOUR_BAR_SIDECAR)
+    home, *others = (mode.q for mode in loop.assembly_modes([0.4]))
+    other = next(q for q in others if np.abs(q - home).max() > 0.5)
+    ends = [other, loop.assemble([1.2], other).q]
+    between = JointMotion([0.0, 1.0], ends).at(loop.model, 0.5).q
+    assert np.abs(loop.closure_error(between)).max() > 1e-3
+    hand = Hand(loop, home)
+    hand.follow(between)
+    assert hand.moves_to(np.array([0.9]))
+    np.testing.assert_allclose(hand.q, loop.assemble([0.9], other).q, rtol=0, atol=1e-9)
+
+
 def test_with_more_motors_than_freedoms_the_others_follow():
     robot = p3dof.load_robot(GALLERY / "biped.urdf")
     hand = Hand(robot, robot.assemble().q)
@@ -253,7 +266,7 @@ def test_forces_of_a_run_are_those_that_acted_though_motors_are_redundant():
     robot = p3dof.load_robot(GALLERY / "two_arms.urdf")
     start = robot.assemble().q
     torques = np.linspace(-2.0, 2.0, 12)
-    run = p3dof.simulation.simulate_robot(robot, 0.02, start, controller=torques, samples=3)
+    run = p3dof.simulation.simulate_robot(robot, 0.002, start, controller=torques, samples=3)
     motion = JointMotion.of_run(robot, run)
     assert np.isfinite(motion.closing).all()
     for q, v, a, lambda_ in zip(run.q, run.v, run.a, motion.closing, strict=True):

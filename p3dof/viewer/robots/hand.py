@@ -11,6 +11,8 @@ from p3dof.errors import AssemblyError
 
 _UNLIMITED = 1e3
 """A joint whose limits are farther apart has none worth a slider [m or rad]."""
+_OPEN = 1e-9
+"""Loops that are less open than this count as closed [m or rad]."""
 _SAME = 1e-12
 """Values nearer than this are the same [m or rad]."""
 
@@ -69,7 +71,7 @@ class Hand:
             return not self.refused
         self._asked = values
         try:
-            found = self._robot.assemble(self._target(values), self.q)
+            found = self._robot.assemble(self._target(values), self._closed())
         except AssemblyError as error:
             self.refused = str(error)
             return False
@@ -78,6 +80,11 @@ class Hand:
             self.q = found.q
             self._values = values_of(self._robot, found.q)
         return not self.refused
+
+    def _closed(self) -> FloatArray:
+        """Return where it is, with closed loops: between the samples of a motion they are a little open."""
+        is_open = np.abs(self._robot.closure_error(self.q)).max(initial=0.0) > _OPEN
+        return self._robot.assemble(None, self.q).q if is_open else self.q
 
     def _target(self, values: FloatArray) -> FloatArray | dict[str, float]:
         if not self._redundant:
