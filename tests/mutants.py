@@ -66,6 +66,7 @@ TESTS = {
     "p3dof/closed_loop/closure_tangents.py": LOOPS,
     "p3dof/closed_loop/coupling_tangents.py": LOOPS,
     "p3dof/closed_loop/independent.py": LOOPS,
+    "p3dof/closed_loop/simple_joints.py": LOOPS,
     "p3dof/closed_loop/linearised.py": LOOPS,
     "p3dof/closed_loop/minimal.py": LOOPS,
     "p3dof/closed_loop/minimal_model.py": LOOPS,

@@ -10,7 +10,7 @@ import pinocchio as pin
 import pytest
 from documents import ROOT
 from loop_motions import biped, index_of, motion, moved, slope
-from test_closure_kinds import MASSLESS, built_otherwise, common
+from test_closure_kinds import MASSLESS, built_otherwise, common, place, solid
 
 import p3dof
 from p3dof import ClosedLoopModel, Coupling, DynamicsError, InputError, JointData, Sidecar, SingularityError
@@ -342,7 +342,59 @@ def test_what_has_no_derivative_is_refused():
             loop.inverse_dynamics_derivatives(q, rest, rest, names)
     with pytest.raises(InputError, match="opens"):
         loop.forward_dynamics_derivatives(q, [0.0, 1e-3, 0.0], [0.0])
-    cross = pin.Model()
-    cross.addJoint(0, pin.JointModelUniversal(np.eye(3)[0], np.eye(3)[1]), pin.SE3.Identity(), "cross")
-    with pytest.raises(p3dof.ModelError, match="cross"):
-        ClosedLoopModel(cross, Sidecar((), ())).minimal_dynamics(np.zeros(2))
+
+
+def universal_loop() -> tuple[ClosedLoopModel, np.ndarray]:
+    """A closed loop over a universal joint, a composite one and a ball by three angles."""
+    generator, model = np.random.default_rng(12), pin.Model()
+    composite = pin.JointModelComposite()
+    composite.addJoint(pin.JointModelRX())
+    composite.addJoint(pin.JointModelUniversal(np.eye(3)[1], np.eye(3)[2]), place(generator))
+    joints = {
+        "arm": pin.JointModelRY(),
+        "cross": pin.JointModelUniversal(np.eye(3)[0], np.eye(3)[1]),
+        "several": composite,
+        "ball": pin.JointModelSphericalZYX(),
+        "slide": pin.JointModelPX(),
+        "wrist": pin.JointModelRZ(),
+    }
+    last = 0
+    for name, joint in joints.items():
+        last = model.addJoint(last, joint, place(generator), name)
+        model.appendBodyToJoint(last, solid(generator), pin.SE3.Identity())
+        model.addFrame(pin.Frame(f"on_{name}", last, place(generator), pin.FrameType.OP_FRAME))
+    q = 0.4 * generator.normal(size=model.nq)
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    ground = data.oMf[model.getFrameId("on_wrist")]
+    model.addFrame(pin.Frame("ground", 0, ground, pin.FrameType.OP_FRAME))
+    loop = ClosedLoopModel(
+        model, Sidecar((p3dof.Closure("ground", "on_wrist", "hinge"),), ("arm", "slide", "wrist"))
+    )
+    return loop, q
+
+
+def test_joints_whose_axes_turn_in_their_bodies():
+    loop, q = universal_loop()
+    load = {"on_cross": np.arange(1.0, 7.0)}
+    check_forward(loop, q, external=load, h=3e-4)
+    by, _ = check_hybrid(loop, q, [1.0, 2.0, 3.0], external=load, h=3e-4)
+    for i in range(1, loop.model.njoints):  # masses may change
+        loop.model.inertias[i].mass *= 2.0
+    loop.model.gravity.linear = np.array([1.0, 2.0, -3.0])
+    heavy, _ = check_hybrid(loop, q, [1.0, 2.0, 3.0], external=load, h=3e-4)
+    assert largest(heavy.tau.by_coordinates - by.tau.by_coordinates) > 1
+    v = loop.minimal_dynamics(q).motion @ np.arange(1.0, 1.0 + loop.mobility(q))
+    at = loop.minimal_dynamics(q, v)
+    rate, _ = robots.differences(
+        lambda t: loop.minimal_dynamics(moved(loop, q, t * v), None, at.coordinates).mass_matrix, h=3e-4
+    )
+    S = rate - 2.0 * at.coriolis_matrix
+    agrees(S, -S.T, largest(rate))
+
+
+def test_joints_that_are_no_chains_are_refused():
+    odd = pin.Model()
+    odd.addJoint(0, pin.JointModelEllipsoid(0.1, 0.2, 0.3), pin.SE3.Identity(), "odd")
+    with pytest.raises(p3dof.ModelError, match="odd"):
+        ClosedLoopModel(odd, Sidecar((), ())).minimal_dynamics(np.zeros(3))

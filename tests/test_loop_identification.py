@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from loop_motions import biped, index_of, motion
+from test_loop_derivatives import universal_loop
 from test_loop_minimal import ROBOTS, five_bar, stewart
 
 import p3dof
@@ -244,3 +245,13 @@ def test_a_robot_that_cannot_move_has_nothing_to_show():
     assert loop.forward_dynamics_derivatives(q, rest, [0.0]).a.by_forces.shape == (3, 1)
     assert len(loop.base_parameters()) == 0
     assert loop.singularity_margins(q).actuation == 1.0
+
+
+def test_joints_whose_axes_turn_in_their_bodies_have_regressors():
+    loop, q = universal_loop()
+    v, a = moving(loop, q)
+    found, at = loop.force_regressor(q, v, a), loop.minimal_dynamics(q, v)
+    left = at.mass_matrix @ a[index_of(loop, at.coordinates)] + at.coriolis_forces + at.gravity_forces
+    np.testing.assert_allclose(
+        found.generalised @ found.parameters, left, rtol=0, atol=1e-9 * np.abs(left).max()
+    )

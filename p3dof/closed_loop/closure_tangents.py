@@ -116,7 +116,8 @@ class _Loop:
     """One closure in one motion; matrices (nv, 4, 4) have one row of entries for each entry of v."""
 
     def __init__(self, motion: TreeMotion, kind: str, length: float | None, ends: Ends) -> None:
-        self._motion, (self._one, M1, self._two, M2) = motion, ends
+        self._motion, (one, M1, two, M2) = motion, ends
+        self._one, self._two = (int(motion.tree.bodies[joint]) for joint in (one, two))
         place1, place2 = motion.M[self._one] * M1, motion.M[self._two] * M2
         self._into = place1.inverse().homogeneous
         self._M2 = place2.homogeneous

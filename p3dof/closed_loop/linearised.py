@@ -120,7 +120,7 @@ class Linearised:
         f_q = f_q - self._closures.force_by_q(motion.lambda_) - acting.by_q
         f_v = f_v - np.diag(acting.by_v)
         for frame, wrench in acting.wrenches:
-            body = frame.parentJoint
+            body = int(tree.bodies[frame.parentJoint])
             at = self.bodies.M[body].act(frame.placement.translation)
             f_q = f_q - self.bodies.wrench_by_q(body, at, wrench)
         self.force = np.concatenate(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -24,7 +25,7 @@ class Setting:
     Raises
     ------
     ModelError
-        If a joint is of a kind whose axes turn within its body.
+        If a joint is of a kind that is no chain of joints with fixed axes.
     """
 
     def __init__(self, loop: LoopModel) -> None:
@@ -54,9 +55,17 @@ class Setting:
         self.twist: FloatArray = np.where(linear, u, 1.0)
         self.wrench: FloatArray = np.where(linear, u, u**2)
 
-    def open(self) -> AbstractContextManager[None]:
+    @contextmanager
+    def open(self) -> Iterator[None]:
         """Bring masses up to date, and say in errors in which unit their numbers are."""
-        return nullcontext() if self._scaled is None else self._scaled.in_words()
+        if self._scaled is not None:
+            with self._scaled.in_words():
+                self.tree.refresh()
+                self.si_tree.refresh()
+                yield
+        else:
+            self.tree.refresh()
+            yield
 
     def motion(self, independent: Independent) -> FloatArray:
         """Return N (nv, n) of coordinates in SI units."""

@@ -23,10 +23,7 @@ from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.rotations import cross, skew
-from p3dof.errors import ModelError
-
-_TURNING_AXES = ("SphericalZYX", "Universal", "Composite", "Ellipsoid", "Mimic")
-"""Kinds of joint whose axes turn within the body that they carry."""
+from p3dof.closed_loop.simple_joints import simple_tree
 
 
 class Tree:
@@ -40,17 +37,15 @@ class Tree:
     Raises
     ------
     ModelError
-        If a joint is of a kind whose axes turn within its body.
+        If a joint is of a kind that is no chain of joints with fixed axes.
     """
 
     def __init__(self, model: pin.Model) -> None:
-        for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):
-            kind = joint.shortname().removeprefix("JointModel")
-            if kind.startswith(_TURNING_AXES):
-                raise ModelError(
-                    f"the joint {str(name)!r} ({kind}) has no derivatives: expected simple joints"
-                )
-        self.model, self.data = model, model.createData()
+        self._given = model
+        self.model, self.bodies = simple_tree(model)
+        """Of joints with fixed axes only; and which of its joints carries what one of the given tree does."""
+        model = self.model
+        self.data = model.createData()
         self.joint_of = np.array([i for i in range(model.njoints) for _ in range(model.nvs[i])], dtype=int)
         """Joint of each entry of v."""
         self.parent_of = np.array(model.parents, dtype=int)[self.joint_of]
@@ -62,6 +57,14 @@ class Tree:
             self.carries[model.idx_vs[i] : model.idx_vs[i] + model.nvs[i], i] = True
         self.before: NDArray[np.bool_] = self.carries[:, self.joint_of]
         """Whether j moves the axis of k, (nv, nv); within one joint it does."""
+
+    def refresh(self) -> None:
+        """Take over the masses and the gravity that the given tree has now."""
+        if self.model is not self._given:
+            for i, body in enumerate(self.bodies):
+                self.model.inertias[int(body)] = self._given.inertias[i]
+            self.model.gravity = self._given.gravity
+            self.model.armature = self._given.armature
 
     def mass_matrix(self, q: FloatArray) -> FloatArray:
         """Return M (nv, nv), rotors included, at a configuration."""
@@ -170,7 +173,7 @@ class TreeMotion:
         by_q, by_v : (6, nv) array
             Of the acceleration.
         """
-        body = frame.parentJoint
+        body = int(self.tree.bodies[frame.parentJoint])
         p = self.M[body].act(frame.placement.translation)
         V, A = self.V[body], self.A[body]
         J = shifted(self.columns(body), p)
