@@ -12,6 +12,7 @@ mujoco = pytest.importorskip("mujoco")
 from mujoco_opinion import agree  # noqa: E402
 
 import p3dof  # noqa: E402
+from p3dof.closed_loop.tables import units_of_actuated  # noqa: E402
 from p3dof.errors import ModelError, ModelWarning  # noqa: E402
 
 LEG = """
@@ -167,6 +168,7 @@ def test_a_gripper_whose_motor_pulls_at_two_joints_has_a_joint_for_the_tendon():
     ):
         gripper = p3dof.load_robot(GRIPPER)
     assert gripper.actuated == ("split",)
+    assert units_of_actuated(gripper) == (("rad", "N m"),)
     assert gripper.mobility(gripper.assemble().q) == 3
     for seed in range(2):
         agree(gripper, without_meshes(GRIPPER), seed)
@@ -215,6 +217,14 @@ def test_tendons_are_rods_couplings_and_joints():
         (('<spatial name="rod">', '<spatial name="rod" damping="1">'), "what acts in the tendon 'rod'"),
         (('<body name="a"', '<body name="a" gravcomp="1"'), "the compensation of gravity"),
         (("<worldbody>", '<option density="1.2"/><worldbody>'), "the fluid around the robot"),
+        (
+            (
+                '<joint name="four" axis="0 1 0"/>',
+                '<joint name="free" type="free" armature="1"/><geom size="0.1"/></body><body pos="1 0 1">'
+                '<joint name="four" axis="0 1 0"/>',
+            ),
+            "that the armature of the joint 'free' is in axes of the world",
+        ),
     ],
 )
 def test_what_acts_and_is_left_out_is_told(change, words):

@@ -295,9 +295,15 @@ class _Translation:
             while name in joints or any(name == each.name for each in self._tendons.values()):
                 name += "_"
             self._tendons[number] = replace(one, name=name)
-            joint = self._model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), name)
+            hinges = all(self._turns(joint) for joint in one.joints)
+            kind = pin.JointModelRX() if hinges else pin.JointModelPX()  # its unit is that of its length
+            joint = self._model.addJoint(0, kind, pin.SE3.Identity(), name)
             self._model.addFrame(pin.Frame(name, joint, 0, pin.SE3.Identity(), pin.FrameType.JOINT))
         return self._tendons[number].name
+
+    def _turns(self, joint: str) -> bool:
+        kind = self._m.jnt_type[self._joints.index(joint)]
+        return bool(kind == self._types.mjtJoint.mjJNT_HINGE)
 
     def _pulls(self, number: int) -> str | None:
         """Return the joint that an actuator acts on, if any."""

@@ -61,9 +61,9 @@ def geoms(source: str | os.PathLike[str]) -> list[Geom]:
     MissingExtraError
         If MuJoCo is not installed.
     """
-    compiled, translation = mjcf.translation_of(source)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # who reads the robot is told
+        compiled, translation = mjcf.translation_of(source)
         model, _ = translation.result()
     found = []
     for i in range(compiled.ngeom):

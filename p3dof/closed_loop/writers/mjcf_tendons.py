@@ -16,6 +16,8 @@ from p3dof.closed_loop.loop_model import LoopModel
 from p3dof.closed_loop.writers.names import Names
 from p3dof.markup import numbers, sub
 
+_SIMPLE = ("JointModelP", "JointModelR")
+"""Beginnings of the names of slides and hinges."""
 _LINEAR = 2
 """Coefficients of a polynomial of degree one."""
 
@@ -58,7 +60,7 @@ def tendon_joints(loop: LoopModel) -> list[TendonJoint]:
     for coupling in loop.sidecar.couplings:
         i = model.getJointId(coupling.joint)
         inertia, c = model.inertias[i], coupling.coefficients
-        fixed = str(model.joints[i].shortname()).startswith("JointModelP") and model.nvs[i] == 1
+        fixed = str(model.joints[i].shortname()).startswith(_SIMPLE) and model.nqs[i] == model.nvs[i] == 1
         empty = not (inertia.mass or np.any(inertia.inertia)) and i not in occupied and model.parents[i] == 0
         linear = len(c) == _LINEAR and c[0] == 0.0 and coupling.on is not None
         if fixed and empty and linear and coupling.joint not in leaders:
