@@ -149,10 +149,9 @@ def test_a_run_is_played_and_the_hand_goes_on_from_where_it_is(browser):
                 [float(run.time[index]), angle],
             )
         watched.page.click("#play")
-        watched.wait("state.playing")
+        watched.wait("end => state.playing && state.time < end", float(run.time[-1]))
         watched.page.click("#play")
         watched.wait("!state.playing")
-        assert watched.page.evaluate("state.time") != float(run.time[-1])
         now = watched.page.evaluate("state.joints[0]")
         watched.page.evaluate("x => send('joints', [x])", now + 0.05)
         watched.wait("x => state.source === 'pose' && Math.abs(state.joints[0] - x) < 1e-9", now + 0.05)
@@ -259,6 +258,34 @@ def test_sliders_go_to_the_limits_of_the_file(stewart):
     text = robots.four_bar(*robots.FOUR_BAR, kind="continuous")
     four_bar = p3dof.ClosedLoopModel.from_urdf(text, robots.FOUR_BAR_SIDECAR)
     assert slider_ranges(four_bar, four_bar.assemble([0.5]).q, 0.5) == [(-np.pi, np.pi)]
+
+
+def test_a_robot_without_motors_falls_and_its_closures_bear():
+    text = robots.four_bar(*robots.FOUR_BAR)
+    loop = p3dof.ClosedLoopModel.from_urdf(
+        text, p3dof.Sidecar((p3dof.Closure("coupler_tip", "rocker_tip"),), ())
+    )
+    q = robots.four_bar_q(0.7, *robots.FOUR_BAR)
+    rest = JointMotion.at_rest(loop, q)
+    falling = loop.forward_dynamics(q, np.zeros(3), [])
+    np.testing.assert_allclose(rest.closing[0, [0, 2]], falling.lambda_[[0, 2]], rtol=1e-12)
+    assert np.isnan(rest.closing[0, 1])  # across the plane
+    with RobotViewer(loop, rest, port=0) as live, pytest.raises(InputError, match="no actuated joints"):
+        live.move_to([])
+
+
+def test_why_forces_are_not_known_is_said(browser):
+    """Both rods of this five-bar are in line: the motors have no hold of the point between them."""
+    loop = p3dof.ClosedLoopModel.from_urdf(robots.five_bar(), robots.FIVE_BAR_SIDECAR)
+    flat = JointMotion.at_rest(loop, [np.pi, -np.pi, 0.0, np.pi])
+    assert np.isnan(flat.known).all()
+    with RobotViewer(loop, flat, port=0) as live, opened(browser, live.url, 800, 500, READY) as watched:
+        live.show_layers(numbers=False)
+        watched.wait("!state.layers.numbers")
+        assert "a force that no actuator gives" in watched.page.inner_text("#unknown")
+        assert "not determined" in watched.page.inner_text("#actuators")
+        assert watched.page.locator("#message").is_hidden()
+        watched.healthy()
 
 
 def test_forces_of_a_run_are_those_that_acted_though_motors_are_redundant():

@@ -84,6 +84,7 @@ function show() {
   note("message", state.message && `${state.message[0].toUpperCase()}${state.message.slice(1)}.\nThe picture stays.`);
   note("limits", state.limits.length ? `Beyond a limit: ${state.limits.join("; ")}` : "");
   text("legend", state.legend);
+  note("unknown", state.unknown && `${state.unknown[0].toUpperCase()}${state.unknown.slice(1)}.`);
   $("rest").hidden = state.source !== "pose";
   moveCursor();
 }

@@ -210,7 +210,7 @@ class RobotViewer(LivePage):
                 self._moment, self._why = held(self.robot, self._hand.q, self._load)
         self.scene.show(self._moment, by_hand=by_hand)
         return {
-            **self._panel.state(self._moment, self._refused or self._why),
+            **self._panel.state(self._moment, self._refused, self._why),
             "legend": self.scene.legend,
             "layers": self.scene.layers.seen,
         }

@@ -268,7 +268,8 @@ def held(
 ) -> tuple[Moment, str]:
     """Return a robot at rest with the forces that hold it, and why they are not known.
 
-    Where idle freedoms would move, the forces are those that keep the actuated joints from it.
+    Where idle freedoms would move, the forces are those that keep the actuated joints from it; without
+    actuators there are only those in closures, as it falls.
 
     Parameters
     ----------
@@ -288,6 +289,8 @@ def held(
     """
     nothing = np.zeros(robot.model.nv)
     wrenches = {name: as_floats(f"external {name}", w) for name, w in (external or {}).items()}
+    if not robot.actuated:  # it falls
+        return Moment(q, np.zeros(0), _multipliers(robot, q, nothing, np.zeros(0), wrenches), wrenches), ""
     found: Any = None
     why = ""
     try:
@@ -295,8 +298,9 @@ def held(
     except InputError:
         raise
     except P3dofError as error:
-        why = str(error)
-    if found is None and robot.actuated:
+        why = str(error).partition("; hybrid_dynamics()")[0]  # advice for programs
+    rank = robot.generic_rank  # at a singular pose there are more freedoms, and no motor holds them
+    if found is None and robot.model.nv - (robot.rank(q) if rank is None else rank) > len(robot.actuated):
         try:
             still = np.zeros(len(robot.actuated))
             found, why = robot.hybrid_dynamics(q, nothing, still, external=wrenches), ""

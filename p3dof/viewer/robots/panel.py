@@ -37,8 +37,8 @@ class Panel:
         self.units = units_of_actuated(robot)
         self.closures = ClosureReadings(robot)
 
-    def state(self, moment: Moment, message: str) -> Message:
-        """Return what is said of a moment, and what went wrong."""
+    def state(self, moment: Moment, message: str, unknown: str = "") -> Message:
+        """Return what is said of a moment, what went wrong, and why forces are not known."""
         forces = zip(moment.forces, self.units, strict=False)  # a motion may be without forces
         return {
             "joints": values_of(self.robot, moment.q).tolist(),
@@ -47,6 +47,7 @@ class Panel:
             "smallest": moment.smallest,
             "limits": self._beyond(moment.q),
             "message": message,
+            "unknown": unknown,
         }
 
     def curves(self) -> tuple[list[float], list[list[float | None]]]:
