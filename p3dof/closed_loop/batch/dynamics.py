@@ -189,6 +189,7 @@ class BatchDynamics:
         gaps = np.full((count, self._kinematics.size), np.nan)
         evidence = BatchEvidence(known, lambda which: self._conditioning(q[which]))
         result = BatchInverseDynamics(tau, residual, gaps, {}, evidence)
+        self._pool = pin.ModelPool(loop.model, 1)  # with a copy of the model as it is now
         for block in blocks(count, sized(self._kinematics.size, loop.model.nv)):
             left = block
             if count >= FEW:
@@ -268,8 +269,7 @@ class BatchDynamics:
         """Return where the forces are good; forces, residual and closure errors."""
         samples = self._sweep.moving(q, v)
         J, errors, fits = self._closed(samples, q, v, a)
-        pool = pin.ModelPool(self._loop.model, 1)  # with a copy of the model as it is now
-        f = np.array(pin.rneaInParallel(1, pool, q.T, v.T, a.T)).T
+        f = np.array(pin.rneaInParallel(1, self._pool, q.T, v.T, a.T)).T
         f -= joint_forces + generalised(self._kinematics, self._sweep, samples, external)
         if self._loop.passive:
             f -= self._loop.passive.forces(q, v)

@@ -225,6 +225,7 @@ class BatchHybrid:
         result = BatchHybridDynamics.empty(count, len(self._actuated), nv, rows)
         result.evidence.find = lambda which: self._conditioning(q[which], prescribed)
         done = np.zeros(count, dtype=bool)
+        self._pool = pin.ModelPool(self._model, 1)  # with a copy of the model as it is now
         if count >= FEW and prescribed.size == len(self._actuated):
             for block in blocks(count, sized(max(rows, nv), nv)):
                 loads = {name: wrench[block] for name, wrench in external.items()}
@@ -377,7 +378,7 @@ class BatchHybrid:
         """Return forces, accelerations, what closures have to bear, and how large the forces in it are."""
         tau: FloatArray = np.zeros((len(q), len(self._actuated)))
         a = np.where(np.isfinite(a), a, 0.0)
-        pool = pin.ModelPool(self._model, 1)  # with a copy of the model as it is now
+        pool = self._pool
 
         def force() -> FloatArray:
             f = np.array(pin.rneaInParallel(1, pool, q.T, v.T, a.T)).T - acting
