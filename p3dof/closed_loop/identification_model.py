@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, frozen_array
+from p3dof.closed_loop.assembly_model import whole
 from p3dof.closed_loop.base_parameters import BaseParameters, base_parameters, random_motions
 from p3dof.closed_loop.derivatives_model import DerivativesModel
 from p3dof.closed_loop.linear import RANK_TOLERANCE, Decomposition
-from p3dof.closed_loop.loop_model import External, whole
+from p3dof.closed_loop.loop_model import External
 from p3dof.closed_loop.minimal import stacked
 from p3dof.closed_loop.minimal_model import Names
 from p3dof.closed_loop.regressor import LoopRegressor, TreeRegressor

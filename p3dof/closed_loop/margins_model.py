@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from p3dof.checks import FloatArray, positive
 from p3dof.closed_loop.base_parameters import random_motions
+from p3dof.closed_loop.closed_tree import CLOSED
 from p3dof.closed_loop.identification_model import IdentificationModel
-from p3dof.closed_loop.loop_model import CLOSED
 from p3dof.closed_loop.margins import Homogeneous, SingularityMargins
 from p3dof.closed_loop.minimal import stacked
 from p3dof.closed_loop.units import size_of

@@ -10,6 +10,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, frozen_array
+from p3dof.closed_loop.closed_tree import CLOSED, CONSISTENT
 from p3dof.closed_loop.hybrid_model import HybridModel
 from p3dof.closed_loop.independent import (
     Independent,
@@ -18,7 +19,7 @@ from p3dof.closed_loop.independent import (
     named_coordinates,
     pivoted,
 )
-from p3dof.closed_loop.loop_model import CLOSED, CONSISTENT, External
+from p3dof.closed_loop.loop_model import External
 from p3dof.closed_loop.minimal import FrameJacobian, MinimalDynamics, frame_motion, motion_rate, stacked
 from p3dof.closed_loop.setting import Setting
 from p3dof.errors import AssemblyError, InputError

@@ -37,9 +37,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from p3dof.checks import FloatArray, frozen_array, positive, shown
 from p3dof.closed_loop.batch.kinematics import placed, shared_placements
+from p3dof.closed_loop.closed_tree import CLOSED, CONSISTENT
 from p3dof.closed_loop.closure_joints import ClosureJoint, joints_of
 from p3dof.closed_loop.closures import ClosurePoint, LoopKinematics, max_abs
-from p3dof.closed_loop.loop_model import CLOSED, CONSISTENT, External
+from p3dof.closed_loop.loop_model import External
 from p3dof.closed_loop.model import ClosedLoopModel
 from p3dof.closed_loop.reaction_algebra import Loads, Solved, Structure, solve
 from p3dof.errors import DynamicsError, InputError, ModelError

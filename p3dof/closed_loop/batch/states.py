@@ -13,6 +13,7 @@ import numpy as np
 
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.assembly import TOLERANCE, Assembler, Assembly, State
+from p3dof.closed_loop.assembly_model import TargetLike
 from p3dof.closed_loop.batch.assembly import BatchSystem, Goals, settle
 from p3dof.closed_loop.batch.dynamics import CONSISTENT, WELL, redundant
 from p3dof.closed_loop.batch.kinematics import Sweep
@@ -20,7 +21,7 @@ from p3dof.closed_loop.batch.linear import FEW, BoolArray, IndexArray, apply, bl
 from p3dof.closed_loop.batch.targets import Targets
 from p3dof.closed_loop.closures import LoopKinematics
 from p3dof.closed_loop.coordinates import rounding
-from p3dof.closed_loop.loop_model import LoopModel, TargetLike
+from p3dof.closed_loop.loop_model import LoopModel
 from p3dof.closed_loop.targets import NoTarget
 from p3dof.errors import AssemblyError, P3dofError
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, as_floats, frozen_array, shown
+from p3dof.closed_loop.closed_tree import CLOSED
 from p3dof.closed_loop.compiled import build
 from p3dof.closed_loop.compiled.functions import FUNCTIONS, Function
 from p3dof.closed_loop.compiled.kernels import BoundFunction, Kernel, processors
@@ -18,7 +19,7 @@ from p3dof.closed_loop.compiled.results import Tangents
 from p3dof.closed_loop.compiled.robot import closed_configurations, robot_of
 from p3dof.closed_loop.derivatives_model import DerivativesModel
 from p3dof.closed_loop.independent import coordinate_names
-from p3dof.closed_loop.loop_model import CLOSED, External
+from p3dof.closed_loop.loop_model import External
 from p3dof.errors import InputError, ModelWarning
 
 _DIRECTIONS = 65_536

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from p3dof.closed_loop.closed_tree import CLOSED, CONSISTENT, NEARLY_CLOSED, NEARLY_CONSISTENT
 from p3dof.closed_loop.compiled.dynamics import mass_matrix
 from p3dof.closed_loop.compiled.formulas import At, Moving, Robot
 from p3dof.closed_loop.compiled.pivots import solve_symmetric
 from p3dof.closed_loop.compiled.rates import moved, seeds_of
 from p3dof.closed_loop.compiled.vectors import dot
-from p3dof.closed_loop.loop_model import CLOSED, CONSISTENT, NEARLY_CLOSED, NEARLY_CONSISTENT
 from p3dof.errors import ModelError
 from p3dof.tracing import Number, Symbol, Tape
 from p3dof.tracing.derivatives import tangent
