@@ -251,6 +251,25 @@ def test_computed_torque_lets_idle_freedoms_move():
     assert run.energy[-1] - run.energy[0] == pytest.approx(work, abs=1e-5)
 
 
+def test_more_motors_than_motions_share_what_there_is_to_do():
+    """A four-bar with motors on crank and rocker: PD with gravity holds it, computed torque moves it."""
+    sidecar = Sidecar(robots.FOUR_BAR_SIDECAR.closures, ("crank_joint", "rocker_joint"))
+    loop = ClosedLoopModel.from_urdf(robots.four_bar(*robots.FOUR_BAR), sidecar)
+    q = robots.four_bar_q(0.7, *robots.FOUR_BAR)
+    inertia = moved_inertia(loop, q)
+    kp, kd = (gain * inertia for gain in gains(3))
+    held = simulate_robot(loop, 0.3, q, controller=JointPD(loop, q[[0, 2]], kp, kd, gravity=True), samples=4)
+    np.testing.assert_allclose(held.q, np.tile(q, (4, 1)), rtol=0, atol=1e-9)
+    alone = ClosedLoopModel(loop.model, robots.FOUR_BAR_SIDECAR)
+    assert inertia[0] == pytest.approx(moved_inertia(alone, q)[0], rel=1e-9)
+    time = np.linspace(0, 0.3, 31)
+    crank = 0.7 + 5 * time**4
+    both = np.array([robots.four_bar_q(angle, *robots.FOUR_BAR)[[0, 2]] for angle in crank])
+    controller = JointComputedTorque(loop, JointReference(time, both), *gains(5))
+    run = simulate_robot(loop, 0.3, q, controller=controller, samples=7)
+    assert np.abs(run.error).max() < 1e-7
+
+
 def test_a_controller_that_fails_leaves_the_run_so_far():
     def failing(seen):
         if seen.time > 0.1:

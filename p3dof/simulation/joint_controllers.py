@@ -10,6 +10,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from p3dof.checks import FloatArray, as_floats, frozen_array, positive
@@ -17,6 +18,9 @@ from p3dof.closed_loop import ClosedLoopModel
 from p3dof.errors import InputError
 from p3dof.simulation.crossings import CHECKED
 from p3dof.simulation.joint_reference import JointReference, reference_of
+
+_SEEN = 1e-9
+"""Share of the largest motion of a motor below which one follows from the others."""
 
 
 class RobotMeasurement(NamedTuple):
@@ -84,6 +88,7 @@ class JointPD:
         self.gravity = bool(gravity)
         joints = [loop.model.getJointId(name) for name in loop.actuated]
         self._circles = np.array([loop.model.nqs[joint] == 2 for joint in joints], dtype=bool)
+        self._chosen: list[int] | None = None
 
     @property
     def longest_step(self) -> float:
@@ -107,8 +112,17 @@ class JointPD:
         return np.asarray(self.kp * error + self.kd * (velocities - measured.velocities))
 
     def inverse_model(self, q: FloatArray, v: FloatArray, acceleration: FloatArray) -> FloatArray:
-        """Return the forces for accelerations (n_actuated,) of the actuated joints, by the model."""
-        return self.loop.hybrid_dynamics(q, v, acceleration).tau
+        """Return the forces for accelerations (n_actuated,) of the actuated joints, by the model.
+
+        Of joints that cannot be chosen freely, as there are more motors than motions, some follow the others;
+        the forces are the least ones then.
+        """
+        if self._chosen is None:
+            self._chosen = independent(self.loop, q)
+        if len(self._chosen) == len(acceleration):
+            return self.loop.hybrid_dynamics(q, v, acceleration).tau
+        names = self.loop.actuated
+        return self.loop.hybrid_dynamics(q, v, {names[i]: acceleration[i] for i in self._chosen}).tau
 
 
 class JointFeedforward(JointPD):
@@ -219,8 +233,39 @@ def gains(frequency: float, damping: float = 1.0) -> tuple[float, float]:
     return omega**2, 2 * positive("damping", damping, InputError) * omega
 
 
+def independent(loop: ClosedLoopModel, q: ArrayLike) -> list[int]:
+    """Return which actuated joints can be chosen freely, all but those that follow from the others.
+
+    Parameters
+    ----------
+    loop : ClosedLoopModel
+        The robot.
+    q : (nq,) array
+        Configuration, with closed loops.
+
+    Returns
+    -------
+    list of int
+        Indices of the actuated joints, rising.
+    """
+    from scipy.linalg import qr
+
+    N = _free_motions(loop, q)
+    _, R, order = qr(N[loop.actuated_v].T, mode="economic", pivoting=True)
+    size = np.abs(np.diag(R))
+    return sorted(int(i) for i in order[: np.count_nonzero(size > _SEEN * size.max(initial=0.0))])
+
+
+def _free_motions(loop: ClosedLoopModel, q: ArrayLike) -> FloatArray:
+    """Return an orthonormal basis (nv, mobility) of the motions that keep the loops closed."""
+    J, rank = loop.closure_jacobian(q), loop.rank(q)
+    return np.asarray(np.linalg.svd(J, full_matrices=True)[2][rank:].T)
+
+
 def moved_inertia(loop: ClosedLoopModel, q: ArrayLike) -> FloatArray:
     """Return what each actuated joint has to move, the others standing still: gains of a PD are multiples.
+
+    With more motors than motions the others cannot stand still; they move freely then.
 
     Parameters
     ----------
@@ -240,6 +285,12 @@ def moved_inertia(loop: ClosedLoopModel, q: ArrayLike) -> FloatArray:
         As `ClosedLoopModel.hybrid_dynamics`.
     """
     count, still = len(loop.actuated), np.zeros(loop.model.nv)
+    if len(independent(loop, q)) < count:
+        N = _free_motions(loop, q)
+        M = np.array(pin.crba(loop.model, loop.model.createData(), np.asarray(q, dtype=float)))
+        M = np.triu(M) + np.triu(M, 1).T
+        B = N[loop.actuated_v]
+        return np.asarray(1.0 / np.einsum("ij,ij->i", B, np.linalg.solve(N.T @ M @ N, B.T).T))
     at_rest = loop.hybrid_dynamics(q, still, np.zeros(count)).tau
     found = [loop.hybrid_dynamics(q, still, row).tau[i] for i, row in enumerate(np.eye(count))]
     return np.asarray(found - at_rest)
