@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import closed_loop_robots as robots
 import numpy as np
 import pinocchio as pin
@@ -139,3 +141,13 @@ def test_the_command_line_moves_what_is_idle(capsys, tmp_path):
     assert code == 0
     force = np.loadtxt(out_file, delimiter=",", skiprows=1)[0, 1]
     assert force == pytest.approx(-1.0, abs=1e-6)
+
+
+def test_a_motion_beyond_a_dead_centre_is_told_with_the_joint_that_runs_away():
+    loop = ClosedLoopModel.from_urdf(robots.four_bar(0.5, 0.45, 0.3, 0.35), robots.FOUR_BAR_SIDECAR)
+    angles = np.array([0.7, 0.75, 0.85, 1.0, 1.3, 1.7, 2.2, 2.7, 3.0])
+    motion = JointReference(np.linspace(0, 1, 9), angles[:, None])
+    found = follow_motion(loop, motion, samples=11)
+    assert found.stop.kind == "accuracy"
+    assert re.search(r"the joint '(coupler|rocker)_joint' moves the fastest, at ", found.stop.reason)
+    assert 0.2 < found.stop.time < 1

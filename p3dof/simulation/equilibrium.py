@@ -11,8 +11,8 @@ from p3dof.closed_loop import ClosedLoopModel
 from p3dof.closed_loop.linear import Decomposition
 from p3dof.errors import AssemblyError, DynamicsError
 
-_AT_REST = 1e-9
-"""Largest acceleration of what is at rest [m/s² or rad/s²]."""
+_AT_REST, _NEARLY = 1e-9, 1e-7
+"""Acceleration of what is at rest, and of what is as good as rounding allows [m/s² or rad/s²]."""
 _MOST, _LONGEST, _SHORTEST = 200, 0.3, 1e-10
 """Steps before it is given up, and longest and shortest of them [m or rad]."""
 _NEARBY, _FLAT = 1e-6, 1e-8
@@ -67,6 +67,8 @@ def find_equilibrium(loop: ClosedLoopModel, values: ArrayLike, guess: ArrayLike 
             reach = min(reach, float(np.linalg.norm(step))) / 4
         if reach < _SHORTEST:
             break
+    if pull.rest <= _NEARLY:
+        return q
     raise DynamicsError(
         f"no equilibrium of the idle freedoms was found: at best they accelerate by {pull.rest:.3g} m/s² or "
         "rad/s²"

@@ -19,7 +19,7 @@ from p3dof.simulation.joint_reference import JointReference, reference_of
 from p3dof.simulation.plants import ConstrainedPlant
 from p3dof.simulation.robot_loads import ExternalOverTime, Loads
 from p3dof.simulation.robot_margins import RobotMargins
-from p3dof.simulation.robot_run import RobotRun
+from p3dof.simulation.robot_run import RobotRun, explained
 from p3dof.simulation.robots import CLOSED, SHORTEST
 from p3dof.simulation.settings import Integration
 
@@ -125,7 +125,7 @@ def follow_motion(
         found.tau,
         gap,
         loop.body_energies(q_, v).total,
-        record.stop,
+        explained(record.stop, loop, v[-1]),
         record.evaluations,
         record.seconds,
         acting,

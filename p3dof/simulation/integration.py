@@ -28,6 +28,9 @@ _NEAR = 1e-6
 _TINY, _PATIENCE = 1e-13, 1000
 """Steps that are so small a share of the run lead nowhere, if so many of them come one after the other."""
 
+_CRAWLING = 300
+"""So many steps that are shorter than a run's own shortest one are enough."""
+
 _BEYOND = 0.1 * LARGEST
 """States and rates that are larger are no motion any more [SI]."""
 
@@ -235,7 +238,7 @@ class Integrator:
         tiny = solver.t - solver.t_old < max(_TINY * self._times[-1], self._shortest)
         tiny = tiny and solver.status == "running"  # the last step to a tick may be as short as it likes
         self._crawled = self._crawled + 1 if tiny else 0
-        return self._crawled < _PATIENCE
+        return self._crawled < (_CRAWLING if self._shortest else _PATIENCE)
 
     def _failed(self, time: float, state: FloatArray) -> tuple[float, FloatArray]:
         """End the run where the integrator cannot go on."""

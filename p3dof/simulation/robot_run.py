@@ -49,6 +49,33 @@ class JointExceedance:
         )
 
 
+def explained(stop: Stop | None, loop: ClosedLoopModel, v: FloatArray) -> Stop | None:
+    """Return the end of a run; of one that could not go on with the joint that moved the fastest.
+
+    Parameters
+    ----------
+    stop : Stop, optional
+        The end.
+    loop : ClosedLoopModel
+        The robot.
+    v : (nv,) array
+        Its velocity then.
+
+    Returns
+    -------
+    Stop, optional
+    """
+    if stop is None or stop.kind != "accuracy":
+        return stop
+    at = int(np.argmax(np.abs(v)))
+    joints = range(1, loop.model.njoints)
+    name = next(
+        str(loop.model.names[i]) for i in joints if 0 <= at - loop.model.idx_vs[i] < loop.model.nvs[i]
+    )
+    words = f"{stop.reason}; the joint {name!r} moves the fastest, at {v[at]:.3g} (SI units)"
+    return Stop(stop.kind, stop.time, words)
+
+
 @dataclass(frozen=True, eq=False)
 class RobotRun:
     """A run of any robot in time.

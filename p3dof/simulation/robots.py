@@ -22,7 +22,7 @@ from p3dof.simulation.joint_reference import JointReference, reference_of
 from p3dof.simulation.plants import ConstrainedPlant
 from p3dof.simulation.robot_loads import ExternalOverTime, Loads
 from p3dof.simulation.robot_margins import ROBOT_KINDS, RobotMargins
-from p3dof.simulation.robot_run import RobotRun
+from p3dof.simulation.robot_run import RobotRun, explained
 from p3dof.simulation.settings import ControlLoop, InitialState, Integration
 from p3dof.simulation.work import Work, require_affordable
 
@@ -197,7 +197,7 @@ class _Finish:
             np.array(record.asked).reshape(len(time), -1),
             gap,
             self._loop.body_energies(q, v).total,
-            record.stop,
+            explained(record.stop, self._loop, v[-1]),
             record.evaluations,
             record.seconds,
             {name: loads[:, i] for i, name in enumerate(self._loads.frames)},

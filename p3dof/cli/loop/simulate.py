@@ -32,6 +32,9 @@ from p3dof.tables import Table, number
 
 _LIMITS = {"stop": ROBOT_KINDS, "ignore": tuple(kind for kind in ROBOT_KINDS if kind != "joint limit")}
 
+_MOST = 8
+"""Most exceeded limits that are listed."""
+
 
 @loop.command()
 @with_robot
@@ -126,7 +129,9 @@ def simulate(
     console = console_beside(out)
     show(console, _table(run))
     told = [] if run.stop is None else [f"ended by {run.stop}"]
-    print_warnings(console, told + [f"limit exceeded: {one}" for one in run.exceedances()])
+    beyond = [f"limit exceeded: {one}" for one in run.exceedances()]
+    more = [f"{len(beyond) - _MOST} more limits are exceeded"] if len(beyond) > _MOST else []
+    print_warnings(console, [*told, *beyond[:_MOST], *more])
     for path in written:
         print_plain(console, f"wrote {path}")
     return 0 if run.finished else FAILED
