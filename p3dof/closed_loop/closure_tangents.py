@@ -19,15 +19,16 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.closures import LoopKinematics
 from p3dof.closed_loop.constraints import Coupling
 from p3dof.closed_loop.coupling_tangents import CouplingTangents
-from p3dof.closed_loop.relative_motion import Ends
 from p3dof.closed_loop.tree_tangents import TreeMotion, hat
 
-_X, _Y, _Z = 3, 7, 11
+_X, _Y, _Z = _POSITION = 3, 7, 11
 """Where the position is among the twelve entries of T, three rows of four."""
 _TILT = ({6: -1.0}, {2: 1.0})
 """x and y of z1 × z2: -E_yz, E_xz."""
@@ -47,6 +48,8 @@ _ENTRIES: dict[str, tuple[dict[int, float], ...]] = {
 
 class ClosureTangents:
     """Derivatives of J v and d(J v)/dt of closures and couplings, in one motion.
+
+    Arrays (c, nv, ...) have one row for each closure and each entry of v.
 
     Parameters
     ----------
@@ -71,141 +74,131 @@ class ClosureTangents:
         v: FloatArray,
         a: FloatArray,
     ) -> None:
-        self._k, self._motion, self._v = kinematics, motion, v
-        pairs = zip(kinematics.closures, kinematics.ends, strict=True)
-        self._loops = [_Loop(motion, closure.kind, closure.length, ends) for closure, ends in pairs]
+        self._motion, self._v, self._a, tree = motion, v, a, motion.tree
         self._couplings = CouplingTangents(kinematics.model, couplings, q)
-        self._a = a
+        self._coupled = kinematics.coupled
+        ends = kinematics.ends
+        self._one = tree.bodies[np.array([one for one, _, _, _ in ends], dtype=int)]
+        self._two = tree.bodies[np.array([two for _, _, two, _ in ends], dtype=int)]
+        places1 = [motion.M[i] * end[1] for i, end in zip(self._one, ends, strict=True)]
+        places2 = [motion.M[i] * end[3] for i, end in zip(self._two, ends, strict=True)]
+        into1, into2 = [place.inverse() for place in places1], [place.inverse() for place in places2]
+        into, M2 = _matrices(into1), _matrices(places2)
+        self._Ad1, self._Ad2 = _actions(into1), _actions(into2)
+        moved1, moved2 = (tree.carries[:, at].T.astype(float) for at in (self._one, self._two))
+        self._signs = moved2 - moved1
+        self._hats1 = hat((motion.J @ np.swapaxes(self._Ad1, 1, 2)) * moved1[..., None])
+        self._hats2 = hat((motion.J @ np.swapaxes(self._Ad2, 1, 2)) * moved2[..., None])
+        self._moves = (into[:, None] @ hat(np.eye(6)) @ M2[:, None]).reshape(len(ends), 6, 16)
+        self._dT = self._moved(motion.J * self._signs[..., None])
+        self._V1 = hat(_applied(self._Ad1, motion.V[self._one]))[:, None]
+        self._V2 = hat(_applied(self._Ad2, motion.V[self._two]))[:, None]
+        self._rate = self._moved((motion.V[self._two] - motion.V[self._one])[:, None])
+        self._rods = np.array([k for k, c in enumerate(kinematics.closures) if c.length is not None], int)
+        lengths = [c.length for c in kinematics.closures if c.length is not None]
+        self._lengths = np.array(lengths, dtype=float)
+        self._L, self._used = _entries([c.kind for c in kinematics.closures])
+        self._L[self._rods[:, None], 0, _POSITION] = (into @ M2)[self._rods, :3, 3] / self._lengths[:, None]
 
     def velocity_by_q(self, w: FloatArray) -> FloatArray:
         """Return the derivative by q of J w (rows, nv), w (nv,) being constant."""
-        motion = self._motion
-        V: FloatArray = motion.tree.carries.T.astype(float) @ (motion.J * w[:, None])
+        motion, tree = self._motion, self._motion.tree
+        V: FloatArray = tree.carries.T.astype(float) @ (motion.J * w[:, None])
         turned = motion.turned(V)
-        parts = [loop.velocity_by_q(V, turned) for loop in self._loops]
-        return self._stacked([*parts, self._couplings.velocity_by_q(w)])
+        rate = self._moved((V[self._two] - V[self._one])[:, None])
+        change = motion.of(turned, self._two) - motion.of(turned, self._one)
+        found = self._changes(self._turned(rate) + self._moved(change))
+        self._add_dots(found, rate, self._dT)
+        return self._with(found, self._couplings.velocity_by_q(w))
 
     def jacobian_rate(self) -> FloatArray:
         """Return J̇ (rows, nv) at the velocity."""
-        parts = [loop.jacobian_rate() for loop in self._loops]
-        return self._stacked([*parts, self._couplings.jacobian_rate(self._v)])
+        J_dot = self._motion.J_dot * self._signs[..., None]
+        found = self._changes(self._moved(J_dot) + self._dT @ self._V2 - self._V1 @ self._dT)
+        self._add_dots(found, self._rate, self._dT)
+        return self._with(found, self._couplings.jacobian_rate(self._v))
 
     @cached_property
     def acceleration(self) -> tuple[FloatArray, FloatArray]:
         """The derivatives (rows, nv) by q and by v of the accelerations J a + J̇ v."""
-        parts = [loop.acceleration for loop in self._loops]
-        by_q, by_v = self._couplings.acceleration(self._v, self._a)
-        return (
-            self._stacked([*(part[0] for part in parts), by_q]),
-            self._stacked([*(part[1] for part in parts), by_v]),
-        )
+        motion, V1, V2, X = self._motion, self._V1, self._V2, self._rate
+        G = self._moved((motion.A[self._two] - motion.A[self._one])[:, None]) - V1 @ X + X @ V2
+        V1_q, V2_q = motion.velocities(self._one), motion.velocities(self._two)
+        (A1_q, A1_v), (A2_q, A2_v) = motion.accelerations(self._one), motion.accelerations(self._two)
+        X_q = self._moved(V2_q - V1_q)
+        by_q = self._turned(G) + self._moved(A2_q - A1_q) - V1 @ X_q + X_q @ V2
+        by_q += X @ hat(V2_q @ np.swapaxes(self._Ad2, 1, 2)) - hat(V1_q @ np.swapaxes(self._Ad1, 1, 2)) @ X
+        by_v = self._moved(A2_v - A1_v) - V1 @ self._dT + self._dT @ V2 + self._turned(X)
+        found_q, found_v = self._changes(by_q), self._changes(by_v)
+        self._add_dots(found_q, G, self._dT)
+        self._add_dots(found_q, 2.0 * X, X_q + self._turned(X))
+        self._add_dots(found_v, 2.0 * X, self._dT)
+        coupled_q, coupled_v = self._couplings.acceleration(self._v, self._a)
+        return self._with(found_q, coupled_q), self._with(found_v, coupled_v)
 
     def force_by_q(self, lambda_: FloatArray) -> FloatArray:
         """Return the derivative by q of Jᵀ λ (nv, nv), λ (rows,) being constant."""
-        rows = self._k.rows
-        total = self._couplings.force_by_q(lambda_[self._k.coupled])
-        for loop, at in zip(self._loops, rows[: len(self._loops)], strict=True):
-            total = total + loop.force_by_q(lambda_[at])
-        return total
-
-    def _stacked(self, parts: list[FloatArray]) -> FloatArray:
-        return np.concatenate([np.zeros((0, self._k.model.nv)), *parts])
-
-
-class _Loop:
-    """One closure in one motion; matrices (nv, 4, 4) have one row of entries for each entry of v."""
-
-    def __init__(self, motion: TreeMotion, kind: str, length: float | None, ends: Ends) -> None:
-        self._motion, (one, M1, two, M2) = motion, ends
-        self._one, self._two = (int(motion.tree.bodies[joint]) for joint in (one, two))
-        place1, place2 = motion.M[self._one] * M1, motion.M[self._two] * M2
-        self._into = place1.inverse().homogeneous
-        self._M2 = place2.homogeneous
-        self._Ad1, self._Ad2 = place1.inverse().action, place2.inverse().action
-        self._rod, self._length = length is not None, length or 1.0
-        columns1, columns2 = motion.columns(self._one), motion.columns(self._two)
-        self._hats1, self._hats2 = hat(columns1 @ self._Ad1.T), hat(columns2 @ self._Ad2.T)
-        self._moves = np.asarray(self._into @ hat(np.eye(6)) @ self._M2).reshape(6, 16)
-        self._dT = self._moved(columns2 - columns1)
-        self._V1 = hat(self._Ad1 @ motion.V[self._one])
-        self._V2 = hat(self._Ad2 @ motion.V[self._two])
-        self._rate = self._moved(motion.V[self._two] - motion.V[self._one])
-        rows = _ENTRIES.get(kind)
-        d = (self._into @ self._M2)[:3, 3]
-        entries = ({_X: d[0], _Y: d[1], _Z: d[2]},) if rows is None else rows
-        self._L = np.zeros((len(entries), 16))
-        for row, values in enumerate(entries):
-            for at, value in values.items():
-                self._L[row, at] = value
-        if rows is None:
-            self._L /= self._length
+        each = np.zeros(self._used.shape)
+        each[self._used] = lambda_[: self._coupled.start]
+        weights = (each[:, None] @ self._L).reshape(-1, 1, 4, 4)
+        turned = weights @ np.swapaxes(self._hats2, 2, 3) - np.swapaxes(self._hats1, 2, 3) @ weights
+        c, nv = self._dT.shape[:2]
+        moves, turns = (
+            x.reshape(c, nv, 16).transpose(1, 0, 2).reshape(nv, c * 16) for x in (self._dT, turned)
+        )
+        F = _applied(self._moves, weights.reshape(-1, 16))
+        total = moves @ turns.T + self._motion.forces_by_q(F, self._signs)
+        for rod, length in zip(self._rods, self._lengths, strict=True):
+            d = self._dT[rod, :, :3, 3]
+            total = total + each[rod, 0] * (d @ d.T) / length
+        return np.asarray(total + self._couplings.force_by_q(lambda_[self._coupled]))
 
     def _moved(self, V: FloatArray) -> FloatArray:
-        """Return M1⁻¹ [V] M2 (..., 4, 4)."""
-        return np.asarray(V @ self._moves).reshape(*V.shape[:-1], 4, 4)
-
-    def _rows(self, T: FloatArray) -> FloatArray:
-        """Return the closure's rows (rows, nv) of changes (nv, 4, 4) of T or its rates."""
-        return np.asarray(self._L @ T.reshape(len(T), 16).T)
+        """Return M1⁻¹ [V] M2 (c, n, 4, 4) of motions (c, n, 6)."""
+        return np.asarray(V @ self._moves).reshape(*V.shape[:2], 4, 4)
 
     def _turned(self, X: FloatArray) -> FloatArray:
-        """Return the change (nv, 4, 4) of M1⁻¹ X M2 for a constant X in the world, given M1⁻¹ X M2."""
+        """Return the change (c, nv, 4, 4) of M1⁻¹ X M2 for a constant X in the world, given M1⁻¹ X M2."""
         return np.asarray(X @ self._hats2 - self._hats1 @ X)
 
-    def _velocities(self) -> tuple[FloatArray, FloatArray]:
-        """Return ∂V1/∂q and ∂V2/∂q."""
-        return self._motion.velocity(self._one), self._motion.velocity(self._two)
+    def _changes(self, T: FloatArray) -> FloatArray:
+        """Return the rows (c, 6, nv) of changes (c, nv, 4, 4) of T or its rates; unused ones are zero."""
+        c, nv = T.shape[:2]
+        return np.asarray(self._L @ np.swapaxes(T.reshape(c, nv, 16), 1, 2))
 
-    def velocity_by_q(self, V: FloatArray, turned: FloatArray) -> FloatArray:
-        carries = self._motion.tree.carries
-        rate = self._moved(V[self._two] - V[self._one])
-        change = turned[..., self._two] * carries[:, self._two, None]
-        change = change - turned[..., self._one] * carries[:, self._one, None]
-        rows = self._rows(self._turned(rate) + self._moved(change))
-        if self._rod:
-            rows = rows + self._dots(rate[:3, 3], self._dT)
-        return rows
+    def _add_dots(self, found: FloatArray, X: FloatArray, T: FloatArray) -> None:
+        """Add d·δd / length to the rows of rods, for rates X (c, 1, 4, 4) and changes T (c, nv, 4, 4)."""
+        if len(self._rods):
+            dots = (T[self._rods, :, :3, 3] @ X[self._rods, 0, :3, 3, None])[..., 0]
+            found[self._rods, 0] += dots / self._lengths[:, None]
 
-    def jacobian_rate(self) -> FloatArray:
-        tree, J_dot = self._motion.tree, self._motion.J_dot
-        signs = tree.carries[:, self._two].astype(float) - tree.carries[:, self._one]
-        change = self._moved(J_dot * signs[:, None]) + self._dT @ self._V2 - self._V1 @ self._dT
-        rows = self._rows(change)
-        if self._rod:
-            rows = rows + self._dots(self._rate[:3, 3], self._dT)
-        return rows
+    def _with(self, found: FloatArray, coupled: FloatArray) -> FloatArray:
+        """Return rows (c, 6, nv) one after the other, then those of couplings."""
+        return np.concatenate((found[self._used], coupled))
 
-    @cached_property
-    def acceleration(self) -> tuple[FloatArray, FloatArray]:
-        motion, V1, V2, X = self._motion, self._V1, self._V2, self._rate
-        G = self._moved(motion.A[self._two] - motion.A[self._one]) - V1 @ X + X @ V2
-        V1_q, V2_q = self._velocities()
-        (A1_q, A1_v), (A2_q, A2_v) = motion.acceleration(self._one), motion.acceleration(self._two)
-        X_q = self._moved(V2_q - V1_q)
-        by_q = self._turned(G) + self._moved(A2_q - A1_q) - V1 @ X_q + X_q @ V2
-        by_q += X @ hat(V2_q @ self._Ad2.T) - hat(V1_q @ self._Ad1.T) @ X
-        by_v = self._moved(A2_v - A1_v) - V1 @ self._dT + self._dT @ V2 + self._turned(X)
-        rows_q, rows_v = self._rows(by_q), self._rows(by_v)
-        if self._rod:
-            rate_q = X_q + self._turned(X)
-            rows_q = rows_q + self._dots(G[:3, 3], self._dT) + 2.0 * self._dots(X[:3, 3], rate_q)
-            rows_v = rows_v + 2.0 * self._dots(X[:3, 3], self._dT)
-        return rows_q, rows_v
 
-    def force_by_q(self, lambda_: FloatArray) -> FloatArray:
-        weights = (self._L.T @ lambda_).reshape(4, 4)
-        turned = weights @ np.swapaxes(self._hats2, 1, 2) - np.swapaxes(self._hats1, 1, 2) @ weights
-        nv = len(turned)
-        by_place = self._dT.reshape(nv, 16) @ turned.reshape(nv, 16).T
-        F = self._moves @ weights.ravel()
-        tree = self._motion.tree
-        signs = tree.carries[:, self._two].astype(float) - tree.carries[:, self._one]
-        total = by_place + self._motion.force_by_q(F) * signs[:, None]
-        if self._rod:
-            d = self._dT[:, :3, 3]
-            total = total + lambda_[0] * (d @ d.T) / self._length
-        return np.asarray(total)
+def _matrices(places: Sequence[pin.SE3]) -> FloatArray:
+    """Return the matrices (c, 4, 4) of placements."""
+    return np.array([place.homogeneous for place in places]).reshape(-1, 4, 4)
 
-    def _dots(self, d: FloatArray, T: FloatArray) -> FloatArray:
-        """Return d·δd / length (1, nv)."""
-        return np.asarray((T[:, :3, 3] @ d)[None] / self._length)
+
+def _actions(places: Sequence[pin.SE3]) -> FloatArray:
+    """Return the matrices (c, 6, 6) by which placements act on motions."""
+    return np.array([place.action for place in places]).reshape(-1, 6, 6)
+
+
+def _applied(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Return matrices (c, m, n) times vectors (c, n)."""
+    return np.asarray((matrices @ vectors[..., None])[..., 0])
+
+
+def _entries(kinds: Sequence[str]) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Return the rows (c, 6, 16) of closures as combinations of entries of T, and which are used (c, 6)."""
+    L, used = np.zeros((len(kinds), 6, 16)), np.zeros((len(kinds), 6), dtype=bool)
+    for k, kind in enumerate(kinds):
+        rows = _ENTRIES.get(kind, ({},))
+        used[k, : len(rows)] = True
+        for row, values in enumerate(rows):
+            for at, value in values.items():
+                L[k, row, at] = value
+    return L, used

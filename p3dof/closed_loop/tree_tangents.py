@@ -122,23 +122,38 @@ class TreeMotion:
         carried = across(motion_cross(parents, self.J))
         return np.asarray(self.turned(self.A) + carried @ self.V.T - carried @ parents[..., None])
 
-    def velocity(self, body: int) -> FloatArray:
-        """Return ∂V/∂q (nv, 6) of a body; its ∂V/∂v is `columns`."""
-        return np.asarray(self._velocities[..., body] * self.tree.carries[:, body, None])
+    def of(self, values: FloatArray, bodies: NDArray[np.int_]) -> FloatArray:
+        """Return values (nv, 6, njoints) of some bodies (c, nv, 6), zero where nothing carries them."""
+        found = np.moveaxis(values[..., bodies], -1, 0)
+        return np.asarray(found * self.tree.carries[:, bodies].T[..., None])
 
-    def acceleration(self, body: int) -> tuple[FloatArray, FloatArray]:
-        """Return ∂A/∂q and ∂A/∂v (nv, 6) of a body."""
-        carried = self.tree.carries[:, body, None]
-        by_v = self._velocities[..., body] + self.J_dot
-        return self._accelerations[..., body] * carried, by_v * carried
+    def velocities(self, bodies: NDArray[np.int_]) -> FloatArray:
+        """Return ∂V/∂q (c, nv, 6) of some bodies; their ∂V/∂v is `columns`."""
+        return self.of(self._velocities, bodies)
+
+    def accelerations(self, bodies: NDArray[np.int_]) -> tuple[FloatArray, FloatArray]:
+        """Return ∂A/∂q and ∂A/∂v (c, nv, 6) of some bodies."""
+        by_v = self._velocities + self.J_dot[..., None]
+        return self.of(self._accelerations, bodies), self.of(by_v, bodies)
 
     def columns(self, body: int) -> FloatArray:
         """Return the Jacobian (nv, 6) of a body, transposed."""
         return self.J * self.tree.carries[:, body, None]
 
-    def force_by_q(self, F: FloatArray) -> FloatArray:
-        """Return the derivative of J_k·F by q_j (k, j), of a constant wrench F (6,) at the world's origin."""
-        return np.asarray((self.J @ (F @ self._across).T) * self.tree.before.T)
+    def forces_by_q(self, F: FloatArray, shares: FloatArray) -> FloatArray:
+        """Return the derivative of Σ share_k J_k·F by q_j (k, j), of constant wrenches at the world's origin.
+
+        Parameters
+        ----------
+        F : (c, 6) array
+            The wrenches.
+        shares : (c, nv) array
+            How much of each acts on each entry of v.
+        """
+        turned = F @ self._across  # (J_j × J_k)·F = J_k·turned_j
+        parts = self.J @ turned.reshape(-1, 6).T
+        parts = parts.reshape(len(self.J), len(self.J), len(F)) * shares.T[:, None]
+        return np.asarray(parts.sum(axis=-1) * self.tree.before.T)
 
     def wrench_by_q(self, body: int, point: FloatArray, wrench: FloatArray) -> FloatArray:
         """Return the derivative (nv, nv) by q of the generalised force of a wrench on a body.
@@ -156,7 +171,8 @@ class TreeMotion:
         F = np.concatenate((force, wrench[3:] + cross(point, force)))
         moved = columns[:, :3] + cross(columns[:, 3:], point)
         by_place = columns[:, 3:] @ cross(moved, force).T
-        return np.asarray(self.force_by_q(F) * self.tree.carries[:, body, None] + by_place)
+        shares = self.tree.carries[:, body].astype(float)[None]
+        return np.asarray(self.forces_by_q(F[None], shares) + by_place)
 
     def frame(self, frame: pin.Frame) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return Jacobian and classical acceleration of a frame, in world axes, and how the latter changes.
@@ -180,8 +196,9 @@ class TreeMotion:
         p_dot = V[:3] + cross(V[3:], p)
         acceleration = shifted(A, p)
         acceleration[:3] += cross(V[3:], p_dot)
-        V_q, (A_q, A_v) = self.velocity(body), self.acceleration(body)
-        by_q, by_v = shifted(A_q, p), shifted(A_v, p)
+        one = np.array([body])
+        V_q, (A_q, A_v) = self.velocities(one)[0], self.accelerations(one)
+        by_q, by_v = shifted(A_q[0], p), shifted(A_v[0], p)
         p_dot_q = V_q[:, :3] + cross(V_q[:, 3:], p) + cross(V[3:], J[:, :3])
         by_q[:, :3] += cross(A[3:], J[:, :3]) + cross(V_q[:, 3:], p_dot) + cross(V[3:], p_dot_q)
         by_v[:, :3] += cross(J[:, 3:], p_dot) + cross(V[3:], J[:, :3])
