@@ -8,9 +8,8 @@ This layer knows no particular mechanism.
 
 from p3dof.closed_loop.assembly import Assembly, State
 from p3dof.closed_loop.base_parameters import BaseParameters
-from p3dof.closed_loop.batch.dynamics import BatchInverseDynamics
 from p3dof.closed_loop.batch.energy import BodyEnergies
-from p3dof.closed_loop.batch.hybrid import BatchHybridDynamics
+from p3dof.closed_loop.batch.results import BatchHybridDynamics, BatchInverseDynamics
 from p3dof.closed_loop.batch.states import BatchStates
 from p3dof.closed_loop.batch.targets import FrameTargets
 from p3dof.closed_loop.compiled.compiled_loop import CompiledLoop

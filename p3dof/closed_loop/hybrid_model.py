@@ -11,8 +11,9 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, as_floats, frozen_array
-from p3dof.closed_loop.batch.hybrid import BatchHybrid, BatchHybridDynamics, Prescribed
+from p3dof.closed_loop.batch.hybrid import BatchHybrid
 from p3dof.closed_loop.batch.linear import BoolArray, IndexArray
+from p3dof.closed_loop.batch.results import BatchHybridDynamics, Prescribed
 from p3dof.closed_loop.hybrid_results import HybridDynamics
 from p3dof.closed_loop.loop_model import External, LoopModel
 from p3dof.closed_loop.prescriptions import ByName, JointAccelerations, Prescription, joint_freedoms

@@ -14,9 +14,10 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, as_floats, frozen_array
-from p3dof.closed_loop.batch.dynamics import BatchDynamics, BatchInverseDynamics
+from p3dof.closed_loop.batch.dynamics import BatchDynamics
 from p3dof.closed_loop.batch.energy import BodyEnergies, body_energies
 from p3dof.closed_loop.batch.linear import IndexArray
+from p3dof.closed_loop.batch.results import BatchInverseDynamics
 from p3dof.closed_loop.batch.states import BatchAssembler, BatchStates
 from p3dof.closed_loop.batch.targets import FrameTargets, Targets
 from p3dof.closed_loop.compiled.compiled_loop import CompiledLoop

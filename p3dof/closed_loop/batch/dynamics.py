@@ -9,9 +9,8 @@ independent rows as there are passive joints give
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -34,10 +33,12 @@ from p3dof.closed_loop.batch.linear import (
     solve,
     with_probes,
 )
+from p3dof.closed_loop.batch.results import BatchEvidence, BatchInverseDynamics
 from p3dof.closed_loop.closures import LoopKinematics
 from p3dof.closed_loop.coordinates import rounding
 from p3dof.closed_loop.linear import RANK_TOLERANCE, Decomposition
 from p3dof.closed_loop.loop_model import LoopModel
+from p3dof.closed_loop.results import ActuatedForces
 from p3dof.closed_loop.rotations import cross
 from p3dof.errors import InputError, P3dofError
 
@@ -53,77 +54,6 @@ _NOTHING = 1e-10
 """Largest force that idle freedoms may need in a batch, relative to those in the equation of motion."""
 _CHOICES = 3
 """How many times the independent rows are chosen before the rest is left to the single samples."""
-
-
-class BatchEvidence:
-    """What is found out about many samples when it is asked for, and once.
-
-    Parameters
-    ----------
-    known : (N,) array
-        The conditioning of each sample, where it is known.
-    find : callable
-        Finds that of samples, by their numbers.
-    """
-
-    def __init__(self, known: FloatArray, find: Callable[[IndexArray], FloatArray] | None = None) -> None:
-        self._known, self.find = known, find
-        self._open: list[IndexArray] = []
-
-    def leave_open(self, which: IndexArray) -> None:
-        """Note that the conditioning of some samples has to be found."""
-        self._open.append(which)
-
-    def know(self, i: int, conditioning: float) -> None:
-        """Enter the conditioning of one sample."""
-        self._known[i] = conditioning
-
-    @cached_property
-    def conditioning(self) -> FloatArray:
-        """The conditioning (N,) of all samples."""
-        if self._open and self.find is not None:
-            which = np.concatenate(self._open)
-            self._known[which] = self.find(which)
-        return self._known
-
-    def __reduce__(self) -> tuple[type[BatchEvidence], tuple[FloatArray]]:
-        return BatchEvidence, (self.conditioning,)  # for other processes
-
-
-@dataclass(frozen=True, eq=False)
-class BatchInverseDynamics:
-    """Actuator forces that produce motions, and the evidence for them; see `InverseDynamics`.
-
-    Parameters
-    ----------
-    tau : (N, n_actuated) array
-        Forces of the actuated joints [N or N m]; NaN in the rows of samples that failed.
-    residual : (N,) array
-        Largest error of the full equation of motion [N or N m].
-    closure_error : (N, rows) array
-        How far each closure is open [m or rad].
-    errors : dict of int to P3dofError
-        What went wrong, by sample.
-    evidence : BatchEvidence
-        What `conditioning` asks: it is found out when it is asked for, in the workspace of the model.
-    """
-
-    tau: FloatArray
-    residual: FloatArray
-    closure_error: FloatArray
-    errors: dict[int, P3dofError]
-    evidence: BatchEvidence
-
-    @property
-    def conditioning(self) -> FloatArray:
-        """Smallest singular value of Nᵀ B (N,), as in `InverseDynamics`."""
-        return self.evidence.conditioning
-
-    def put(
-        self, i: IndexArray | int, tau: FloatArray, residual: FloatArray | float, closure_error: FloatArray
-    ) -> None:
-        """Enter what was found of some samples."""
-        self.tau[i], self.residual[i], self.closure_error[i] = tau, residual, closure_error
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,26 +143,29 @@ class BatchDynamics:
 
     def _conditioning(self, q: FloatArray) -> FloatArray:
         """Return the conditioning (N,) at configurations (N, nq)."""
-        found: FloatArray = np.zeros(len(q))
+        found, count = np.zeros(len(q)), len(self._loop.actuated_v)
         for block in blocks(len(q), sized(self._kinematics.size, self._loop.model.nv)):
             samples = self._sweep.at(q[block])
             J = self._closures.jacobian(q[block], samples, self._closures.frames(samples))
-            choice = self._chosen
-            if choice is None:
-                choice = self._choice(J[0])
-            if len(choice.idle):
+            choice = self._choice(J[0])
+            if len(choice.rows) != len(choice.passive):
+                found[block] = [self._conditioning_alone(row) for row in q[block]]
                 continue
-            free = choice.free
-            N: FloatArray = np.zeros((len(block), J.shape[2], len(free)))
-            N[:, free] = np.eye(len(free))
+            JR = J[:, choice.rows]
+            Jp, Jf = JR[:, :, choice.passive], JR[:, :, choice.free]
             with np.errstate(all="ignore"):
-                JR = J[:, choice.rows]
-                N[:, choice.passive] = -solve(JR[:, :, choice.passive], JR[:, :, free])
-            N = np.where(np.isfinite(N), N, 0.0)
-            # The rows of the free joints are those of 1, so that the orthonormal ones are (NᵀN)^(-1/2).
-            longest = np.linalg.eigvalsh(np.swapaxes(N, -1, -2) @ N).max(axis=1, initial=1.0)
-            found[block] = 1.0 / np.sqrt(longest)
+                x = solve(Jp, with_probes(Jf))
+                well = norms(Jp) * inverse_norms(x) <= WELL
+            N = np.where(well[:, None, None], x[:, :, PROBES:], 0.0)
+            # The rows of the free joints are those of 1, so that the orthonormal ones are (1 + NᵀN)^(-1/2).
+            longest = 1.0 + np.linalg.eigvalsh(np.swapaxes(N, -1, -2) @ N).max(axis=1, initial=0.0)
+            found[block] = 0.0 if len(choice.free) > count else 1.0 / np.sqrt(longest)
+            found[block[~well]] = [self._conditioning_alone(row) for row in q[block[~well]]]
         return found
+
+    def _conditioning_alone(self, q: FloatArray) -> float:
+        point, nothing = self._kinematics.at(q), np.zeros(self._loop.model.nv)
+        return ActuatedForces(point, nothing, self._loop.actuated_v).conditioning
 
     def power(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """Return the rate of change of the mechanical energy (N,) [W]; see `energy.energy_rate`."""

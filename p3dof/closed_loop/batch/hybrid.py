@@ -24,7 +24,6 @@ from p3dof.closed_loop.batch.dynamics import (
     CONSISTENT,
     TIGHT,
     WELL,
-    BatchEvidence,
     generalised,
 )
 from p3dof.closed_loop.batch.kinematics import Pair, Sweep
@@ -44,12 +43,12 @@ from p3dof.closed_loop.batch.linear import (
     solve,
     with_probes,
 )
+from p3dof.closed_loop.batch.results import BatchHybridDynamics, Prescribed
 from p3dof.closed_loop.closures import LoopKinematics
 from p3dof.closed_loop.coordinates import rounding
-from p3dof.closed_loop.hybrid_results import HybridDynamics
 from p3dof.closed_loop.linear import RANK_TOLERANCE, Decomposition
 from p3dof.closed_loop.loop_model import LoopModel
-from p3dof.errors import InputError, P3dofError
+from p3dof.errors import InputError
 
 _SEEN = 1e-5
 """Least conditioning of the prescribed accelerations in a batch."""
@@ -63,96 +62,6 @@ _KINDS = 16
 """How many kinds of prescription are remembered."""
 _SOLUTIONS = 2
 """Solutions of the linear equations at most; the second one refines the first."""
-
-
-@dataclass(frozen=True, eq=False)
-class BatchHybridDynamics:
-    """Actuator forces that produce prescribed accelerations, and the motions with them; see `HybridDynamics`.
-
-    Parameters
-    ----------
-    tau : (N, n_actuated) array
-        Forces of the actuated joints [N or N m]; NaN in the rows of samples that failed.
-    a : (N, nv) array
-        Accelerations of the whole tree.
-    residual : (N,) array
-        Largest error of the full equation of motion [N or N m].
-    closure_error : (N, rows) array
-        How far each closure is open [m or rad].
-    errors : dict of int to P3dofError
-        What went wrong, by sample.
-    evidence : BatchEvidence
-        What `conditioning` asks: it is found out when it is asked for, in the workspace of the model.
-    """
-
-    tau: FloatArray
-    a: FloatArray
-    residual: FloatArray
-    closure_error: FloatArray
-    errors: dict[int, P3dofError]
-    evidence: BatchEvidence
-
-    @property
-    def conditioning(self) -> FloatArray:
-        """Smallest singular value of S N (N,), as in `HybridDynamics`."""
-        return self.evidence.conditioning
-
-    def put(self, i: int, one: HybridDynamics, gaps: FloatArray) -> None:
-        """Enter what was found of one sample alone, `gaps` (rows,) being how far its closures are open."""
-        self.tau[i], self.a[i], self.residual[i] = one.tau, one.a, one.residual
-        self.closure_error[i] = gaps
-        self.evidence.know(i, one.conditioning)
-
-    def put_all(
-        self, which: IndexArray, tau: FloatArray, a: FloatArray, residual: FloatArray, gaps: FloatArray
-    ) -> None:
-        """Enter what was found of many samples together."""
-        self.tau[which], self.a[which], self.residual[which] = tau, a, residual
-        self.closure_error[which] = gaps
-        self.evidence.leave_open(which)
-
-    @classmethod
-    def empty(cls, count: int, actuated: int, nv: int, rows: int) -> BatchHybridDynamics:
-        """Return results of samples of which nothing is known."""
-        tau, a, gaps = (np.full((count, size), np.nan) for size in (actuated, nv, rows))
-        residual, known = np.full((2, count), np.nan)
-        return cls(tau, a, residual, gaps, {}, BatchEvidence(known))
-
-
-@dataclass(frozen=True, eq=False)
-class Prescribed:
-    """Prescribed accelerations of many samples.
-
-    Parameters
-    ----------
-    at : (n,) array of int
-        Indices in v of joints.
-    values : (N, n) array
-        Their accelerations.
-    frames : tuple of (str, (6,) array of bool)
-        Frames, and which components of their accelerations are prescribed.
-    of_frames : (N, m) array
-        These components, one frame after the other.
-    """
-
-    at: IndexArray
-    values: FloatArray
-    frames: tuple[tuple[str, BoolArray], ...]
-    of_frames: FloatArray
-
-    @property
-    def size(self) -> int:
-        """How many accelerations are prescribed."""
-        return self.values.shape[1] + self.of_frames.shape[1]
-
-    @property
-    def kind(self) -> tuple[object, ...]:
-        """What is prescribed, without the values."""
-        return (self.at.tobytes(), *((name, mask.tobytes()) for name, mask in self.frames))
-
-    def of(self, block: IndexArray) -> Prescribed:
-        """Return those of some samples."""
-        return Prescribed(self.at, self.values[block], self.frames, self.of_frames[block])
 
 
 @dataclass(frozen=True, eq=False)
