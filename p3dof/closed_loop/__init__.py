@@ -6,7 +6,7 @@ redundant actuators are welcome; every result carries its own residuals, and wha
 This layer knows no particular mechanism.
 """
 
-from p3dof.closed_loop.assembly import Assembly, State
+from p3dof.closed_loop.assembly_results import Assembly, State
 from p3dof.closed_loop.base_parameters import BaseParameters
 from p3dof.closed_loop.batch.energy import BodyEnergies
 from p3dof.closed_loop.batch.results import BatchHybridDynamics, BatchInverseDynamics

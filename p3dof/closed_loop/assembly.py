@@ -1,21 +1,21 @@
-"""Assembling a mechanism: configurations that close the loops at a target, and the motion with them."""
+"""Assembling a mechanism: configurations that close the loops at a target."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
 
 from p3dof.checks import FloatArray
-from p3dof.closed_loop.closures import ClosurePoint, LoopKinematics, max_abs
+from p3dof.closed_loop.assembly_results import Assembly, Evidence
+from p3dof.closed_loop.closures import LoopKinematics, max_abs
 from p3dof.closed_loop.linear import Decomposition
-from p3dof.closed_loop.partitions import Memory, Split
 from p3dof.closed_loop.solver import Path, System, follow, least_squares
+from p3dof.closed_loop.target_motions import TargetMotions
 from p3dof.closed_loop.targets import ChartTarget, NoTarget, Target
 from p3dof.closed_loop.trust import Limits, levenberg_marquardt
 from p3dof.errors import AssemblyError
@@ -36,108 +36,6 @@ RESTARTS = 20
 """How many starts from anywhere there are, where nothing else closes the loops."""
 SAME = 1e-6
 """Configurations nearer than this are the same [m or rad]."""
-_FOLLOWS = 1e-9
-"""Share of a target's row in one of a closure from which on that follows from the target, too."""
-_FEASIBLE = 1e-9
-"""Largest relative error of the velocity and acceleration that are asked for."""
-
-
-class Evidence:
-    """What is found out about an assembly when it is asked for, and once.
-
-    Parameters
-    ----------
-    find : callable
-        Finds out whether the assembly was kept.
-    closures : ClosurePoint
-        The closures there.
-    """
-
-    def __init__(self, find: Callable[[], bool], closures: ClosurePoint) -> None:
-        self._find, self._closures = find, closures
-
-    @cached_property
-    def kept(self) -> bool:
-        """Whether the assembly was kept."""
-        return self._find()
-
-    @property
-    def rank(self) -> int:
-        """Rank of the closures' Jacobian."""
-        return self._closures.svd.rank if self._closures.J.size else 0
-
-    @property
-    def mobility(self) -> int:
-        """Free motions of the closed mechanism."""
-        return self._closures.J.shape[1] - self.rank
-
-    def __reduce__(self) -> tuple[type[Evidence], tuple[partial[bool], ClosurePoint]]:
-        return Evidence, (partial(bool, self.kept), self._closures)  # for other processes
-
-
-@dataclass(frozen=True, eq=False)
-class Assembly:
-    """A configuration that closes the loops at the target.
-
-    Parameters
-    ----------
-    q : (nq,) array
-        Configuration of the whole tree.
-    gap : float
-        The largest closure or target error that is left [m or rad].
-    iterations : int
-        Steps taken in all to find it, those of attempts that failed included.
-    evidence : Evidence
-        What all other attributes ask.
-    """
-
-    q: FloatArray
-    gap: float
-    iterations: int
-    evidence: Evidence = field(repr=False)
-
-    @property
-    def same_assembly(self) -> bool:
-        """Whether the configuration was reached from the guess without leaving its assembly.
-
-        Its closures then have the rank that is usual for the mechanism, too. False if this could not be
-        established, as behind a pose in which assemblies meet. A guess whose own loops are open by more than
-        1e-3 has no assembly; that of the reference configuration is meant then: what closing its loops, if
-        they are open, leads to. That may take a while when it is asked for the first time, in the
-        workspace of the model.
-        """
-        return self.evidence.kept
-
-    @property
-    def rank(self) -> int:
-        """Rank of the closures' Jacobian at `q`."""
-        return self.evidence.rank
-
-    @property
-    def mobility(self) -> int:
-        """Free motions of the closed mechanism: nv - rank."""
-        return self.evidence.mobility
-
-
-@dataclass(frozen=True, eq=False)
-class State(Assembly):
-    """An assembly that moves; also see `Assembly`.
-
-    Parameters
-    ----------
-    v, a : (nv,) array
-        Velocity and acceleration of the whole tree.
-    determined : bool
-        False if closures and target leave velocities free; `v` and `a` are then the shortest possible.
-    influence : (nv, size) array
-        How fast every joint moves per unit speed of the target: v = influence @ velocity. Its rows of the
-        actuated joints are the inverse Jacobian of a parallel mechanism.
-    """
-
-    v: FloatArray
-    a: FloatArray
-    determined: bool
-    influence: FloatArray
 
 
 class Assembler:
@@ -156,7 +54,8 @@ class Assembler:
         self.model = kinematics.model
         self.reference = reference
         self._loops = System(kinematics, NoTarget(kinematics.model.nv))
-        self._memories: dict[tuple[type, int], Memory] = {}
+        self.complete = TargetMotions(kinematics).complete
+        """See `TargetMotions.complete`."""
 
     def assemble(self, target: Target, guess: FloatArray | None, tolerance: float) -> Assembly:
         """Close the loops at a target.
@@ -328,79 +227,3 @@ class Assembler:
             f"most at {where}",
             gap,
         )
-
-    def complete(
-        self, target: Target, assembly: Assembly, velocity: FloatArray, acceleration: FloatArray
-    ) -> State:
-        """Find the velocity and the acceleration of the whole tree that move the target as asked.
-
-        Parameters
-        ----------
-        target : Target
-            The target.
-        assembly : Assembly
-            Its solution.
-        velocity, acceleration : (size,) array
-            Velocity and acceleration of the target.
-
-        Returns
-        -------
-        State
-
-        Raises
-        ------
-        AssemblyError
-            If the closed mechanism cannot move the target so.
-        """
-        k, q = self.kinematics, assembly.q
-        closures = k.at(q)
-        A = np.concatenate((closures.J, target.jacobian(q)))
-        solve, influence, determined = self._solution(closures, A, target)
-        b = np.concatenate((np.zeros(k.size), velocity))
-        v = solve(b)
-        self._check("velocity", A.dot(v) - b, b, v)
-        k.move(q, v)
-        b = np.concatenate((-k.acceleration(), acceleration - target.drift()))
-        a = solve(b)
-        self._check("acceleration", A.dot(a) - b, b, a)
-        for array in (v, a, influence):
-            array.setflags(write=False)
-        return State(**vars(assembly), v=v, a=a, determined=determined, influence=influence)
-
-    def _solution(
-        self, closures: ClosurePoint, A: FloatArray, target: Target
-    ) -> tuple[Callable[[FloatArray], FloatArray], FloatArray, bool]:
-        """Return how to solve A x = b, what a unit rate of the target does, and whether that is all.
-
-        A are the rows of the closures, then of the target.
-        """
-        count, size, nv = len(closures.J), target.size, self.model.nv
-        if len(A) >= nv:  # else there is more than one solution
-            memory = self._memories.setdefault((type(target), size), Memory(np.arange(nv)))
-            split = memory.at(ClosurePoint(closures.q, closures.error, A))
-            if split is not None and self._squarely(split, count, nv):
-                rows, unit = split.partition.rows, np.zeros((nv, size), order="F")
-                unit[nv - size :] = np.eye(size)  # the target's rows are the last ones
-                return lambda b: split.solve(b.take(rows)), split.solve(unit), True
-        stacked = Decomposition.of(A, closures.rank_tolerance)
-        return stacked.solve, stacked.pseudo_inverse[:, count:], stacked.rank == nv
-
-    def _squarely(self, split: Split, count: int, nv: int) -> bool:
-        """Whether chosen rows determine every joint, and those left out are of closures and follow from such.
-
-        What the target does is then the same by all of them.
-        """
-        partition = split.partition
-        if len(partition.rows) < nv or not len(partition.left):
-            return len(partition.rows) == nv
-        of_target = split.weights[np.count_nonzero(partition.rows < count) :]
-        return bool(partition.left[-1] < count and np.abs(of_target).max(initial=0.0) <= _FOLLOWS)
-
-    def _check(self, what: str, error: FloatArray, b: FloatArray, x: FloatArray) -> None:
-        if error.dot(error) <= _FEASIBLE**2:
-            return  # less than what is always allowed
-        worst = max_abs(error)
-        if not worst <= _FEASIBLE * max(1.0, max_abs(b), max_abs(x)):
-            raise AssemblyError(
-                f"the closed mechanism cannot have this {what}: {worst:.3g} is left over", worst
-            )

@@ -10,7 +10,8 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from p3dof.checks import frozen_array, positive, shown
-from p3dof.closed_loop.assembly import TOLERANCE, Assembler, Assembly, State
+from p3dof.closed_loop.assembly import TOLERANCE, Assembler
+from p3dof.closed_loop.assembly_results import Assembly, State
 from p3dof.closed_loop.built_model import BuiltModel
 from p3dof.closed_loop.joints import single_joint
 from p3dof.closed_loop.modes import assemble_within_limits, assembly_modes

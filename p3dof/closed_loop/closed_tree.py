@@ -12,9 +12,9 @@ from typing_extensions import Self
 from p3dof.checks import FloatArray, frozen_array
 from p3dof.closed_loop.closures import ClosurePoint, LoopKinematics, max_abs
 from p3dof.closed_loop.joints import configuration_of, single_joint
+from p3dof.closed_loop.scaled_model import ScaledModel, scaled
 from p3dof.closed_loop.sidecar import Sidecar
 from p3dof.closed_loop.trees import check_tree
-from p3dof.closed_loop.units import ScaledModel, scaled
 from p3dof.errors import InputError, ModelError
 
 CLOSED = 1e-5

@@ -18,7 +18,7 @@ from p3dof.closed_loop.hybrid_results import HybridDynamics
 from p3dof.closed_loop.loop_model import External, LoopModel
 from p3dof.closed_loop.prescriptions import ByName, JointAccelerations, Prescription, joint_freedoms
 from p3dof.closed_loop.results import read_only
-from p3dof.closed_loop.units import ScaledModel
+from p3dof.closed_loop.scaled_model import ScaledModel
 from p3dof.errors import InputError, P3dofError
 
 

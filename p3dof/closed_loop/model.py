@@ -25,7 +25,7 @@ from p3dof.closed_loop.hybrid_model import rows_of
 from p3dof.closed_loop.loop_model import External
 from p3dof.closed_loop.margins_model import MarginsModel
 from p3dof.closed_loop.motors import MotorSide, motor_side
-from p3dof.closed_loop.units import ScaledModel
+from p3dof.closed_loop.scaled_model import ScaledModel
 from p3dof.closed_loop.writers.files import contents
 from p3dof.errors import InputError
 from p3dof.files import together, write_atomic

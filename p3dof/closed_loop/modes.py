@@ -6,7 +6,8 @@ import numpy as np
 import pinocchio as pin
 
 from p3dof.checks import FloatArray
-from p3dof.closed_loop.assembly import RESTARTS, SAME, TOLERANCE, Assembler, Assembly
+from p3dof.closed_loop.assembly import RESTARTS, SAME, TOLERANCE, Assembler
+from p3dof.closed_loop.assembly_results import Assembly
 from p3dof.closed_loop.linear import Decomposition
 from p3dof.closed_loop.solver import Path, Point, System
 from p3dof.closed_loop.targets import Target

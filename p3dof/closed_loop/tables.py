@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from p3dof.checks import FloatArray
-from p3dof.closed_loop.assembly import Assembly
+from p3dof.closed_loop.assembly_results import Assembly
 from p3dof.closed_loop.loop_model import LoopModel
 from p3dof.closed_loop.motors import motor_side
 from p3dof.closed_loop.overview import Overview

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from p3dof.checks import FloatArray
-from p3dof.closed_loop.assembly import TOLERANCE, Assembler, Assembly, State
+from p3dof.closed_loop.assembly import TOLERANCE, Assembler
 from p3dof.closed_loop.assembly_model import TargetLike
+from p3dof.closed_loop.assembly_results import Assembly, State
 from p3dof.closed_loop.batch.assembly import BatchSystem, Goals, settle
 from p3dof.closed_loop.batch.dynamics import CONSISTENT, WELL, redundant
 from p3dof.closed_loop.batch.kinematics import Sweep
