@@ -399,6 +399,10 @@ def test_runs_that_cannot_be(five_bar):
         (("info", "nowhere.urdf"), "nowhere.urdf"),
         (("info", "FILE", "nowhere.yaml"), "nowhere.yaml"),
         (("info", "FILE", "--reference", "home"), "needs an SRDF"),
+        (
+            ("simulate", "FILE", "--reference", "m.csv"),
+            "--reference: expected a keyframe or group state; a motion",
+        ),
         (("forces", "FILE"), "Missing option '--motion'"),
         (("forces", "FILE", "--motion", "nowhere.csv"), "nowhere.csv: cannot be read"),
         (("export", "FILE", "--out", "robot.usd"), "expected a file name that ends in .urdf"),

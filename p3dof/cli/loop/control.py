@@ -63,13 +63,14 @@ _OPTIONS = (
         "--motion",
         "motion_file",
         type=InputFile(),
-        help="Motion of the actuated joints to follow, as of 'forces'; the robot starts as it does, and "
-        "without it the controller stays at the start.",
+        help="Motion of the actuated joints to follow, as of 'forces'; the robot starts as it does, or at "
+        "rest where --set says. Without it the controller stays at the start.",
     ),
     click.option("--rate", type=POSITIVE, default=1000.0, show_default=True, help="Of the controller [Hz]."),
     click.option(
         "--saturation",
         type=_Saturation(),
+        metavar="FORCE|file",
         help="Largest force of an actuator [N or N m], or 'file' for the "
         "limits of effort in the robot's file; unlimited without it.",
     ),

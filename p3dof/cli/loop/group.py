@@ -71,6 +71,8 @@ def with_robot(command: Callable[..., Any]) -> Callable[..., Any]:
         ignore_unknown: bool,
         **others: Any,
     ) -> Any:
+        if reference is not None and reference.lower().endswith(".csv"):
+            raise InputError("--reference: expected a keyframe or group state; a motion is given by --motion")
         inputs = [path for path in (file, sidecar, srdf) if path is not None]
         protect(inputs, ())
         with warnings.catch_warnings(record=True) as caught:
