@@ -31,6 +31,7 @@ ROOT = Path(__file__).parents[1]
 SHARED = ("evidence", "thresholds", "manipulator", "virtual_power", "friction", "kinematics", "minimal")
 CLOSED = ("evidence", "thresholds", "closed_loop", "closed_loop_assembly", "manipulator", "closed_loop_batch")
 LOOPS = ("loop_minimal", "loop_derivatives", "loop_identification", "loop_margins")
+FILES = ("mjcf_traits", "write_mjcf", "write_sdf")
 RUNS = ("evidence", "thresholds", "control")
 TESTS = {
     "p3dof/algebra.py": SHARED,
@@ -61,6 +62,13 @@ TESTS = {
     "p3dof/closed_loop/terms.py": (*CLOSED, "hybrid_dynamics"),
     "p3dof/closed_loop/energy.py": CLOSED,
     "p3dof/closed_loop/hybrid.py": ("hybrid_dynamics",),
+    "p3dof/closed_loop/formats/mjcf_tendons.py": FILES,
+    "p3dof/closed_loop/writers/bodies.py": FILES,
+    "p3dof/closed_loop/writers/chains.py": FILES,
+    "p3dof/closed_loop/writers/mjcf.py": FILES,
+    "p3dof/closed_loop/writers/mjcf_loops.py": FILES,
+    "p3dof/closed_loop/writers/mjcf_tendons.py": FILES,
+    "p3dof/closed_loop/writers/sdf.py": FILES,
     "p3dof/closed_loop/batch/hybrid.py": ("hybrid_dynamics",),
     "p3dof/closed_loop/tree_tangents.py": LOOPS,
     "p3dof/closed_loop/closure_tangents.py": LOOPS,
