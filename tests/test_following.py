@@ -66,6 +66,11 @@ def test_idle_freedoms_start_in_equilibrium_on_request():
     rest = follow_motion(loop, still, equilibrium=True, samples=5)
     np.testing.assert_allclose(rest.q, np.tile(q, (5, 1)), rtol=0, atol=1e-8)
     np.testing.assert_allclose(rest.forces, 0, atol=1e-7)
+    small = crane().model.copy()
+    small.jointPlacements[2].translation *= 1e-3
+    small.inertias[2] = pin.Inertia(1e-9, np.array([1e-4, 0, 0]), np.zeros((3, 3)))
+    swung = find_equilibrium(ClosedLoopModel(small, Sidecar((), ("drive",))), [0.0], [0.0, 0.1])
+    assert swung[1] == pytest.approx(np.pi / 2, abs=1e-9)
     sprung = crane((JointData("swing", stiffness=6.0, rest=0.4),))
     angle = find_equilibrium(sprung, [0.0])[1]
     assert MASS * G * LENGTH * np.cos(angle) == pytest.approx(6.0 * (angle - 0.4), abs=1e-8)

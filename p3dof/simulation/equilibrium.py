@@ -49,25 +49,26 @@ def find_equilibrium(loop: ClosedLoopModel, values: ArrayLike, guess: ArrayLike 
     values = frozen_array("values", values, (len(loop.actuated),))
     q = np.array(loop.assemble(values, guess).q)
     reach = _LONGEST
-    pull, energy = _pull(loop, q), _energy(loop, q)
+    pull, (energy, size) = _pull(loop, q), _energy(loop, q)
+    scale = max(1.0, pull.rest)  # small robots are faster
     for _ in range(_MOST):
-        if pull.rest <= _AT_REST:
+        if pull.rest <= _AT_REST * scale:
             return q
         step = pull.step(reach)
         try:
             there = np.array(loop.assemble(values, pin.integrate(loop.model, q, step)).q)
-            found, height = _pull(loop, there), _energy(loop, there)
+            found, (height, _) = _pull(loop, there), _energy(loop, there)
         except AssemblyError:
             reach /= 4
             continue
-        rounding = 1e-12 * max(1.0, abs(energy))
+        rounding = 1e-13 * size
         if height < energy - rounding or (height <= energy + rounding and found.rest < pull.rest):
             q, pull, energy, reach = there, found, height, min(2 * reach, _LONGEST)
         else:
             reach = min(reach, float(np.linalg.norm(step))) / 4
         if reach < _SHORTEST:
             break
-    if pull.rest <= _NEARLY:
+    if pull.rest <= _NEARLY * scale:
         return q
     raise DynamicsError(
         f"no equilibrium of the idle freedoms was found: at best they accelerate by {pull.rest:.3g} m/s² or "
@@ -124,5 +125,7 @@ def _pull(loop: ClosedLoopModel, q: FloatArray) -> _Pull:
     return _Pull(N, N @ (N.T @ (M @ a)), float(np.abs(a).max(initial=0.0)), loop, q)
 
 
-def _energy(loop: ClosedLoopModel, q: FloatArray) -> float:
-    return float(loop.body_energies(q, np.zeros(loop.model.nv)).total)
+def _energy(loop: ClosedLoopModel, q: FloatArray) -> tuple[float, float]:
+    """Return the potential energy, and how large its parts are [J]."""
+    found = loop.body_energies(q, np.zeros(loop.model.nv))
+    return float(found.total), float(np.abs(found.potential).sum() + found.springs)
