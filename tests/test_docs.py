@@ -40,14 +40,18 @@ def test_the_parameter_file_is_one(tmp_path):
     np.testing.assert_allclose(parameters.bodies.leg_a.inertia, expected, rtol=1e-12, atol=1e-12)
 
 
-def test_the_c_of_a_controller_compiles(tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("page", "folder"),
+    [("how-to/controller-in-c.md", "out/c"), ("how-to/compile-any-robot.md", "out/five_bar")],
+)
+def test_the_c_of_a_controller_compiles(tmp_path, monkeypatch, page, folder):
     monkeypatch.chdir(tmp_path)
-    page = DOCS / "how-to/controller-in-c.md"
+    page = DOCS / page
     run(page, tmp_path)
     (text,) = (block.text for block in blocks(page) if block.language == "c")
     includes, body = text.split("\n\n", 1)
     source = f"{includes}\nvoid stop(void);\nvoid period(void);\nvoid period(void)\n{{\n{body}}}\n"
-    command = ["cc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "-Iout/c", "-xc", "-"]
+    command = ["cc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", f"-I{folder}", "-xc", "-"]
     # In the text the state has no values yet: that it is read is all that the compiler may find.
     command.insert(4, "-Wno-maybe-uninitialized")
     done = subprocess.run(command, input=source, text=True, capture_output=True, check=False)

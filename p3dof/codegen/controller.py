@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from importlib.resources import files
-from string import Template
 
+from p3dof.codegen.filling import fill
 from p3dof.codegen.friction import JOINTS
 from p3dof.codegen.machine import GIVEN, body_names, machine_numbers, parameter_row
 from p3dof.codegen.printing import INDENT, Printer, home_depth, prepare_code
@@ -56,12 +55,6 @@ _NUMBERS = {
 }
 
 
-class _Text(Template):
-    """Templates mark what is put in with ``@``, which C, make and CMake leave free here."""
-
-    delimiter = "@"
-
-
 def controller_files(parameters: Parameters, bake: bool = False) -> dict[str, str]:
     """Return the C of a controller.
 
@@ -88,9 +81,9 @@ def controller_files(parameters: Parameters, bake: bool = False) -> dict[str, st
     return {
         "p3dof.h": _header(bake),
         "p3dof.c": _source(parameters, numbers),
-        "p3dof_selftest.c": _fill("selftest.in", **selftest(parameters, prototypes(), baked=bake), note=NOTE),
-        "Makefile": _fill("makefile.in", note=NOTE),
-        "CMakeLists.txt": _fill("cmake.in", note=NOTE),
+        "p3dof_selftest.c": fill("selftest.in", **selftest(parameters, prototypes(), baked=bake), note=NOTE),
+        "Makefile": fill("makefile.in", note=NOTE, name="p3dof"),
+        "CMakeLists.txt": fill("cmake.in", note=NOTE, name="p3dof"),
     }
 
 
@@ -116,7 +109,7 @@ def _header(baked: bool) -> str:
         told = "\n".join(f" * {argument.name}: {argument.text}." for argument in (*inputs, *outputs))
         prototype = _prototype(name, (*inputs, *outputs), baked)
         declarations.append(f"/** {texts[name]}\n *\n{told}\n */\n{prototype};\n")
-    types = _fill(
+    types = fill(
         "types.in",
         links=_enumerators([(f"P3DOF_{link.upper()}", "") for link in LINKS]),
         joints=_enumerators([(f"P3DOF_{joint.upper()}", "") for joint in JOINTS]),
@@ -127,7 +120,7 @@ def _header(baked: bool) -> str:
         if baked
         else "A machine is described by p3dof_parameters and made ready by p3dof_prepare."
     )
-    return _fill(
+    return fill(
         "header.in",
         note=NOTE,
         machine=machine,
@@ -144,7 +137,7 @@ def _source(parameters: Parameters, numbers: dict[str, float] | None) -> str:
         repr(numbers[name]) if numbers is not None else f"model->numbers[P3DOF_BY_{_NUMBERS[name][0]}]"
         for name in ("r", "R", "L")
     )
-    forward = _fill(
+    forward = fill(
         "forward_kinematics.in",
         model_argument="" if baked else "const p3dof_model *model, ",
         model_null="" if baked else "(model == NULL) || ",
@@ -154,7 +147,7 @@ def _source(parameters: Parameters, numbers: dict[str, float] | None) -> str:
         h=home_depth(numbers),
     )
     return (
-        _fill(
+        fill(
             "source.in",
             note=NOTE,
             tables="" if baked else _table(parameters),
@@ -215,7 +208,7 @@ def _preparation() -> str:
     access = {name: _access(name) for name in GIVEN}
     enumerators = [f"P3DOF_BY_{_NUMBERS[name][0]}" for name in MODEL]
     lines = prepare_code(access, enumerators)
-    return _fill(
+    return fill(
         "preparation.in",
         prepare="\n".join(INDENT + line for line in lines),
         constants=str(len(routines().constants())),
@@ -284,8 +277,3 @@ def _joined(parts: Sequence[str], sign: str) -> str:
 
 def _leave(condition: str, status: str) -> list[str]:
     return [f"if ({condition}) {{", f"{INDENT}return {status};", "}"]
-
-
-def _fill(template: str, **values: str) -> str:
-    text = (files("p3dof.codegen") / "templates" / template).read_text(encoding="utf-8")
-    return _Text(text).substitute(values)

@@ -49,7 +49,7 @@ def selftest(parameters: Parameters, prototypes: Sequence[Prototype], baked: boo
     for name, inputs, outputs in prototypes:
         sizes = [math.prod(argument.shape) for argument in outputs]
         tables.append(
-            _numbers(f"expected_{name}[{count}][{sum(sizes)}]", _settled(expected.outputs[name], sizes))
+            number_table(f"expected_{name}[{count}][{sum(sizes)}]", _settled(expected.outputs[name], sizes))
         )
         groups = ", ".join(str(size) for size in (*sizes, *[0] * (4 - len(sizes))))
         where = 2 if name == "forward_kinematics" else int(name in held)
@@ -102,7 +102,8 @@ def _call(name: str, inputs: tuple[Argument, ...], outputs: tuple[Argument, ...]
     return "\n".join([*lines, f"{_INDENT}return bad;", "}", ""])
 
 
-def _numbers(declaration: str, rows: FloatArray) -> str:
+def number_table(declaration: str, rows: FloatArray) -> str:
+    """Return a table of numbers in C."""
     body = ",\n".join(_wrapped(row) for row in rows)
     return f"static const double {declaration} = {{\n{body}}};"
 

@@ -111,7 +111,7 @@ class CompiledFunctions:
         InputError
             If there is no such function.
         """
-        return self._function(name).operations
+        return self.function(name).operations
 
     def bind(self, name: str = "inverse_dynamics") -> BoundFunction:
         """Return a function of one sample that reads and writes arrays of its own, for a loop at kHz.
@@ -139,7 +139,53 @@ class CompiledFunctions:
                 bound.inputs[key][:] = value
         return bound
 
-    def _function(self, name: str) -> Function:
+    @property
+    def defaults(self) -> dict[str, FloatArray]:
+        """What acts, and inertial parameters, where a call says nothing of them; by the names of inputs."""
+        return dict(self._defaults)
+
+    @property
+    def independent_places(self) -> tuple[int, ...]:
+        """Places of the independent speeds in v."""
+        return self._robot.independent
+
+    @property
+    def determined(self) -> bool:
+        """Whether the actuated joints determine the motion, one by one."""
+        return set(self._robot.independent) == set(self._robot.motors)
+
+    @property
+    def hybrid(self) -> bool:
+        """Whether accelerations of the actuated joints can be prescribed: none depends on the others."""
+        return set(self._robot.motors) <= set(self._robot.independent)
+
+    def follow_places(self) -> list[tuple[int, bool, int]]:
+        """Return place in q, whether it turns without end, and motor of each independent coordinate."""
+        parts = {place: part for part in self._robot.tree.parts[1:] for place in part.v}
+        return [
+            (parts[i].q[0], parts[i].kind == "unbounded", self._robot.motors.index(i))
+            for i in self._robot.independent
+        ]
+
+    def function(self, name: str) -> Function:
+        """Return a function as it was traced.
+
+        Parameters
+        ----------
+        name : str
+            One of those that can be bound, see `bind`.
+
+        Returns
+        -------
+        Function
+
+        Raises
+        ------
+        InputError
+            If there is no such function.
+        ModelError
+            If it has too many operations.
+        """
         if name not in FUNCTIONS:
             raise InputError(f"name: expected one of {', '.join(FUNCTIONS)}, got {shown(name)}")
         if name not in self._functions:
@@ -148,7 +194,7 @@ class CompiledFunctions:
 
     def _kernel(self, name: str) -> Kernel:
         if name not in self._kernels:
-            function = self._function(name)
+            function = self.function(name)
             library = None
             if self.level != "numpy":
                 (library,) = build.libraries([lanes_source([function])], self.level)
@@ -219,7 +265,7 @@ class CompiledFunctions:
         seeds: Sequence[str],
     ) -> Tangents:
         """Return derivatives: every sample as many times as there are directions, side by side."""
-        count, function = len(given["q"]), self._function(name)
+        count, function = len(given["q"]), self.function(name)
         widths = [function.inputs[seed] for seed in seeds]
         total, edges = sum(widths), np.cumsum([0, *widths]).tolist()
         directions, parts = np.eye(total), []

@@ -90,7 +90,7 @@ class FollowingLoop(CompiledFunctions):
             raise InputError(f"steps: expected a whole number from 1 to 100, got {shown(steps)}")
         sweep = self._sweeper()
         load = self._load(len(time), external, joint_forces, inertias)
-        order = [self._robot.motors.index(place) for place in self._robot.independent]
+        order = [motor for *_, motor in self.follow_places()]
         starts = self._starts(sweep, motion[0], guess)
         found = sweep(time, [part[:, order] for part in motion], load, starts, steps, self._threads)
         self._doubt_jumps(found, time, starts)
@@ -107,14 +107,14 @@ class FollowingLoop(CompiledFunctions):
         return with_general(found, alone, ("q", "v", "a", "tau", "lambda_"), single=False)
 
     def _sweeper(self) -> Sweep:
-        if set(self._robot.independent) != set(self._robot.motors):
+        if not self.determined:
             raise ModelError(
                 "the actuated joints do not determine the motion: complete_batch or hybrid_dynamics do it"
             )
         if self.level == "numpy":
             raise ModelError("following a motion needs a C compiler; complete_batch does it without one")
         if self._sweep is None:
-            functions = [self._function(name) for name in _SWEEP]
+            functions = [self.function(name) for name in _SWEEP]
             (library,) = build.libraries([sweep_source(self._robot, functions)], self.level)
             self._sweep = Sweep(functions[-1], library)
         return self._sweep

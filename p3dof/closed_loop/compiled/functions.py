@@ -20,6 +20,8 @@ from p3dof.tracing import Number, Symbol, Tape
 from p3dof.tracing.derivatives import tangent
 from p3dof.tracing.python import function_of
 
+EVIDENCE = ("margin", "gap", "trusted")
+"""Outputs that say how good a result is, the last ones of a function."""
 MARGIN = 1e-3
 """Smallest pivot, compared with those that the partition was made on, that is trusted."""
 MISSING = 1e-10
@@ -46,6 +48,8 @@ class Function:
         All inputs.
     results : tuple of Number
         All outputs.
+    closed : float
+        Largest gap at which it is to be trusted.
     """
 
     name: str
@@ -54,6 +58,7 @@ class Function:
     outputs: Mapping[str, int]
     symbols: tuple[Symbol, ...]
     results: tuple[Number, ...]
+    closed: float = 0.0
 
     @cached_property
     def operations(self) -> int:
@@ -77,6 +82,7 @@ class _Builder:
         self.outputs: dict[str, int] = {}
         self._symbols: list[Symbol] = []
         self._results: list[Number] = []
+        self.closed = 0.0
 
     def take(self, name: str, size: int) -> tuple[Symbol, ...]:
         self.inputs[name] = size
@@ -93,9 +99,15 @@ class _Builder:
         self.outputs[name] = len(values)
         self._results += values
 
-    def evidence(self, at: At, limits: Sequence[Number]) -> None:
-        """Give margin and gap, and whether the sample is to be trusted: a positive number, no NaN."""
+    def evidence(self, at: At, closed: float, limits: Sequence[Number] = ()) -> None:
+        """Give margin and gap, and whether the sample is to be trusted: a positive number, no NaN.
+
+        Closed are the loops up to a gap, with no axes opposite that should agree. Limits are positive.
+        """
         tape = self.tape
+        self.closed = closed * at.robot.length
+        gap = dot(at.errors, at.errors)
+        limits = [tape.subtract(self.closed * self.closed, gap), *at.loops.aligned(), *limits]
         margin: Number = at.margin
         least = tape.subtract(margin, MARGIN * MARGIN)
         for limit in limits:
@@ -104,13 +116,19 @@ class _Builder:
         for value in self._results:
             total = total + value
         self.give("margin", [tape.sqrt(margin)])
-        self.give("gap", [tape.sqrt(dot(at.errors, at.errors))])
+        self.give("gap", [tape.sqrt(gap)])
         # What is not finite makes the difference NaN, and the minimum with it.
         self.give("trusted", [tape.minimum(least, tape.add(tape.subtract(total, total), 1.0))])
 
     def function(self, name: str) -> Function:
         found = Function(
-            name, self.tape, self.inputs, self.outputs, tuple(self._symbols), tuple(self._results)
+            name,
+            self.tape,
+            self.inputs,
+            self.outputs,
+            tuple(self._symbols),
+            tuple(self._results),
+            self.closed,
         )
         if found.operations > MOST_OPERATIONS:
             raise ModelError(
@@ -144,12 +162,11 @@ def inverse_dynamics(robot: Robot) -> Function:
     build.give("lambda_", multipliers)
     speeds = [_row(row, v) for row in at.rows]
     limits = [
-        *_closed(at, CLOSED),
         _within(build.tape, speeds, CONSISTENT * robot.length, v),
         _within(build.tape, moving.opening(a, bodies), CONSISTENT * robot.length, v, a),
         _given(build.tape, missing, (*tau, *multipliers)),
     ]
-    build.evidence(at, limits)
+    build.evidence(at, CLOSED, limits)
     return build.function("inverse_dynamics")
 
 
@@ -169,8 +186,7 @@ def motion(robot: Robot) -> Function:
     build.give("a", all_a)
     build.give("tau", tau)
     build.give("lambda_", multipliers)
-    limits = [*_closed(at, CLOSED * _FOLLOWED), _given(tape, missing, (*tau, *multipliers))]
-    build.evidence(at, limits)
+    build.evidence(at, CLOSED * _FOLLOWED, [_given(tape, missing, (*tau, *multipliers))])
     return build.function("motion")
 
 
@@ -191,7 +207,7 @@ def tangent_of_forces(robot: Robot) -> Function:
     seeds |= {symbol.index: seed for symbol, seed in zip((*v, *a), (*dv, *da), strict=True)}
     build.give("tau", tau)
     build.give("dtau", tangent(tau, seeds))
-    build.evidence(at, _closed(at, CLOSED))
+    build.evidence(at, CLOSED)
     return build.function("tangent_of_forces")
 
 
@@ -237,7 +253,7 @@ def tangent_of_accelerations(robot: Robot) -> Function:
     moved = {x.index: dx for x, dx in zip(found.values(), made, strict=True) if isinstance(x, Symbol)}
     build.give("a", a)
     build.give("da", tangent(a, {**seeds, **moved}))
-    build.evidence(at, _closed(at, CLOSED))
+    build.evidence(at, CLOSED)
     return build.function("tangent_of_accelerations")
 
 
@@ -276,7 +292,7 @@ def step(robot: Robot) -> Function:
     right = {row: -at.errors[row] for row in robot.plan.rows}
     shift = at.factors.solve(right)
     build.give("q", moved(at, shift))
-    build.evidence(at, _closed(at, CLOSED))
+    build.evidence(at, CLOSED)
     return build.function("step")
 
 
@@ -397,12 +413,6 @@ def _added(at: At, start: Sequence[Number], more: Mapping[int, Number]) -> list[
     return found
 
 
-def _closed(at: At, largest: float) -> list[Number]:
-    """Return what is positive where the loops are closed, and no axes are opposite that should agree."""
-    tape, bound = at.tape, largest * at.robot.length
-    return [tape.subtract(bound * bound, dot(at.errors, at.errors)), *at.loops.aligned()]
-
-
 def _within(
     tape: Tape, opening: Sequence[Number], relative: float, v: Sequence[Number], a: Sequence[Number] = ()
 ) -> Number:
@@ -432,7 +442,7 @@ def _largest(tape: Tape, a: Number, b: Number) -> Number:
 def _evidence_of_state(build: _Builder, at: At, v: Sequence[Number]) -> None:
     speeds = [_row(row, v) for row in at.rows]
     opening = _within(build.tape, speeds, NEARLY_CONSISTENT * at.robot.length, v)
-    build.evidence(at, [*_closed(at, NEARLY_CLOSED), opening])
+    build.evidence(at, NEARLY_CLOSED, [opening])
 
 
 def _row(row: Mapping[int, Number], v: Sequence[Number]) -> Number:

@@ -1,0 +1,71 @@
+"""`p3dof loop codegen`: the dynamics of any robot as C."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+from rich.console import Console
+
+from p3dof.cli.export import CHECK, FORCE, print_differences
+from p3dof.cli.files import OutputFolder, protect
+from p3dof.cli.loop.group import loop, with_robot
+from p3dof.cli.output import print_plain, show
+from p3dof.closed_loop import ClosedLoopModel
+from p3dof.codegen.loops import MARK, loop_files
+from p3dof.files import check_generated, write_generated
+from p3dof.tables import table_of
+
+TOLERANCE = 1e-9
+"""Relative difference of numbers that ``--check`` lets pass."""
+
+
+@loop.command()
+@with_robot
+@click.option("--out", type=OutputFolder(), required=True, help="Folder of the C.")
+@click.option("--prefix", help="What all names begin with; by default made from the robot's name.")
+@click.option(
+    "--functions",
+    help="Which functions, with commas: inverse_dynamics, forward_dynamics, hybrid_dynamics, motion, step, "
+    "integrate, tangent_of_forces, tangent_of_accelerations. By default forces and accelerations, and what "
+    "follows a motion of the motors (motion, step, integrate).",
+)
+@click.option("--external", multiple=True, metavar="FRAME", help="Frame on which a wrench can act.")
+@click.option("--joint-forces", is_flag=True, help="There can be other forces in the joints.")
+@click.option(
+    "--inertia",
+    "inertias",
+    multiple=True,
+    metavar="JOINT",
+    help="Joint whose body has its inertial parameters as an argument, such as a payload.",
+)
+@CHECK
+@FORCE
+def codegen(
+    robot: ClosedLoopModel,
+    inputs: list[Path],
+    out: Path,
+    prefix: str | None,
+    functions: str | None,
+    external: tuple[str, ...],
+    joint_forces: bool,
+    inertias: tuple[str, ...],
+    check: bool,
+    force: bool,
+) -> int:
+    """Write the dynamics of a robot as C99, its loops solved, with a program that tests it."""
+    chosen = None if functions is None else [name.strip() for name in functions.split(",")]
+    code = loop_files(robot, prefix, chosen, external, joint_forces, inertias)
+    console = Console()
+    if check:
+        differences = check_generated(code.files, out, TOLERANCE)
+        if not differences:
+            print_plain(console, f"{out}: up to date")
+        print_differences(console, differences)
+        return 1 if differences else 0
+    protect(inputs, [out / name for name in code.files])
+    for path in write_generated(code.files, out, MARK, force):
+        print_plain(console, f"wrote {path}")
+    rows = {name: [str(count)] for name, count in code.operations.items()}
+    show(console, table_of("Operations of a call", ("function", "operations"), rows))
+    return 0

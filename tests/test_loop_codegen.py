@@ -1,0 +1,203 @@
+"""The C of robots with closed loops: it compiles without a warning, and is what the general layer says."""
+
+import ctypes
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+
+import closed_trees as trees
+import numpy as np
+import pytest
+from documents import ROOT
+from test_cli import run
+
+import p3dof
+from p3dof.codegen.loops import loop_files
+from p3dof.errors import InputError, ModelError
+
+GALLERY = ROOT / "docs/_static/gallery"
+WARNINGS = "-Wall -Wextra -Werror -pedantic -Wconversion -Wshadow -Wdouble-promotion"
+pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler here")
+
+
+def gallery(name):
+    return p3dof.load_robot(GALLERY / f"{name}.urdf")
+
+
+def make(folder, *arguments):
+    return subprocess.run(
+        ["make", "-s", *arguments], cwd=folder, capture_output=True, text=True, check=False, timeout=600
+    )
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """The C of a loop, idle freedoms, a coupling with a spring, and one with all that acts, by folder."""
+    base = tmp_path_factory.mktemp("c")
+    jobs = {
+        "five_bar": {},
+        "leg": {},
+        "gripper": {"functions": ["inverse_dynamics", "tangent_of_forces", "motion", "step", "integrate"]},
+        "stewart": {"external": ["platform"], "joint_forces": True, "inertias": ["platform_free"]},
+    }
+    for name, options in jobs.items():
+        (base / name).mkdir()
+        for file, text in loop_files(gallery(name), **options).files.items():
+            (base / name / file).write_text(text, encoding="utf-8")
+    return base
+
+
+@pytest.mark.parametrize("name", ["five_bar", "leg", "gripper", "stewart"])
+def test_it_compiles_without_a_warning_and_is_right(written, tmp_path, name):
+    folder = shutil.copytree(written / name, tmp_path / name)
+    for compiler, standard in (("cc", "-std=c99"), ("c++", "-std=c++11")):
+        done = make(folder, "check", f"CC={compiler}", f"STANDARD={standard}", f"WARNINGS={WARNINGS}")
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert done.stderr == ""
+        assert "all is well" in done.stdout
+        errors = [float(x) for x in re.findall(r"\d\.\de[-+]\d\d", done.stdout)]
+        assert len(errors) >= 3
+        assert max(errors) < 1e-10
+        make(folder, "clean")
+
+
+@pytest.mark.parametrize("name", ["five_bar", "gripper"])
+def test_random_bytes_are_survived(written, tmp_path, name):
+    folder = shutil.copytree(written / name, tmp_path / name)
+    flags = "-O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all"
+    assert make(folder, f"{name}_selftest", f"CFLAGS={flags}", f"LDFLAGS={flags}").returncode == 0
+    done = subprocess.run(
+        [f"./{name}_selftest", "--fuzz", "20000"], cwd=folder, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "20000 calls of each function" in done.stdout
+
+
+def test_the_self_test_notices_a_wrong_number(written, tmp_path):
+    folder = shutil.copytree(written / "five_bar", tmp_path / "broken")
+    source = folder / "five_bar.c"
+    text = source.read_text(encoding="utf-8")
+    gravity = re.search(r"9\.81\d*", text)
+    source.write_text(text.replace(gravity[0], "9.82"), encoding="utf-8")
+    done = make(folder, "check")
+    assert done.returncode != 0
+    assert "error beyond the tolerance" in done.stdout
+
+
+def library(folder, name):
+    subprocess.run(
+        ["cc", "-std=c99", "-O2", "-shared", "-fPIC", "-o", f"lib{name}.so", f"{name}.c", "-lm"],
+        cwd=folder,
+        check=True,
+    )
+    return ctypes.CDLL(str(folder / f"lib{name}.so"))
+
+
+def pointer(array):
+    return array.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+
+
+def test_statuses_and_what_acts(written, tmp_path):
+    folder = shutil.copytree(written / "stewart", tmp_path / "stewart")
+    call = library(folder, "stewart").stewart_inverse_dynamics
+    robot = gallery("stewart")
+    moving = trees.motions(robot, 3, seed=1)
+    rng = np.random.default_rng(0)
+    push, joints = rng.normal(0, 20, 6), rng.normal(0, 1, robot.model.nv)
+    numbers = np.array(robot.model.inertias[robot.model.getJointId("platform_free")].toDynamicParameters())
+    tau, multipliers, evidence = np.zeros(6), np.zeros(18), np.zeros(2)
+
+    def run(i, wrench, forces, inertia, q=None):
+        state = [np.ascontiguousarray(x) for x in (moving.q[i] if q is None else q, moving.v[i], moving.a[i])]
+        acting = [None if x is None else pointer(x) for x in (wrench, forces, inertia)]
+        results = [pointer(x) for x in (tau, multipliers, evidence)]
+        return call(*map(pointer, state), *acting, *results)
+
+    for i in range(3):
+        state = moving.q[i], moving.v[i], moving.a[i]
+        assert run(i, push, joints, numbers) == 0
+        expected = robot.inverse_dynamics(*state, {"platform": push}, joints)
+        np.testing.assert_allclose(tau, expected.tau, rtol=0, atol=1e-11 * np.abs(expected.tau).max())
+        assert evidence[0] > 0.3
+        assert evidence[1] < 1e-9
+        assert run(i, None, None, None) == 0
+        expected = robot.inverse_dynamics(*state)
+        np.testing.assert_allclose(tau, expected.tau, rtol=0, atol=1e-11 * np.abs(expected.tau).max())
+    before = tau.copy()
+    assert run(0, push, None, None, moving.q[0] + np.eye(len(moving.q[0]))[2] * 0.01) == 4  # open
+    moving.v[0][0] += 1.0
+    assert run(0, None, None, None) == 5  # opens
+    moving.v[0][0] = np.nan
+    assert run(0, None, None, None) == 2
+    assert np.array_equal(tau, before)
+
+
+def test_a_singular_configuration_is_told(tmp_path):
+    bar = gallery("four_bar")
+    robot = p3dof.ClosedLoopModel(bar.model, replace(bar.sidecar, actuated=("rocker_joint",)))
+    for file, text in loop_files(robot, prefix="bar").files.items():
+        (tmp_path / file).write_text(text, encoding="utf-8")
+    step = library(tmp_path, "bar").bar_step
+    evidence, moved, statuses = np.zeros(2), np.zeros(3), []
+    low, high, q = None, None, robot.assemble().q
+    for angle in np.linspace(0, 2 * np.pi, 361):  # crank and coupler come into line
+        q = robot.assemble({"crank_joint": angle}, guess=q).q
+        statuses.append(step(pointer(np.array(q)), pointer(moved), pointer(evidence)))
+        side = np.sin(q[1])
+        if low is not None and side * low[1] < 0:
+            high = angle
+            break
+        low = angle, side
+    assert high is not None
+    assert set(statuses) == {0}
+    low = low[0]
+    sign = np.sin(robot.assemble({"crank_joint": low}, guess=q).q[1])
+    for _ in range(60):
+        middle = (low + high) / 2
+        q = robot.assemble({"crank_joint": middle}, guess=q).q
+        low, high = (middle, high) if np.sin(q[1]) * sign > 0 else (low, middle)
+    assert step(pointer(np.array(q)), pointer(moved), pointer(evidence)) == 3
+    assert evidence[0] < 1e-3
+
+
+def test_names_functions_and_frames_are_checked():
+    robot = gallery("five_bar")
+    for options, message in (
+        ({"prefix": "5bar"}, "^prefix: expected a name"),
+        ({"prefix": "Bar"}, "^prefix: expected a name"),
+        ({"functions": ["inverse"]}, "^functions: expected some of"),
+        ({"functions": []}, "^functions: expected at least one"),
+        ({"external": ["nobody"]}, "the frame 'nobody' does not exist"),
+    ):
+        with pytest.raises(InputError, match=message):
+            loop_files(robot, **options)
+    with pytest.raises(ModelError, match="more actuators than freedoms"):
+        loop_files(gallery("two_arms"), functions=["hybrid_dynamics"])
+
+
+def test_on_the_command_line(capsys, tmp_path):
+    robot, out = str(GALLERY / "four_bar.urdf"), tmp_path / "out"
+
+    def codegen(*more):
+        return run(capsys, "loop", "codegen", robot, "--out", str(out), "--prefix", "bar", *more)
+
+    status, told, _ = codegen()
+    assert status == 0
+    names = ["CMakeLists.txt", "Makefile", "README.md", "bar.c", "bar.h", "bar_selftest.c"]
+    assert sorted(path.name for path in out.iterdir()) == names
+    assert "inverse_dynamics" in told
+    assert codegen("--check")[0] == 0
+    text = (out / "bar.c").read_text(encoding="utf-8")
+    changed = re.sub(r"\* 0\.\d+;", "* 0.7654321;", text, count=1)
+    assert changed != text
+    (out / "bar.c").write_text(changed, encoding="utf-8")
+    assert codegen("--check")[0] == 1
+    assert codegen()[0] == 0  # over its own files
+    (out / "README.md").write_text("mine", encoding="utf-8")
+    status, _, error = codegen()
+    assert (status, error.count("\n")) == (2, 1)
+    assert (out / "README.md").read_text(encoding="utf-8") == "mine"
+    for wrong in (["--functions", "x"], ["--prefix", "a b"], ["--external", "x"], ["--inertia", "x"]):
+        status, _, error = codegen("--force", *wrong)
+        assert (status, error.count("\n")) == (2, 1)
