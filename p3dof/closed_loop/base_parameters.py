@@ -17,7 +17,6 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
-from scipy.linalg import qr, solve_triangular
 
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.closures import ClosurePoint
@@ -183,6 +182,8 @@ def _combined(
     W: FloatArray, size: FloatArray, kept: NDArray[np.int_], rank: int
 ) -> tuple[NDArray[np.int_], FloatArray]:
     """Return which columns are the base, and K (rank, P)."""
+    from scipy.linalg import qr, solve_triangular  # not at start-up
+
     scaled = W[:, kept] / size[kept]
     order = qr(scaled, mode="r", pivoting=True)[1]
     base = np.sort(order[:rank])  # in the order of the parameters
