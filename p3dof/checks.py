@@ -36,6 +36,8 @@ class FrozenArrays:
 
 
 _DOUBLES, _SQUARE = np.dtype(np.float64), LARGEST**2
+_FEW = 5000
+"""Entries of an array for whose scalar product no threads are woken."""
 
 _PLAIN_WORDS = {
     "U": "text",
@@ -151,7 +153,7 @@ def frozen_array(
     P3dofError
         The given `error`, on any mismatch.
     """
-    if type(value) is np.ndarray and value.dtype is _DOUBLES and value.shape == shape:
+    if type(value) is np.ndarray and value.dtype is _DOUBLES and value.shape == shape and value.size <= _FEW:
         known: FloatArray = value.copy()
         flat = known.ravel()
         if flat.dot(flat) <= _SQUARE:  # then no entry is larger or NaN, and nothing is left to look at

@@ -111,3 +111,17 @@ def test_positive_returns_a_float(value):
 def test_positive_refuses(value):
     with pytest.raises(ParameterError, match=r"^r: expected"):
         positive("r", value, ParameterError)
+
+
+@pytest.mark.parametrize("size", [3, 4999, 5001])
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf, 1.0000001e30, 1e200])
+def test_one_wrong_number_among_many_is_found(size, wrong):
+    values = np.linspace(-1.0, 1.0, size)
+    values[size // 2] = wrong
+    with pytest.raises(InputError, match=rf"values: expected .* at index \[{size // 2}\]"):
+        frozen_array("values", values, (size,))
+    values[size // 2] = -1e30
+    found = frozen_array("values", values, (size,))
+    assert not found.flags.writeable
+    np.testing.assert_array_equal(found, values)
+    assert not np.shares_memory(found, values)
