@@ -14,7 +14,7 @@ SEED := $(shell od -An -N4 -tu4 /dev/urandom | tr -d ' ')
 endif
 DEV := $(VENV)/.dev$(EXTRAS)
 # What the extension is built from: a change builds it again.
-SOURCES := setup.py MANIFEST.in $(wildcard p3dof/compiled/extension/*.[ch] p3dof/compiled/extension/generated/*.h)
+SOURCES := setup.py MANIFEST.in $(wildcard p3dof/compiled/extension/*.[ch] p3dof/compiled/extension/generated/*.h p3dof/tracing/*.h)
 DEBIAN := liburdfdom-tools libsdformat-dev pkg-config g++ chromium
 
 LOWEST := .venv-lowest

@@ -52,6 +52,8 @@ def written(tmp_path_factory):
 def test_it_compiles_without_a_warning_and_is_right(written, tmp_path, name):
     folder = shutil.copytree(written / name, tmp_path / name)
     for compiler, standard in (("cc", "-std=c99"), ("c++", "-std=c++11")):
+        if shutil.which(compiler) is None:
+            continue
         done = make(folder, "check", f"CC={compiler}", f"STANDARD={standard}", f"WARNINGS={WARNINGS}")
         assert done.returncode == 0, done.stdout + done.stderr
         assert done.stderr == ""

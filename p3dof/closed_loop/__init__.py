@@ -4,6 +4,24 @@
 acceleration of the whole tree, `inverse_dynamics` and `forward_dynamics` follow. Redundant closures and
 redundant actuators are welcome; every result carries its own residuals, and what did not converge raises.
 This layer knows no particular mechanism.
+
+Where to look, from what a user has to what is computed:
+
+- files: `robots` (`load_robot`), `formats` (URDF, URDF+, MJCF, SRDF, names, Pinocchio's own models),
+  `sidecar`, `constraints` (closures and couplings), `joint_data`, `writers`;
+- the tree: `trees`, `joints`, `coordinates`, `locks`, `passive` (springs, damping, friction), `motors`,
+  `energy`;
+- closures: `closures` evaluates them, `closure_kinds` and `relative_motion` those that Pinocchio does not
+  know, `couplings`; `closure_wrenches` has the forces in them in space;
+- closing loops: `assembly`, `solver`, `trust`, `modes`, `targets`;
+- dynamics: `inverse`, `forward`, `hybrid` with their `results`; `partitions` and `linear` solve; `reactions`;
+- equations of motion: `independent`, `minimal`, `margins`, `linearised` with `*_tangents` (derivatives),
+  `regressor`, `base_parameters`;
+- the class, a chain in which each module adds one subject: `closed_tree` (what it is), `built_model` (where
+  it comes from), `assembly_model`, `loop_model` (dynamics), `hybrid_model`, `minimal_model`,
+  `derivatives_model`, `identification_model`, `margins_model`, `model` (`ClosedLoopModel`, many samples);
+  `scaled_model` and `units` serve robots much smaller or larger than a metre;
+- many samples: `batch`; in C: `compiled`.
 """
 
 from p3dof.closed_loop.assembly_results import Assembly, State
