@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.closures import ClosurePoint
-from p3dof.closed_loop.linear import RANK_TOLERANCE, lapack
+from p3dof.closed_loop.linear import lapack
 
 IndexArray: TypeAlias = NDArray[np.int_]
 
@@ -151,19 +151,23 @@ class Memory:
 
         None where no partition is good enough, or too little is known about the rank.
         """
-        if self._partition is not None:
-            split = self._split(self._partition, point)
-            if split is not None:
+        known = self._partition
+        if known is not None:
+            if not _told(known, point):
+                return None
+            split = Split(known, point.J)
+            if split.good(point.J, point.rank_tolerance):
                 return split
-        self._partition = Partition.choose(point.J, point.svd.rank, self._columns)
-        return None if self._partition is None else self._split(self._partition, point)
-
-    def _split(self, partition: Partition, point: ClosurePoint) -> Split | None:
-        tolerance = point.rank_tolerance
-        if len(partition.left) and not (tolerance == RANK_TOLERANCE or point.gap <= _NEARLY_TIGHT):
+        self._partition = fresh = Partition.choose(point.J, point.svd.rank, self._columns)
+        if fresh is None or not _told(fresh, point):
             return None
-        split = Split(partition, point.J)
-        return split if split.good(point.J, tolerance) else None
+        split = Split(fresh, point.J)
+        return split if split.good(point.J, point.rank_tolerance) else None
+
+
+def _told(partition: Partition, point: ClosurePoint) -> bool:
+    """Whether loops are closed well enough to tell which rows follow from others."""
+    return not len(partition.left) or point.tight or point.gap <= _NEARLY_TIGHT
 
 
 def _pivots(A: FloatArray) -> IndexArray:
