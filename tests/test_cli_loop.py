@@ -15,6 +15,7 @@ from test_cli import run
 
 import p3dof
 from p3dof.closed_loop import ClosedLoopModel, Closure, Coupling, Sidecar
+from p3dof.closed_loop.compiled.build import compiler
 from p3dof.closed_loop.overview import overview
 from p3dof.closed_loop.writers.urdf import texts
 from p3dof.errors import InputError, ModelError
@@ -289,6 +290,21 @@ def test_simulate_follows_a_motion_under_a_controller(capsys, tmp_path, five_bar
     np.testing.assert_allclose(found["force left_joint [N m]"], run_.forces[:, 0], rtol=0, atol=1e-6)
     assert np.abs(found["multiplier left_tip/right_tip.0"]).max() > 1
     assert found["t [s]"][-1] == 0.2
+
+
+@pytest.mark.skipif(compiler() is None, reason="no C compiler here")
+@pytest.mark.parametrize("controller", ["none", "pd"])
+def test_simulate_compiled_is_the_same_run(capsys, tmp_path, five_bar, controller):
+    options = ("--set", "left_joint=1.9", "--set", "right_joint=1.2", "--duration", 0.1, "--samples", 11)
+    options = (*options, "--controller", controller, "--external", "left_tip=0,0,-5,0,0,0")
+    runs = []
+    for method in ("general", "compiled"):
+        path = tmp_path / f"{method}.csv"
+        assert loop(capsys, "simulate", five_bar, *options, "--method", method, "--out", path)[0] == 0
+        runs.append(columns(path))
+    for name, column in runs[0].items():
+        if name != "gap":
+            np.testing.assert_allclose(runs[1][name], column, rtol=1e-6, atol=1e-6, err_msg=name)
 
 
 def test_simulate_stops_at_limits_or_ignores_them(capsys, five_bar):

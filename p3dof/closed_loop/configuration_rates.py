@@ -61,8 +61,15 @@ def _circle(q: FloatArray, v: FloatArray) -> FloatArray:
 
 def _quaternion(q: FloatArray, omega: FloatArray) -> FloatArray:
     """Of a unit quaternion x, y, z, w, for an angular velocity in the axes of the body: q ⊗ ω / 2."""
-    vector, w = q[:3], q[3]
-    return np.append(w * omega + np.cross(vector, omega), -vector @ omega) / 2
+    (x, y, z, w), (a, b, c) = q.tolist(), omega.tolist()
+    return 0.5 * np.array(
+        [
+            w * a + y * c - z * b,
+            w * b + z * a - x * c,
+            w * c + x * b - y * a,
+            -(x * a + y * b + z * c),
+        ]
+    )
 
 
 def _free(q: FloatArray, v: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ from importlib.resources import files
 
 from p3dof.checks import shown
 from p3dof.closed_loop import ClosedLoopModel, CompiledLoop
-from p3dof.closed_loop.compiled.functions import EVIDENCE, FUNCTIONS, MARGIN, Function
+from p3dof.closed_loop.compiled.functions import EVIDENCE, FUNCTIONS, MARGIN, MARGIN_OF_STATES, Function
 from p3dof.closed_loop.compiled.printing import body
 from p3dof.closed_loop.tables import units_of_actuated
 from p3dof.codegen.filling import fill
@@ -30,6 +30,8 @@ _TEXTS = {
     "inverse_dynamics": "Forces of the motors and multipliers of the closures for a motion.",
     "hybrid_dynamics": "Forces of the motors for their accelerations, while idle freedoms move as they must.",
     "forward_dynamics": "Acceleration of the tree under forces of the motors.",
+    "stabilised_hybrid_dynamics": "The same, for loops that drifted open, with Baumgarte's stabilisation.",
+    "stabilised_forward_dynamics": "Acceleration of the tree, with Baumgarte's stabilisation of the loops.",
     "motion": "Velocity and acceleration of the tree, and forces, from those of the independent speeds.",
     "step": "One step of Newton's method for the dependent coordinates.",
     "integrate": "A configuration moved by a small velocity times time.",
@@ -158,7 +160,7 @@ class _Printer:
             "nv": str(robot.model.nv),
             "motors": str(len(robot.actuated)),
             "free": str(len(tree.independent)),
-            "margin": repr(MARGIN),
+            "margin": f"{MARGIN!r} ({MARGIN_OF_STATES!r} of accelerations and derivatives)",
         }
 
     def header(self) -> str:
@@ -266,7 +268,7 @@ class _Printer:
             lines += [
                 "{",
                 f"{_INDENT}const {self.prefix}_status status = "
-                f"judged(found, {size}U, {function.closed!r}, evidence);",
+                f"judged(found, {size}U, {function.closed!r}, {function.least_margin!r}, evidence);",
                 f"{_INDENT}if (status != {P}_OK) {{",
                 f"{_INDENT}{_INDENT}return status;",
                 f"{_INDENT}}}",
@@ -342,6 +344,7 @@ class _Printer:
             steps=str(STEPS),
             step_closed=repr(step.closed),
             motion_closed=repr(motion.closed),
+            least=repr(motion.least_margin),
             step_results=str(len(step.results)),
             motion_inputs=str(len(motion.symbols)),
             motion_results=str(len(motion.results)),

@@ -12,6 +12,7 @@ from p3dof.closed_loop import ClosedLoopModel
 from p3dof.errors import DynamicsError, InputError, SingularityError
 from p3dof.motion.times import evenly, sample_count
 from p3dof.simulation.actuation import Actuation
+from p3dof.simulation.compiled_robots import Method, states_for
 from p3dof.simulation.crossings import CHECKED
 from p3dof.simulation.equilibrium import find_equilibrium
 from p3dof.simulation.integration import Integrator, Schedule, Tolerances
@@ -38,6 +39,7 @@ def follow_motion(
     samples: int = 1001,
     integration: Integration = FOLLOWING,
     progress: Progress | None = None,
+    method: Method = "general",
 ) -> RobotRun:
     """Return the forces along a motion of the actuated joints, idle freedoms moving as they must.
 
@@ -66,6 +68,8 @@ def follow_motion(
         Tolerances, longest step, and stabilisation of closures and of the motion.
     progress : callable, optional
         Called with (done, total) samples.
+    method : {"general", "compiled"} or CompiledLoop
+        What computes the accelerations, as of `simulate_robot`; forces at the samples are the robot's own.
 
     Returns
     -------
@@ -80,6 +84,8 @@ def follow_motion(
         If the motion does not determine the forces, or there is no equilibrium.
     InputError
         If an argument does not fit.
+    ModelError
+        If the robot cannot be compiled.
     """
     if not isinstance(motion, JointReference):
         raise InputError(f"motion: expected a JointReference, got {shown(motion)}")
@@ -93,10 +99,12 @@ def follow_motion(
     begin = find_equilibrium(loop, values, q) if equilibrium else q
     state = loop.complete(values, velocities, accelerations, begin)
     loads = Loads(loop, external)
-    plant = _Led(loop, motion, loads, integration.stabilisation)
+    beta = integration.stabilisation
+    plant = _Led(loop, motion, loads, beta)
     wrenches = {name: rows[0] for name, rows in loads.over(np.zeros(1)).items()}
     loop.hybrid_dynamics(state.q, state.v, accelerations, external=wrenches)  # says what does not work
     start = plant.checked_state(state.q, state.v, max(CLOSED, 1e-6))
+    plant.compiled = states_for(loop, method, "hybrid_dynamics", loads.frames, beta, state.q)
     margins = RobotMargins(plant, stop_at, (), start)
     count = len(loop.actuated)
     actuation = Actuation(lambda *_: None, None, 0.0, np.full(count, np.inf))
@@ -169,6 +177,10 @@ class _Led(ConstrainedPlant):
         error = np.where(self._circles, np.arctan2(np.sin(error), np.cos(error)), error)
         beta = self._stabilisation
         wanted = accelerations + beta * (2 * (velocities - speeds) + beta * error)
+        if self.compiled is not None:
+            found = self.compiled(q, v, wanted, load[1:], "a")
+            if found is not None:
+                return np.concatenate([self._rates(q, v), found])
         wrenches = dict(zip(self._load_frames, load[1:].reshape(-1, 6), strict=True))
         try:
             a = self.loop.hybrid_dynamics(q, v, wanted, external=wrenches, stabilisation=beta).a

@@ -14,8 +14,9 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from p3dof.checks import FloatArray, as_floats, frozen_array, positive
-from p3dof.closed_loop import ClosedLoopModel
+from p3dof.closed_loop import ClosedLoopModel, CompiledLoop
 from p3dof.errors import InputError
+from p3dof.simulation.compiled_robots import CompiledStates, require_fit
 from p3dof.simulation.crossings import CHECKED
 from p3dof.simulation.joint_reference import JointReference, reference_of
 
@@ -66,6 +67,8 @@ class JointPD:
         Gains [N/m or N m/rad, and per second].
     gravity : bool
         Add what holds the robot at rest where it is, against gravity and springs.
+    compiled : CompiledLoop, optional
+        The same robot compiled, for those forces; not used where there are more actuators than freedoms.
 
     Raises
     ------
@@ -80,12 +83,18 @@ class JointPD:
         kp: ArrayLike,
         kd: ArrayLike = 0.0,
         gravity: bool = False,
+        compiled: CompiledLoop | None = None,
     ) -> None:
         self.reference = reference_of(loop, reference)
         self.loop = loop.copy()
         count = len(loop.actuated)
         self.kp, self.kd = _gains("kp", kp, count), _gains("kd", kd, count)
         self.gravity = bool(gravity)
+        self._states: CompiledStates | None = None
+        if compiled is not None:
+            require_fit(loop, compiled, name="compiled")
+            if compiled.hybrid:
+                self._states = CompiledStates(compiled, "hybrid_dynamics")
         joints = [loop.model.getJointId(name) for name in loop.actuated]
         self._circles = np.array([loop.model.nqs[joint] == 2 for joint in joints], dtype=bool)
         self._chosen: list[int] | None = None
@@ -117,6 +126,10 @@ class JointPD:
         Of joints that cannot be chosen freely, as there are more motors than motions, some follow the others;
         the forces are the least ones then.
         """
+        if self._states is not None:
+            found = self._states(q, v, acceleration, np.zeros(0), "tau")
+            if found is not None:
+                return found
         if self._chosen is None:
             self._chosen = independent(self.loop, q)
         if len(self._chosen) == len(acceleration):
@@ -188,6 +201,8 @@ class JointComputedTorque(JointPD):
         What to follow.
     kp, kd : float or (n_actuated,) array
         Gains [1/s², 1/s].
+    compiled : CompiledLoop, optional
+        The same model compiled, for its hybrid dynamics.
 
     Raises
     ------
@@ -201,8 +216,9 @@ class JointComputedTorque(JointPD):
         reference: JointReference | ArrayLike,
         kp: ArrayLike,
         kd: ArrayLike = 0.0,
+        compiled: CompiledLoop | None = None,
     ) -> None:
-        super().__init__(loop, reference, kp, kd)
+        super().__init__(loop, reference, kp, kd, compiled=compiled)
 
     def __call__(self, measured: RobotMeasurement) -> FloatArray:
         """Return the forces [N or N m]; the reference is that of the middle of their hold."""

@@ -13,6 +13,7 @@ from p3dof.checks import FloatArray, frozen_array
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.closed_loop.configuration_rates import ConfigurationRates
 from p3dof.errors import DynamicsError, InputError
+from p3dof.simulation.compiled_robots import CompiledStates
 
 
 class Plant(Protocol):
@@ -75,6 +76,8 @@ class ConstrainedPlant:
         self.names = tuple(str(name) for name in self.loop.model.names[1:])
         self._beta = stabilisation
         self._load_frames, self._resisting = tuple(frames), resisting
+        self.compiled: CompiledStates | None = None
+        """What computes accelerations where nothing resists and it is to be trusted; else the robot does."""
         self._nq, self._nv = int(self.loop.model.nq), int(self.loop.model.nv)
         self._rates = ConfigurationRates(self.loop.model)
         joints = [self.loop.model.getJointId(name) for name in self.loop.actuated]
@@ -112,6 +115,10 @@ class ConstrainedPlant:
         if not np.isfinite(state).all():
             return np.full(len(state), np.nan)
         q, v = self.split(state)
+        if self.compiled is not None and self._resisting is None:
+            a = self.compiled(q, v, forces, load, "a")
+            if a is not None:
+                return np.concatenate([self._rates(q, v), a])
         external: dict[str, FloatArray] = {}
         joint_forces = None
         if self._load_frames and load.any():

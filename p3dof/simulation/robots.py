@@ -14,6 +14,7 @@ from p3dof.closed_loop import ClosedLoopModel
 from p3dof.errors import ControllerError, DynamicsError, InputError
 from p3dof.motion.times import evenly, sample_count
 from p3dof.simulation.actuation import Actuation
+from p3dof.simulation.compiled_robots import Method, states_for
 from p3dof.simulation.crossings import CHECKED, Watch
 from p3dof.simulation.events import Event, Occurrence, checked_events
 from p3dof.simulation.integration import Integrator, Recording, Schedule, Tolerances
@@ -53,6 +54,7 @@ def simulate_robot(
     samples: int = 1001,
     integration: Integration = ROBOT_PRECISE,
     progress: Progress | None = None,
+    method: Method = "general",
 ) -> RobotRun:
     """Follow any robot with closed loops in time.
 
@@ -91,6 +93,10 @@ def simulate_robot(
         Tolerances, longest step, stabilisation of the closures, and how long it may take.
     progress : callable, optional
         Called with (done, total) samples.
+    method : {"general", "compiled"} or CompiledLoop
+        What computes accelerations: the robot; C that is compiled for it now, or taken from the cache; or
+        what `ClosedLoopModel.compile` returned, for many runs. Where compiled dynamics are not to be trusted
+        the robot decides, so that runs end for the same reasons.
 
     Returns
     -------
@@ -106,12 +112,16 @@ def simulate_robot(
     InputError
         If an argument does not fit, the loops are open, the run starts beyond a limit, or it would take too
         long.
+    ModelError
+        If the robot cannot be compiled.
     """
     _check(loop, control, integration)
     times = evenly(0.0, positive("duration", duration, InputError), sample_count(samples, least=2))
     loads, chosen = Loads(loop, external), checked_events(events)
-    plant = ObservedPlant(loop, integration.stabilisation, loads.frames)
+    beta = integration.stabilisation
+    plant = ObservedPlant(loop, beta, loads.frames)
     state = plant.checked_state(*_start(loop, q, v), CLOSED)
+    plant.compiled = states_for(loop, method, "forward_dynamics", loads.frames, beta, plant.split(state)[0])
     margins = RobotMargins(plant, stop_at, [event for event in chosen if event.stops], state)
     count = len(loop.actuated)
     effort = np.asarray(loop.model.upperEffortLimit)[loop.actuated_v]

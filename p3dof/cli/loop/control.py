@@ -13,7 +13,7 @@ import numpy as np
 from p3dof.checks import FloatArray, shown
 from p3dof.cli.files import InputFile, protect, source
 from p3dof.cli.options import POSITIVE, Number, Whole
-from p3dof.closed_loop import ClosedLoopModel
+from p3dof.closed_loop import ClosedLoopModel, CompiledLoop
 from p3dof.errors import InputError
 from p3dof.motion import WrenchHistory
 from p3dof.simulation import (
@@ -138,7 +138,13 @@ class Control(NamedTuple):
             raise InputError("--motion: the robot has no actuated joints")
         return JointReference.from_csv(robot, source(self.motion_file))
 
-    def of(self, robot: ClosedLoopModel, q: FloatArray, reference: JointReference) -> JointPD:
+    def of(
+        self,
+        robot: ClosedLoopModel,
+        q: FloatArray,
+        reference: JointReference,
+        compiled: CompiledLoop | None = None,
+    ) -> JointPD:
         """Return the controller, for a start at a configuration (nq,)."""
         if not robot.actuated:
             raise InputError(f"--controller {self.controller}: the robot has no actuated joints")
@@ -148,8 +154,8 @@ class Control(NamedTuple):
         kp = own[0] * scale if self.kp is None else _numbers("--kp", self.kp)
         kd = own[1] * scale if self.kd is None else _numbers("--kd", self.kd)
         if computed:
-            return JointComputedTorque(robot, reference, kp, kd)
-        return JointPD(robot, reference, kp, kd, gravity=True)
+            return JointComputedTorque(robot, reference, kp, kd, compiled)
+        return JointPD(robot, reference, kp, kd, gravity=True, compiled=compiled)
 
 
 def with_control(command: Callable[..., Any]) -> Callable[..., Any]:

@@ -27,9 +27,17 @@ from p3dof.simulation import (
     RobotRun,
     simulate_robot,
 )
+from p3dof.simulation.compiled_robots import compiled_at
 from p3dof.simulation.work import TIME_LIMIT
 from p3dof.tables import Table, number
 
+METHOD = click.option(
+    "--method",
+    type=click.Choice(("general", "compiled")),
+    default="general",
+    show_default=True,
+    help="What computes accelerations: the robot, or C that is compiled for it (needs gcc or clang).",
+)
 _LIMITS = {"stop": ROBOT_KINDS, "ignore": tuple(kind for kind in ROBOT_KINDS if kind != "joint limit")}
 
 _MOST = 8
@@ -64,6 +72,7 @@ _MOST = 8
     show_default=True,
     help="Longest time that the run may take [s], as estimated before it starts.",
 )
+@METHOD
 @click.option(
     "--out",
     type=OutputFile("table", stream=True),
@@ -88,6 +97,7 @@ def simulate(
     duration: float | None,
     samples: int,
     time_limit: float,
+    method: str,
     out: Path | None,
     multipliers: bool,
     figure: Path | None,
@@ -103,10 +113,11 @@ def simulate(
         raise click.UsageError("--force and --controller exclude each other")
     loads, wanted = externals(external), control.reference(robot)
     q, v = _start(robot, values, wanted)
+    compiled = compiled_at(robot, q, loads) if method == "compiled" else None
     if control.controller == NONE:
         acting: RobotController = forces_of(robot, forces)
     else:
-        acting = control.of(robot, q, wanted or JointReference.standing(_actuated(robot, q)))
+        acting = control.of(robot, q, wanted or JointReference.standing(_actuated(robot, q)), compiled)
     if duration is None:
         duration = wanted.duration if wanted is not None and wanted.duration else 1.0
     settings = Integration(rtol=1e-9, atol=1e-11, time_limit=time_limit)
@@ -123,6 +134,7 @@ def simulate(
             samples=samples,
             integration=settings,
             progress=progress,
+            method="general" if compiled is None else compiled,
         )
     written = write_results(partial(run.to_csv, multipliers=multipliers), out)
     written += _draw(run, figure)

@@ -86,6 +86,8 @@ class CompiledFunctions:
         names = coordinate_names(self._loop.model)
         self.independent: tuple[str, ...] = tuple(names[i] for i in self._robot.independent)
         """Coordinates whose speeds the others follow from: joints, or single freedoms such as ``base[2]``."""
+        self.external: tuple[str, ...] = tuple(load.name for load in self._robot.loads)
+        """Frames on which external wrenches act."""
         self._functions: dict[str, Function] = {}
         self._kernels: dict[str, Kernel] = {}
         self._defaults = self._robot.defaults
@@ -93,6 +95,43 @@ class CompiledFunctions:
     def __repr__(self) -> str:
         names = ", ".join(self.independent)
         return f"CompiledLoop({self._loop.model.name!r}, level={self.level!r}, independent=[{names}])"
+
+    def is_of(self, loop: DerivativesModel) -> bool:
+        """Return whether a robot is the one that was compiled, as it was then.
+
+        Parameters
+        ----------
+        loop : ClosedLoopModel
+            The robot.
+
+        Returns
+        -------
+        bool
+        """
+        return bool(loop.model == self._loop.model) and loop.sidecar == self._loop.sidecar
+
+    def margin(self, q: ArrayLike) -> float:
+        """Return how far a configuration is from where the partition of speeds fails; one is usual.
+
+        Parameters
+        ----------
+        q : (nq,) array
+            Configuration.
+
+        Returns
+        -------
+        float
+            Smallest pivot over what it usually is.
+
+        Raises
+        ------
+        InputError
+            If `q` has the wrong shape or is not finite.
+        """
+        q = frozen_array("q", q, (self._loop.model.nq,))
+        function = self.function("step")
+        with np.errstate(all="ignore"):
+            return float(function.on_arrays(*q)[function.outputs["q"]])  # what comes behind q
 
     def operations(self, name: str = "inverse_dynamics") -> int:
         """Return how many additions, products and so on a sample takes.

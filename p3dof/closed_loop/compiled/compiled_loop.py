@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from numpy.typing import ArrayLike
 
-from p3dof.checks import FloatArray
+from p3dof.checks import FloatArray, frozen_array
 from p3dof.closed_loop.compiled.following import FollowingLoop
 from p3dof.closed_loop.compiled.results import (
     CompiledDerivatives,
@@ -16,6 +16,7 @@ from p3dof.closed_loop.compiled.results import (
 )
 from p3dof.closed_loop.derivatives import ByForces, ByMotion
 from p3dof.closed_loop.loop_model import External
+from p3dof.errors import InputError
 
 
 class CompiledLoop(FollowingLoop):
@@ -104,6 +105,7 @@ class CompiledLoop(FollowingLoop):
         external: External | None = None,
         joint_forces: ArrayLike | None = None,
         inertias: Mapping[str, ArrayLike] | None = None,
+        stabilisation: float = 0.0,
     ) -> CompiledDynamics:
         """Return forces and motion for accelerations of the actuated joints; idle freedoms move as they must.
 
@@ -117,6 +119,8 @@ class CompiledLoop(FollowingLoop):
             Accelerations of the actuated joints.
         external, joint_forces, inertias
             As in `inverse_dynamics`.
+        stabilisation : float
+            β of Baumgarte's stabilisation [1/s], as of `ClosedLoopModel.forward_dynamics`.
 
         Returns
         -------
@@ -135,7 +139,8 @@ class CompiledLoop(FollowingLoop):
             {"q": (q, model.nq), "v": (v, model.nv), "a_actuated": (a_actuated, count)}
         )
         load = self._load(len(given["q"]), external, joint_forces, inertias)
-        found = self._run("hybrid_dynamics", {**given, **load})
+        name, beta = _stabilised("hybrid_dynamics", stabilisation)
+        found = self._run(name, {**given, **load, **beta})
 
         def alone(i: int) -> dict[str, ArrayLike]:
             loop, (forces, joints) = self._alone(i, load)
@@ -153,6 +158,7 @@ class CompiledLoop(FollowingLoop):
         external: External | None = None,
         joint_forces: ArrayLike | None = None,
         inertias: Mapping[str, ArrayLike] | None = None,
+        stabilisation: float = 0.0,
     ) -> CompiledDynamics:
         """Return the acceleration that actuator forces produce, at one sample or at N.
 
@@ -166,6 +172,8 @@ class CompiledLoop(FollowingLoop):
             Forces of the actuated joints [N or N m].
         external, joint_forces, inertias
             As in `inverse_dynamics`.
+        stabilisation : float
+            β of Baumgarte's stabilisation [1/s], as of `ClosedLoopModel.forward_dynamics`.
 
         Returns
         -------
@@ -180,7 +188,8 @@ class CompiledLoop(FollowingLoop):
         model, count = self._loop.model, len(self._robot.motors)
         given, single = self._rows({"q": (q, model.nq), "v": (v, model.nv), "tau": (tau, count)})
         load = self._load(len(given["q"]), external, joint_forces, inertias)
-        found = self._run("forward_dynamics", {**given, **load})
+        name, beta = _stabilised("forward_dynamics", stabilisation)
+        found = self._run(name, {**given, **load, **beta})
 
         def alone(i: int) -> dict[str, ArrayLike]:
             loop, (forces, joints) = self._alone(i, load)
@@ -272,3 +281,11 @@ class CompiledLoop(FollowingLoop):
         }
         found = self._tangents("tangent_of_accelerations", inputs, load, ("dq", "dv", "dtau"))
         return derivatives_with_general(found, ("a", "da"), ByForces, alone, single)
+
+
+def _stabilised(name: str, stabilisation: float) -> tuple[str, dict[str, FloatArray]]:
+    """Return the function for β, and that as its input."""
+    beta = frozen_array("stabilisation", stabilisation, ())
+    if beta < 0:
+        raise InputError(f"stabilisation: expected zero or more, got {float(beta):g}")
+    return (f"stabilised_{name}", {"stabilisation": beta.reshape(1)}) if beta else (name, {})

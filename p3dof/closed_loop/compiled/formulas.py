@@ -199,13 +199,13 @@ class Moving:
             found = [f - p for f, p in zip(found, self._joint_forces, strict=True)]
         return found
 
-    def opening(self, a: Sequence[Number], moving: Motion | None = None) -> list[Number]:
-        """Return the accelerations at closures and couplings."""
+    def opening(self, a: Sequence[Number], moving: Motion | None = None, moved: bool = False) -> list[Number]:
+        """Return the accelerations at closures and couplings, if asked for of those that open slowly."""
         at, tree = self.at, self.at.robot.tree
         if moving is None:
             moving = motion(tree, at.where, self.v, a, self.omega, ZERO, at.loops.parts)
         coupled = at.robot.coupled.accelerations(at.tape, at.q, self.v, a)
-        return [*at.loops.accelerations(self.v, moving), *coupled]
+        return [*at.loops.accelerations(self.v, moving, moved), *coupled]
 
 
 def _wrenches(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,8 @@ EVIDENCE = ("margin", "gap", "trusted")
 """Outputs that say how good a result is, the last ones of a function."""
 MARGIN = 1e-3
 """Smallest pivot, compared with those that the partition was made on, that is trusted."""
+MARGIN_OF_STATES = 2e-2
+"""The same where accelerations are found: NᵀM N squares what is large near a singular partition."""
 MISSING = 1e-10
 """Largest force that no actuator gives, of all forces together, that is put down to rounding."""
 _FOLLOWED = 1e-4
@@ -50,6 +52,8 @@ class Function:
         All outputs.
     closed : float
         Largest gap at which it is to be trusted.
+    least_margin : float
+        Smallest margin likewise.
     """
 
     name: str
@@ -59,6 +63,7 @@ class Function:
     symbols: tuple[Symbol, ...]
     results: tuple[Number, ...]
     closed: float = 0.0
+    least_margin: float = MARGIN
 
     @cached_property
     def operations(self) -> int:
@@ -82,7 +87,7 @@ class _Builder:
         self.outputs: dict[str, int] = {}
         self._symbols: list[Symbol] = []
         self._results: list[Number] = []
-        self.closed = 0.0
+        self.closed, self.least_margin = 0.0, MARGIN
 
     def take(self, name: str, size: int) -> tuple[Symbol, ...]:
         self.inputs[name] = size
@@ -99,7 +104,7 @@ class _Builder:
         self.outputs[name] = len(values)
         self._results += values
 
-    def evidence(self, at: At, closed: float, limits: Sequence[Number] = ()) -> None:
+    def evidence(self, at: At, closed: float, limits: Sequence[Number] = (), margin: float = MARGIN) -> None:
         """Give margin and gap, and whether the sample is to be trusted: a positive number, no NaN.
 
         Closed are the loops up to a gap, with no axes opposite that should agree. Limits are positive.
@@ -108,14 +113,14 @@ class _Builder:
         self.closed = closed * at.robot.length
         gap = dot(at.errors, at.errors)
         limits = [tape.subtract(self.closed * self.closed, gap), *at.loops.aligned(), *limits]
-        margin: Number = at.margin
-        least = tape.subtract(margin, MARGIN * MARGIN)
+        self.least_margin = margin
+        least = tape.subtract(at.margin, margin * margin)
         for limit in limits:
             least = tape.minimum(limit, least)
         total: Number = 0.0
         for value in self._results:
             total = total + value
-        self.give("margin", [tape.sqrt(margin)])
+        self.give("margin", [tape.sqrt(at.margin)])
         self.give("gap", [tape.sqrt(gap)])
         # What is not finite makes the difference NaN, and the minimum with it.
         self.give("trusted", [tape.minimum(least, tape.add(tape.subtract(total, total), 1.0))])
@@ -129,6 +134,7 @@ class _Builder:
             tuple(self._symbols),
             tuple(self._results),
             self.closed,
+            self.least_margin,
         )
         if found.operations > MOST_OPERATIONS:
             raise ModelError(
@@ -207,22 +213,25 @@ def tangent_of_forces(robot: Robot) -> Function:
     seeds |= {symbol.index: seed for symbol, seed in zip((*v, *a), (*dv, *da), strict=True)}
     build.give("tau", tau)
     build.give("dtau", tangent(tau, seeds))
-    build.evidence(at, CLOSED)
+    build.evidence(at, CLOSED, margin=MARGIN_OF_STATES)
     return build.function("tangent_of_forces")
 
 
-def forward_dynamics(robot: Robot) -> Function:
+def forward_dynamics(robot: Robot, stabilised: bool = False) -> Function:
     """Return the acceleration of the tree from its state and the motors' forces."""
     build = _Builder()
-    tree = robot.tree
+    tree, free = robot.tree, robot.independent
     q, v = build.take("q", tree.nq), build.take("v", tree.nv)
     tau = build.take("tau", len(robot.motors))
     robot, load = build.loaded(robot)
+    beta = build.take("stabilisation", 1)[0] if stabilised else None
     at = At(robot, build.tape, q)
     moving = Moving(at, v, load)
-    build.give("a", _accelerated(at, moving, tau))
+    drift = _drift(at, moving, beta)
+    found = _independent_accelerations(at, moving, tau, _projected_mass(at, free, free), drift)
+    build.give("a", at.completed(found, drift))
     _evidence_of_state(build, at, v)
-    return build.function("forward_dynamics")
+    return build.function("stabilised_forward_dynamics" if stabilised else "forward_dynamics")
 
 
 def tangent_of_accelerations(robot: Robot) -> Function:
@@ -238,9 +247,10 @@ def tangent_of_accelerations(robot: Robot) -> Function:
     all_v = at.completed(dict(zip(free, v, strict=True)), [0.0] * len(at.rows))
     moving = Moving(at, all_v, load)
     mass = _projected_mass(at, free, free)
-    found = _independent_accelerations(at, moving, tau, mass)
+    drift = _drift(at, moving)
+    found = _independent_accelerations(at, moving, tau, mass, drift)
     # What is out of balance when q and v change and the accelerations stay is what they have to make up for.
-    a = at.completed(found, moving.opening([0.0] * tree.nv))
+    a = at.completed(found, drift)
     left = [-x for x in moving.needed(a)]
     for motor, value in zip(robot.motors, tau, strict=True):
         left[motor] = left[motor] + value
@@ -253,11 +263,11 @@ def tangent_of_accelerations(robot: Robot) -> Function:
     moved = {x.index: dx for x, dx in zip(found.values(), made, strict=True) if isinstance(x, Symbol)}
     build.give("a", a)
     build.give("da", tangent(a, {**seeds, **moved}))
-    build.evidence(at, CLOSED)
+    build.evidence(at, CLOSED, margin=MARGIN_OF_STATES)
     return build.function("tangent_of_accelerations")
 
 
-def hybrid_dynamics(robot: Robot) -> Function:
+def hybrid_dynamics(robot: Robot, stabilised: bool = False) -> Function:
     """Return forces and the acceleration of the tree from the accelerations of the motors."""
     build = _Builder()
     tape, tree, free = build.tape, robot.tree, robot.independent
@@ -267,9 +277,10 @@ def hybrid_dynamics(robot: Robot) -> Function:
     q, v = build.take("q", tree.nq), build.take("v", tree.nv)
     given = dict(zip(robot.motors, build.take("a_actuated", len(robot.motors)), strict=True))
     robot, load = build.loaded(robot)
+    beta = build.take("stabilisation", 1)[0] if stabilised else None
     at = At(robot, tape, q)
     moving = Moving(at, v, load)
-    start = at.completed({**given, **dict.fromkeys(idle, 0.0)}, moving.opening([0.0] * tree.nv))
+    start = at.completed({**given, **dict.fromkeys(idle, 0.0)}, _drift(at, moving, beta))
     a = start
     if idle:
         force, _ = at.projected(moving.needed(start))
@@ -281,7 +292,7 @@ def hybrid_dynamics(robot: Robot) -> Function:
     build.give("a", a)
     build.give("lambda_", multipliers)
     _evidence_of_state(build, at, v)
-    return build.function("hybrid_dynamics")
+    return build.function("stabilised_hybrid_dynamics" if stabilised else "hybrid_dynamics")
 
 
 def step(robot: Robot) -> Function:
@@ -308,6 +319,8 @@ FUNCTIONS: Mapping[str, Callable[[Robot], Function]] = {
     "inverse_dynamics": inverse_dynamics,
     "hybrid_dynamics": hybrid_dynamics,
     "forward_dynamics": forward_dynamics,
+    "stabilised_hybrid_dynamics": partial(hybrid_dynamics, stabilised=True),
+    "stabilised_forward_dynamics": partial(forward_dynamics, stabilised=True),
     "motion": motion,
     "step": step,
     "integrate": integrate,
@@ -360,17 +373,27 @@ def _smallest(at: At, needed: Sequence[Number]) -> list[Number]:
     return [dot([A[i][k] for i in kept], x) for k in range(len(robot.motors))]
 
 
-def _accelerated(at: At, moving: Moving, tau: Sequence[Number]) -> list[Number]:
-    free = at.robot.independent
-    found = _independent_accelerations(at, moving, tau, _projected_mass(at, free, free))
-    return at.completed(found, moving.opening([0.0] * at.robot.tree.nv))
+def _drift(at: At, moving: Moving, beta: Number | None = None) -> list[Number]:
+    """Return what accelerations of the joints must make up for at the closures, with Baumgarte's terms."""
+    drift = moving.opening([0.0] * at.robot.tree.nv, moved=beta is not None)
+    if beta is None:
+        return drift
+    speeds = [_row(row, moving.v) for row in at.rows]
+    return [
+        bias + beta * (2.0 * speed + beta * error)
+        for bias, speed, error in zip(drift, speeds, at.errors, strict=True)
+    ]
 
 
 def _independent_accelerations(
-    at: At, moving: Moving, tau: Sequence[Number], mass: Sequence[Sequence[Number]]
+    at: At,
+    moving: Moving,
+    tau: Sequence[Number],
+    mass: Sequence[Sequence[Number]],
+    drift: Sequence[Number],
 ) -> dict[int, Number]:
     robot, free = at.robot, at.robot.independent
-    start = at.completed(dict.fromkeys(free, 0.0), moving.opening([0.0] * robot.tree.nv))
+    start = at.completed(dict.fromkeys(free, 0.0), drift)
     left = [-x for x in moving.needed(start)]
     for motor, value in zip(robot.motors, tau, strict=True):
         left[motor] = left[motor] + value
@@ -442,7 +465,7 @@ def _largest(tape: Tape, a: Number, b: Number) -> Number:
 def _evidence_of_state(build: _Builder, at: At, v: Sequence[Number]) -> None:
     speeds = [_row(row, v) for row in at.rows]
     opening = _within(build.tape, speeds, NEARLY_CONSISTENT * at.robot.length, v)
-    build.evidence(at, NEARLY_CLOSED, [opening])
+    build.evidence(at, NEARLY_CLOSED, [opening], MARGIN_OF_STATES)
 
 
 def _row(row: Mapping[int, Number], v: Sequence[Number]) -> Number:

@@ -136,6 +136,8 @@ class BoundFunction:
         self._pointers = pointers([self._in.ctypes.data, self._out.ctypes.data])
         self.run = partial(call, ctypes.addressof(self._pointers))
         """Compute one sample."""
+        # Who keeps the call alone keeps what it reads and writes.
+        vars(self.run)["kept"] = self._pointers, self._in, self._out
 
 
 def _run_by_numpy(function: Function, given: FloatArray, found: FloatArray) -> None:

@@ -110,8 +110,8 @@ class Loops:
             found += _ERRORS[ends.closure.kind](ends, relative, d)
         return found
 
-    def accelerations(self, v: Sequence[Number], moving: Motion) -> list[Number]:
-        """Return the second derivatives of the errors of closed loops that stay closed."""
+    def accelerations(self, v: Sequence[Number], moving: Motion, opening: bool = False) -> list[Number]:
+        """Return the second derivatives of the errors of closed loops that stay closed, or open slowly."""
         found: list[Number] = []
         for ends, relative in zip(self._closures, self._relative, strict=True):
             first, second = ends.parts
@@ -124,7 +124,7 @@ class Loops:
             there = plus(moving.A[first], turned(moving.U[first], relative.point))
             d_ddot = minus(turned(relative.R, here), there)
             d_dot = ZERO
-            if ends.closure.kind not in _POINTS:
+            if opening or ends.closure.kind not in _POINTS:
                 for place, (velocity, _) in relative.columns.items():
                     d_dot = plus(d_dot, times(v[place], velocity))
                 d_ddot = minus(d_ddot, times(2.0, cross(moving.omega[first], d_dot)))
