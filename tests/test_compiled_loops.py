@@ -599,3 +599,77 @@ def test_pivots_hold_on_all_samples_at_once():
     assert planned(np.array([good]), (1,)).pivots[0][1] == 0
     redundant = np.array([[[1.0, 2.0, 3.0], [2.0, 4.0, 6.0]]])
     assert len(planned(redundant, ()).pivots) == 1
+
+
+# Wrong numbers that nobody would notice
+
+
+def sized(loop, size):
+    """A robot that is larger or smaller, of the same density."""
+    model = loop.model.copy()
+    for i in range(1, model.njoints):
+        place = model.jointPlacements[i]
+        model.jointPlacements[i] = pin.SE3(place.rotation, place.translation * size)
+        body = model.inertias[i]
+        model.inertias[i] = pin.Inertia(body.mass * size**3, body.lever * size, body.inertia * size**5)
+    for frame in model.frames:
+        frame.placement = pin.SE3(frame.placement.rotation, frame.placement.translation * size)
+    return ClosedLoopModel(model, loop.sidecar)
+
+
+@pytest.mark.parametrize("size", [1e-4, 1e-3, 1e3])
+@pytest.mark.parametrize("name", ["four_bar", "five_bar"])
+def test_tiny_and_huge_robots(name, size):
+    loop = sized(gallery(name), size)
+    compiled = loop.compile(level="numpy")
+    moving = trees.motions(loop, 3, seed=2, spread=0.2)
+    found = compiled.inverse_dynamics(moving.q, moving.v, moving.a)
+    back = compiled.forward_dynamics(moving.q, moving.v, found.tau)
+    assert not (found.general | back.general).any()
+    for i in range(3):
+        one = loop.inverse_dynamics(moving.q[i], moving.v[i], moving.a[i]).tau
+        np.testing.assert_allclose(found.tau[i], one, rtol=0, atol=1e-12 * np.abs(one).max())
+        np.testing.assert_allclose(back.a[i], moving.a[i], rtol=0, atol=1e-8 * np.abs(moving.a[i]).max())
+
+
+@pytest.mark.parametrize("level", ["numpy", pytest.param("auto", marks=needs_compiler)])
+def test_quaternions_that_are_not_normalised_are_refused(level):
+    loop = gallery("stewart" if level == "numpy" else "leg")
+    joint = next(joint for joint in loop.model.joints if joint.nq in (4, 7))
+    compiled = loop.compile(level=level)
+    moving = trees.motions(loop, 2, seed=1, spread=0.1)
+    q, place = np.array(moving.q), slice(joint.idx_q + joint.nq - 4, joint.idx_q + joint.nq)
+    tau = np.ones((2, len(loop.actuated)))
+    q[1, place] *= 1 + 1e-5
+    found = compiled.forward_dynamics(q, moving.v, tau)
+    assert {i: type(error) for i, error in found.errors.items()} == {1: InputError}
+    q[1, place] *= -1 / (1 + 1e-5)  # the same turn
+    found = compiled.forward_dynamics(q, moving.v, tau)
+    assert not found.general.any()
+
+
+@pytest.mark.parametrize("level", ["numpy", pytest.param("auto", marks=needs_compiler)])
+def test_speeds_and_accelerations_that_overflow_are_refused(level):
+    loop = gallery("five_bar")
+    compiled = loop.compile(level=level)
+    moving = trees.motions(loop, 3, seed=1, spread=0.1)
+    for huge in (1e100, 1e160, 1e200):
+        for name in ("v", "a"):
+            state = {"q": moving.q, "v": np.array(moving.v), "a": np.array(moving.a)}
+            state[name][1, 2] = huge
+            found = compiled.inverse_dynamics(**state)
+            assert list(found.errors) == [1]
+            assert np.isnan(found.tau[1]).all()
+
+
+def test_arguments_that_do_not_fit_are_told_in_one_line():
+    loop = gallery("five_bar")
+    for threads in (0, -3, 1.5, "two"):
+        with pytest.raises(InputError, match=r"threads: expected a whole number of at least 1"):
+            loop.compile(threads=threads)
+    with pytest.raises(InputError, match=r"level: expected one of auto.*numpy, got a list"):
+        loop.compile(level=["auto"])
+    with pytest.raises(InputError, match=r"around: expected real numbers"):
+        loop.compile(around="home")
+    with pytest.raises(InputError, match=r"external: expected several names, got 5"):
+        loop.compile(external=5)

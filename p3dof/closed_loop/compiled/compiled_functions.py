@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, as_floats, frozen_array, shown
+from p3dof.closed_loop.assembly_model import whole
 from p3dof.closed_loop.closed_tree import CLOSED
 from p3dof.closed_loop.compiled import build
 from p3dof.closed_loop.compiled.functions import FUNCTIONS, Function
@@ -66,7 +67,7 @@ class CompiledFunctions:
         level: str = "auto",
         threads: int | None = None,
     ) -> None:
-        if level != "numpy" and level not in build.LEVELS:
+        if level not in (*build.LEVELS, "numpy"):
             raise InputError(
                 f"level: expected one of {', '.join((*build.LEVELS, 'numpy'))}, got {shown(level)}"
             )
@@ -79,7 +80,10 @@ class CompiledFunctions:
             level = "numpy"
         self.level = level
         """Instructions that are used."""
-        self._loop, self._threads = loop.copy(), threads or processors()
+        self._loop, self._threads = (
+            loop.copy(),
+            processors() if threads is None else whole("threads", threads, 1),
+        )
         start = _configurations(self._loop, around)
         self._around = start
         self._robot = robot_of(self._loop, start, external, joint_forces, inertias)
@@ -225,7 +229,7 @@ class CompiledFunctions:
         ModelError
             If it has too many operations.
         """
-        if name not in FUNCTIONS:
+        if name not in tuple(FUNCTIONS):
             raise InputError(f"name: expected one of {', '.join(FUNCTIONS)}, got {shown(name)}")
         if name not in self._functions:
             self._functions[name] = FUNCTIONS[name](self._robot)
@@ -326,7 +330,7 @@ class CompiledFunctions:
 def _configurations(loop: DerivativesModel, around: ArrayLike | None) -> list[FloatArray]:
     if around is None:
         return closed_configurations(loop, np.array(loop.assemble().q))
-    rows = frozen_array("around", np.atleast_2d(np.asarray(around, dtype=float)), ("K", loop.model.nq))
+    rows = frozen_array("around", np.atleast_2d(as_floats("around", around)), ("K", loop.model.nq))
     if not len(rows):
         raise InputError("around: expected at least one configuration")
     gaps = [np.abs(loop.closure_error(q)).max(initial=0.0) for q in rows]

@@ -13,7 +13,7 @@ from p3dof.closed_loop.closed_tree import CLOSED, CONSISTENT, NEARLY_CLOSED, NEA
 from p3dof.closed_loop.compiled.dynamics import mass_matrix
 from p3dof.closed_loop.compiled.formulas import At, Moving, Robot
 from p3dof.closed_loop.compiled.pivots import solve_symmetric
-from p3dof.closed_loop.compiled.rates import moved, seeds_of
+from p3dof.closed_loop.compiled.rates import moved, seeds_of, units
 from p3dof.closed_loop.compiled.vectors import dot
 from p3dof.errors import ModelError
 from p3dof.tracing import Number, Symbol, Tape
@@ -22,6 +22,8 @@ from p3dof.tracing.python import function_of
 
 EVIDENCE = ("margin", "gap", "trusted")
 """Outputs that say how good a result is, the last ones of a function."""
+NORMALISED = 1e-6
+"""Largest error of the length of quaternions and circles, as in the general layer."""
 MARGIN = 1e-3
 """Smallest pivot, compared with those that the partition was made on, that is trusted."""
 MARGIN_OF_STATES = 2e-2
@@ -112,13 +114,13 @@ class _Builder:
         tape = self.tape
         self.closed = closed * at.robot.length
         gap = dot(at.errors, at.errors)
-        limits = [tape.subtract(self.closed * self.closed, gap), *at.loops.aligned(), *limits]
+        limits = [tape.subtract(self.closed * self.closed, gap), *at.loops.aligned(), *_unit(at), *limits]
         self.least_margin = margin
         least = tape.subtract(at.margin, margin * margin)
         for limit in limits:
             least = tape.minimum(limit, least)
         total: Number = 0.0
-        for value in self._results:
+        for value in (*self._results, *limits):  # a minimum would lose a limit that is NaN
             total = total + value
         self.give("margin", [tape.sqrt(at.margin)])
         self.give("gap", [tape.sqrt(gap)])
@@ -456,6 +458,12 @@ def _given(tape: Tape, missing: Sequence[Number], forces: Sequence[Number]) -> N
         return 1.0
     allowed = dot(forces, forces) * (MISSING * MISSING)
     return tape.add(tape.subtract(allowed, dot(missing, missing)), 1e-300)
+
+
+def _unit(at: At) -> list[Number]:
+    """Return what is positive where circles and quaternions in q are normalised."""
+    squares = [dot(unit, unit) - 1.0 for unit in units(at)]
+    return [at.tape.subtract(4.0 * NORMALISED * NORMALISED, off * off) for off in squares]
 
 
 def _largest(tape: Tape, a: Number, b: Number) -> Number:

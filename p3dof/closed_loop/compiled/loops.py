@@ -80,7 +80,7 @@ class Loops:
         for closure, ends in zip(kinematics.closures, kinematics.ends, strict=True):
             joint1, place1, joint2, place2 = ends
             parts = tree.of_joint[int(joint1)], tree.of_joint[int(joint2)]
-            placed = [(matrix_of(p.rotation), numbers(p.translation)) for p in (place1, place2)]
+            placed = [(matrix_of(p.rotation), numbers(p.translation, tree.size)) for p in (place1, place2)]
             self._closures.append(_Ends(closure, parts, *placed[0], *placed[1]))
         self._relative = [self._between(ends) for ends in self._closures]
         self.parts = sorted(

@@ -8,6 +8,9 @@ from p3dof.closed_loop.compiled.formulas import At
 from p3dof.closed_loop.compiled.vectors import dot
 from p3dof.tracing import Number, Symbol, Tape
 
+_UNITS = {"unbounded": 2, "planar": 2, "ball": 4, "free": 4}
+"""How many numbers at the end of a joint's q have length one."""
+
 
 def seeds_of(at: At, free: Mapping[int, Number]) -> dict[int, Number]:
     """Return how q changes along a direction of the independent coordinates, by place on the tape."""
@@ -34,8 +37,14 @@ def moved(at: At, shift: Mapping[int, Number]) -> list[Number]:
     return found
 
 
+def units(at: At) -> list[list[Number]]:
+    """Return the circles and quaternions in q."""
+    parts = at.robot.tree.parts[1:]
+    return [[at.q[i] for i in part.q[-_UNITS[part.kind] :]] for part in parts if part.kind in _UNITS]
+
+
 def _normalised(tape: Tape, kind: str, q: list[Number]) -> list[Number]:
-    size = {"unbounded": 2, "planar": 2, "ball": 4, "free": 4}.get(kind, 0)
+    size = _UNITS.get(kind, 0)
     if not size:
         return q
     kept, unit = q[:-size], q[-size:]

@@ -96,7 +96,8 @@ def robot_of(
     loads = []
     for name in _different("external", external):
         frame = kinematics.frame(name, "external", InputError)
-        loads.append(Load(name, tree.of_joint[int(frame.parentJoint)], numbers(frame.placement.translation)))
+        place = numbers(frame.placement.translation, tree.size)
+        loads.append(Load(name, tree.of_joint[int(frame.parentJoint)], place))
     joints = {name: joint_named(model, name, "inertias") for name in _different("inertias", inertias)}
     robot = CompiledRobot(
         tree,
@@ -122,7 +123,7 @@ def robot_of(
 
 
 def _different(what: str, names: Iterable[str]) -> list[str]:
-    if isinstance(names, str):
+    if isinstance(names, str) or not isinstance(names, Iterable):
         raise InputError(f"{what}: expected several names, got {shown(names)}")
     found = [str(name) for name in names]
     if len(set(found)) < len(found):

@@ -120,6 +120,8 @@ class Tree:
         [m/s²].
     armature : tuple of float
         By entry of v.
+    size : float
+        Its largest length, one if that is longer or nothing: beside it rounding is told [m].
     """
 
     parts: tuple[Part, ...]
@@ -128,6 +130,7 @@ class Tree:
     nv: int
     gravity: Vector
     armature: tuple[float, ...]
+    size: float = 1.0
 
     def path(self, part: int) -> list[int]:
         """Return the parts from one up to the world, which is left out."""
@@ -155,24 +158,34 @@ def tree_of(model: pin.Model) -> Tree:
     ModelError
         If a joint is of a kind that is not known here; the message names it.
     """
+    size = _size(model)
     world = Part("prismatic", 0, IDENTITY, ZERO, ZERO, 0.0, (), ())
     parts, of_joint = [world], [0]
     for i in range(1, model.njoints):
-        chain = _chain(model.joints[i], str(model.names[i]), model.jointPlacements[i])
+        chain = _chain(model.joints[i], str(model.names[i]), model.jointPlacements[i], size)
         above = of_joint[int(model.parents[i])]
         for link in chain:
             parts.append(replace(link, parent=above))
             above = len(parts) - 1
-        parts[-1] = _with_body(parts[-1], model.inertias[i])
+        parts[-1] = _with_body(parts[-1], model.inertias[i], size)
         of_joint.append(above)
     gravity = numbers(model.gravity.linear)
-    return Tree(tuple(parts), tuple(of_joint), model.nq, model.nv, gravity, tuple(map(float, model.armature)))
+    armature = tuple(map(float, model.armature))
+    return Tree(tuple(parts), tuple(of_joint), model.nq, model.nv, gravity, armature, size)
 
 
-def _with_body(part: Part, inertia: pin.Inertia) -> Part:
-    mass, lever = float(inertia.mass), numbers(inertia.lever)
+def _size(model: pin.Model) -> float:
+    placed = [*model.jointPlacements, *(frame.placement for frame in model.frames)]
+    largest = max(float(np.abs(placement.translation).max()) for placement in placed)
+    return min(1.0, largest) or 1.0
+
+
+def _with_body(part: Part, inertia: pin.Inertia, size: float) -> Part:
+    mass, lever = float(inertia.mass), numbers(inertia.lever, size)
     about_centre = np.array(inertia.inertia)
-    second = matrix_of(np.trace(about_centre) / 2 * np.eye(3) - about_centre)
+    second = matrix_of(
+        np.trace(about_centre) / 2 * np.eye(3) - about_centre, float(np.abs(about_centre).max())
+    )
     first = times(mass, lever)
     return replace(part, mass=mass, first=first, second=added(second, outer(first, lever)))
 
@@ -197,15 +210,15 @@ def with_parameters(part: Part, values: Sequence[Number]) -> Part:
     return replace(part, mass=mass, first=(hx, hy, hz), second=second)
 
 
-def _chain(joint: Any, name: str, placement: pin.SE3) -> list[Part]:
+def _chain(joint: Any, name: str, placement: pin.SE3, size: float) -> list[Part]:
     """Return the parts of a joint; their parents are not known yet."""
     kind = joint.shortname().removeprefix("JointModel")
-    R0, p0 = matrix_of(placement.rotation), numbers(placement.translation)
+    R0, p0 = matrix_of(placement.rotation), numbers(placement.translation, size)
     at_q, at_v = joint.idx_q, joint.idx_v
     if kind == "Composite":
         inner = joint.extract()
         pairs = zip(inner.joints, inner.jointPlacements, strict=True)
-        links = [link for each, where in pairs for link in _chain(each, name, where)]
+        links = [link for each, where in pairs for link in _chain(each, name, where, size)]
         first = links[0]
         links[0] = replace(first, R0=product(R0, first.R0), p0=plus(p0, turned(R0, first.p0)))
         return links

@@ -13,27 +13,29 @@ Vector: TypeAlias = tuple[Number, Number, Number]
 Matrix: TypeAlias = tuple[Vector, Vector, Vector]
 
 _SNAP = 1e-14
-"""Entries of placements below this are rounding of angles in a file, and become zero [m or 1]."""
+"""Entries below this part of a size are rounding of angles in a file, and become zero."""
 
 ZERO: Vector = (0.0, 0.0, 0.0)
 IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 NOTHING: Matrix = (ZERO, ZERO, ZERO)
 
 
-def numbers(values: Sequence[float]) -> Vector:
-    """Return three known numbers."""
-    x, y, z = (_snapped(float(value)) for value in values)
+def numbers(values: Sequence[float], size: float = 1.0) -> Vector:
+    """Return three known numbers; those that are nothing beside a size become zero."""
+    x, y, z = (_snapped(float(value), size) for value in values)
     return x, y, z
 
 
-def matrix_of(values: np.ndarray) -> Matrix:
-    """Return a known matrix."""
-    a, b, c = (numbers(row) for row in np.asarray(values))
+def matrix_of(values: np.ndarray, size: float = 1.0) -> Matrix:
+    """Return a known matrix; entries that are nothing beside a size become zero."""
+    a, b, c = (numbers(row, size) for row in np.asarray(values))
     return a, b, c
 
 
-def _snapped(value: float) -> float:
-    for whole in (0.0, 1.0, -1.0):
+def _snapped(value: float, size: float) -> float:
+    if abs(value) <= _SNAP * size:
+        return 0.0
+    for whole in (1.0, -1.0):
         if abs(value - whole) < _SNAP:
             return whole
     return value
