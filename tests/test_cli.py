@@ -416,9 +416,11 @@ def test_the_exact_variant(tmp_path, capsys):
         ("[getattr(p3dof, name) for name in p3dof.__all__ if name[0].isupper()]", ["numpy", "pinocchio"]),
         (
             "from p3dof.manipulator import METHODS; "
-            "[p3dof.load().forces([0] * 3, [0] * 3, [0] * 3, method=m) for m in METHODS]",
+            "[p3dof.load().forces([0] * 3, [0] * 3, [0] * 3, method=m) for m in METHODS if m != 'pinocchio']",
             ["numpy", "pinocchio"],
         ),
+        # The closed loops are solved by SciPy's LAPACK, which does not wake threads for a few numbers.
+        ("p3dof.load().forces([0] * 3, [0] * 3, [0] * 3)", ["numpy", "pinocchio", "scipy"]),
     ],
 )
 def test_start_up_loads_nothing_that_is_not_used(work, loaded):

@@ -45,6 +45,7 @@ from p3dof.closed_loop.joint_data import JointData
 from p3dof.closed_loop.margins import SingularityMargins
 from p3dof.closed_loop.minimal import FrameJacobian, MinimalDynamics
 from p3dof.closed_loop.model import ClosedLoopModel
+from p3dof.closed_loop.motors import MotorSide
 from p3dof.closed_loop.reactions import ClosureJoint, JointReactions, ReactionSolver
 from p3dof.closed_loop.reactions_batch import BatchReactions, reactions_batch, reactions_by_each
 from p3dof.closed_loop.regressor import LoopRegressor
@@ -84,6 +85,7 @@ __all__ = [
     "JointReactions",
     "LoopRegressor",
     "MinimalDynamics",
+    "MotorSide",
     "ReactionSolver",
     "Sidecar",
     "SingularityMargins",
