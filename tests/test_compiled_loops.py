@@ -673,3 +673,26 @@ def test_arguments_that_do_not_fit_are_told_in_one_line():
         loop.compile(around="home")
     with pytest.raises(InputError, match=r"external: expected several names, got 5"):
         loop.compile(external=5)
+
+
+def test_free_motions_without_inertia_are_not_made_up():
+    """Rods that are exactly thin spin about themselves: their inertia is rounding."""
+    leg = gallery("leg")
+    model = leg.model.copy()
+    for i in range(1, model.njoints):
+        if model.joints[i].nv == 3:
+            body = model.inertias[i]
+            sizes, axes = np.linalg.eigh(body.inertia)
+            thin = axes @ np.diag([0.0, sizes[2], sizes[2]]) @ axes.T
+            model.inertias[i] = pin.Inertia(body.mass, axes[:, 0] * (axes[:, 0] @ body.lever), thin)
+    loop = ClosedLoopModel(model, leg.sidecar)
+    moving = trees.motions(loop, 2, seed=2, spread=0.2)
+    compiled = loop.compile(level="numpy")
+    found = compiled.hybrid_dynamics(moving.q, moving.v, moving.a[:, loop.actuated_v])
+    assert [type(error) for error in found.errors.values()] == [DynamicsError, DynamicsError]
+    assert compiled.forward_dynamics(moving.q, moving.v, np.ones((2, 6))).general.all()
+    bar = gallery("five_bar")
+    for i in range(1, bar.model.njoints):
+        bar.model.inertias[i] = pin.Inertia.Zero()
+    with pytest.raises(ModelError, match=r"a free motion of the mechanism has no inertia"):
+        bar.compile(level="numpy").forward_dynamics(np.zeros(4), np.zeros(4), np.zeros(2))

@@ -12,7 +12,7 @@ import numpy as np
 from p3dof.closed_loop.closed_tree import CLOSED, CONSISTENT, NEARLY_CLOSED, NEARLY_CONSISTENT
 from p3dof.closed_loop.compiled.dynamics import mass_matrix
 from p3dof.closed_loop.compiled.formulas import At, Moving, Robot
-from p3dof.closed_loop.compiled.pivots import solve_symmetric
+from p3dof.closed_loop.compiled.pivots import solve_symmetric, symmetric_factors
 from p3dof.closed_loop.compiled.rates import moved, seeds_of, units
 from p3dof.closed_loop.compiled.vectors import dot
 from p3dof.errors import ModelError
@@ -28,6 +28,8 @@ MARGIN = 1e-3
 """Smallest pivot, compared with those that the partition was made on, that is trusted."""
 MARGIN_OF_STATES = 2e-2
 """The same where accelerations are found: NᵀM N squares what is large near a singular partition."""
+LIGHTEST = 1e-10
+"""Smallest inertia of a free motion, of what moves in it, that is more than rounding."""
 MISSING = 1e-10
 """Largest force that no actuator gives, of all forces together, that is put down to rounding."""
 _FOLLOWED = 1e-4
@@ -230,9 +232,10 @@ def forward_dynamics(robot: Robot, stabilised: bool = False) -> Function:
     at = At(robot, build.tape, q)
     moving = Moving(at, v, load)
     drift = _drift(at, moving, beta)
-    found = _independent_accelerations(at, moving, tau, _projected_mass(at, free, free), drift)
+    mass = _projected_mass(at, free, free)
+    found = _independent_accelerations(at, moving, tau, mass, drift)
     build.give("a", at.completed(found, drift))
-    _evidence_of_state(build, at, v)
+    _evidence_of_state(build, at, v, _heavy(at, free, mass))
     return build.function("stabilised_forward_dynamics" if stabilised else "forward_dynamics")
 
 
@@ -265,7 +268,7 @@ def tangent_of_accelerations(robot: Robot) -> Function:
     moved = {x.index: dx for x, dx in zip(found.values(), made, strict=True) if isinstance(x, Symbol)}
     build.give("a", a)
     build.give("da", tangent(a, {**seeds, **moved}))
-    build.evidence(at, CLOSED, margin=MARGIN_OF_STATES)
+    build.evidence(at, CLOSED, _heavy(at, free, mass), MARGIN_OF_STATES)
     return build.function("tangent_of_accelerations")
 
 
@@ -283,17 +286,18 @@ def hybrid_dynamics(robot: Robot, stabilised: bool = False) -> Function:
     at = At(robot, tape, q)
     moving = Moving(at, v, load)
     start = at.completed({**given, **dict.fromkeys(idle, 0.0)}, _drift(at, moving, beta))
-    a = start
+    a, limits = start, list[Number]()
     if idle:
         force, _ = at.projected(moving.needed(start))
         inertia = _projected_mass(at, idle, idle)
+        limits = _heavy(at, idle, inertia)
         found = solve_symmetric(tape, inertia, [-force[i] for i in idle])
         a = _added(at, start, dict(zip(idle, found, strict=True)))
     tau, multipliers, _ = _actuated(at, moving.needed(a))
     build.give("tau", tau)
     build.give("a", a)
     build.give("lambda_", multipliers)
-    _evidence_of_state(build, at, v)
+    _evidence_of_state(build, at, v, limits)
     return build.function("stabilised_hybrid_dynamics" if stabilised else "hybrid_dynamics")
 
 
@@ -428,6 +432,32 @@ def _projected_mass(at: At, rows: Sequence[int], columns: Sequence[int]) -> list
     return found
 
 
+def _heavy(at: At, places: Sequence[int], mass: Sequence[Sequence[Number]]) -> list[Number]:
+    """Return what is positive where free motions have more inertia than rounding leaves."""
+    sizes, found = _inertias(at), list[Number]()
+    for place, pivot in zip(places, symmetric_factors(at.tape, mass)[1], strict=True):
+        size = sizes[place]
+        for other, factor in at.null_space[place].items():
+            size = size + factor * factor * sizes[other]
+        found.append(at.tape.subtract(pivot, LIGHTEST * size))
+    return found
+
+
+def _inertias(at: At) -> dict[int, Number]:
+    """Return what every speed moves, about all axes of a ball together: about one it may be rounding."""
+    M = mass_matrix(at.robot.tree, at.where)
+    found: dict[int, Number] = {}
+    for part in at.robot.tree.parts[1:]:
+        turns = [any(axis) for axis in part.turning]
+        for kind in (True, False):
+            group = [place for place, turning in zip(part.v, turns, strict=True) if turning == kind]
+            total: Number = 0.0
+            for place in group:
+                total = total + M[place].get(place, 0.0)
+            found |= dict.fromkeys(group, total)
+    return found
+
+
 def _added(at: At, start: Sequence[Number], more: Mapping[int, Number]) -> list[Number]:
     """Return rates with more of the independent ones."""
     found = list(start)
@@ -470,10 +500,10 @@ def _largest(tape: Tape, a: Number, b: Number) -> Number:
     return -tape.minimum(-a, -b)
 
 
-def _evidence_of_state(build: _Builder, at: At, v: Sequence[Number]) -> None:
+def _evidence_of_state(build: _Builder, at: At, v: Sequence[Number], limits: Sequence[Number]) -> None:
     speeds = [_row(row, v) for row in at.rows]
     opening = _within(build.tape, speeds, NEARLY_CONSISTENT * at.robot.length, v)
-    build.evidence(at, NEARLY_CLOSED, [opening], MARGIN_OF_STATES)
+    build.evidence(at, NEARLY_CLOSED, [opening, *limits], MARGIN_OF_STATES)
 
 
 def _row(row: Mapping[int, Number], v: Sequence[Number]) -> Number:

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from p3dof.checks import FloatArray
+from p3dof.errors import ModelError
 from p3dof.tracing import Number, Tape
 
 _THRESHOLD = 0.1
@@ -192,22 +193,14 @@ def solve_symmetric(tape: Tape, A: Sequence[Sequence[Number]], b: Sequence[Numbe
     Returns
     -------
     list of Number
+
+    Raises
+    ------
+    ModelError
+        If a pivot is zero whatever the configuration.
     """
     n = len(b)
-    L: list[list[Number]] = [[0.0] * n for _ in range(n)]
-    D: list[Number] = []
-    inverse: list[Number] = []
-    for j in range(n):
-        d = A[j][j]
-        for k in range(j):
-            d = d - L[j][k] * L[j][k] * D[k]
-        D.append(d)
-        inverse.append(tape.divide(1.0, d))
-        for i in range(j + 1, n):
-            value = A[i][j]
-            for k in range(j):
-                value = value - L[i][k] * D[k] * L[j][k]
-            L[i][j] = value * inverse[j]
+    L, inverse = symmetric_factors(tape, A)[::2]
     x = list(b)
     for i in range(n):
         for k in range(i):
@@ -217,3 +210,35 @@ def solve_symmetric(tape: Tape, A: Sequence[Sequence[Number]], b: Sequence[Numbe
         for k in range(i + 1, n):
             x[i] = x[i] - L[k][i] * x[k]
     return x
+
+
+def symmetric_factors(
+    tape: Tape, A: Sequence[Sequence[Number]]
+) -> tuple[list[list[Number]], list[Number], list[Number]]:
+    """Return L, D and 1 / D of a symmetric matrix, of which the lower half is looked at.
+
+    Raises
+    ------
+    ModelError
+        If a pivot is zero whatever the configuration.
+    """
+    n = len(A)
+    L: list[list[Number]] = [[0.0] * n for _ in range(n)]
+    D: list[Number] = []
+    inverse: list[Number] = []
+    for j in range(n):
+        d = A[j][j]
+        for k in range(j):
+            d = d - L[j][k] * L[j][k] * D[k]
+        if isinstance(d, float) and d == 0.0:
+            raise ModelError(
+                "a free motion of the mechanism has no inertia: accelerations are not determined"
+            )
+        D.append(d)
+        inverse.append(tape.divide(1.0, d))
+        for i in range(j + 1, n):
+            value = A[i][j]
+            for k in range(j):
+                value = value - L[i][k] * D[k] * L[j][k]
+            L[i][j] = value * inverse[j]
+    return L, D, inverse
