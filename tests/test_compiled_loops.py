@@ -696,3 +696,48 @@ def test_free_motions_without_inertia_are_not_made_up():
         bar.model.inertias[i] = pin.Inertia.Zero()
     with pytest.raises(ModelError, match=r"a free motion of the mechanism has no inertia"):
         bar.compile(level="numpy").forward_dynamics(np.zeros(4), np.zeros(4), np.zeros(2))
+
+
+@pytest.mark.parametrize("kind", trees.KINDS)
+def test_newton_s_steps_close_every_kind_of_closure(kind, monkeypatch):
+    monkeypatch.setattr(trees, "KINDS", (kind,))
+    closed = 0
+    for seed in range(40):
+        loop = trees.random_robot(seed, joints=4, loops=1)
+        if loop is None:
+            continue
+        compiled = loop.compile(level="numpy")
+        step = compiled.bind("step")
+        place = step.inputs["q"]
+        draw = np.random.default_rng(seed)
+        q = np.array(loop.assemble().q)
+        place[:] = pin.integrate(loop.model, q, draw.normal(0, 3e-3, loop.model.nv))
+        gaps, margins = [], []
+        for _ in range(9):
+            step.run()
+            gaps.append(step.outputs["gap"][0])
+            margins.append(step.outputs["margin"][0])
+            place[:] = step.outputs["q"]
+        if min(margins) < 0.3 or gaps[0] < 1e-5:
+            continue  # steps are long near a singularity, and some closures hold by themselves
+        assert gaps[-1] < 1e-12, seed
+        assert np.abs(loop.closure_error(place)).max() < 1e-11, seed
+        closed += 1
+    assert closed >= 5
+
+
+def test_configurations_move_as_those_of_pinocchio():
+    draw, model = np.random.default_rng(0), pin.Model()
+    joint = 0
+    for number, kind in enumerate((*trees.ONE_FREEDOM, *trees.SEVERAL)):
+        joint = model.addJoint(joint, kind(draw), trees.placement(draw), f"joint{number}")
+        model.appendBodyToJoint(joint, trees.inertia(draw), pin.SE3.Identity())
+    integrate = ClosedLoopModel.from_pinocchio(model).compile(level="numpy").bind("integrate")
+    q = pin.integrate(model, pin.neutral(model), draw.normal(size=model.nv))
+    shift = draw.normal(size=model.nv)
+    for size, bound in ((1e-2, 1e-4), (1e-4, 1e-8), (1e-6, 1e-12)):  # to second order
+        integrate.inputs["q"][:], integrate.inputs["dq"][:] = q, size * shift
+        integrate.run()
+        moved = integrate.outputs["q"]
+        assert pin.isNormalized(model, moved, 1e-12)
+        assert np.abs(pin.difference(model, pin.integrate(model, q, size * shift), moved)).max() < 10 * bound
