@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Literal, TypeAlias
 
 from p3dof.checks import FloatArray, shown
@@ -109,14 +109,13 @@ def states_for(
     if isinstance(method, CompiledLoop):
         require_fit(loop, method, frames)
         return CompiledStates(method, kind, frames, stabilisation)
-    if method == "general":
-        return None
-    if method != "compiled":
+    if not isinstance(method, str) or method not in ROBOT_METHODS:
         raise InputError(
-            f"method: expected 'general', 'compiled' or what ClosedLoopModel.compile returns, got "
-            f"{shown(method)}"
+            f"method: expected {', '.join(map(repr, ROBOT_METHODS))} or what ClosedLoopModel.compile "
+            f"returns, got {shown(method)}"
         )
-    return CompiledStates(compiled_at(loop, q, frames), kind, frames, stabilisation)
+    compiled = ROBOT_METHODS[method](loop, q, frames)
+    return None if compiled is None else CompiledStates(compiled, kind, frames, stabilisation)
 
 
 def compiled_at(loop: ClosedLoopModel, q: FloatArray, frames: Iterable[str] = ()) -> CompiledLoop:
@@ -142,6 +141,13 @@ def compiled_at(loop: ClosedLoopModel, q: FloatArray, frames: Iterable[str] = ()
     except AssemblyError:  # the reference configuration does not close
         return loop.compile(around=q, external=frames)
     return compiled if compiled.margin(q) > _ENOUGH else loop.compile(around=q, external=frames)
+
+
+ROBOT_METHODS: dict[str, Callable[[ClosedLoopModel, FloatArray, Iterable[str]], CompiledLoop | None]] = {
+    "general": lambda _loop, _q, _frames: None,
+    "compiled": compiled_at,
+}
+"""What can compute the accelerations of a robot, by name: what is compiled for that, None for the robot."""
 
 
 def require_fit(

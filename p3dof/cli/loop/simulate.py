@@ -27,13 +27,13 @@ from p3dof.simulation import (
     RobotRun,
     simulate_robot,
 )
-from p3dof.simulation.compiled_robots import compiled_at
+from p3dof.simulation.compiled_robots import ROBOT_METHODS
 from p3dof.simulation.work import TIME_LIMIT
 from p3dof.tables import Table, number
 
 METHOD = click.option(
     "--method",
-    type=click.Choice(("general", "compiled")),
+    type=click.Choice(list(ROBOT_METHODS)),
     default="general",
     show_default=True,
     help="What computes accelerations: the robot, or C that is compiled for it (needs gcc or clang).",
@@ -113,7 +113,7 @@ def simulate(
         raise click.UsageError("--force and --controller exclude each other")
     loads, wanted = externals(external), control.reference(robot)
     q, v = _start(robot, values, wanted)
-    compiled = compiled_at(robot, q, loads) if method == "compiled" else None
+    compiled = ROBOT_METHODS[method](robot, q, loads)
     if control.controller == NONE:
         acting: RobotController = forces_of(robot, forces)
     else:
