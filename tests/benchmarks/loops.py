@@ -188,10 +188,44 @@ def forces_text(function: Any) -> str:
     return "\n".join(f"#define forces_SZ_{name} {size}" for name, size in sizes_of) + "\n" + generator.dump()
 
 
-def lanes(compiled: CompiledLoop, level: str, inputs: dict[str, np.ndarray]) -> Callable[[], None]:
-    """Return a call of the function on rows at a level, without what Python does around it."""
+_IN_LANES = f"""
+void in_lanes(ptrdiff_t blocks, ptrdiff_t inputs, const lanes *in, lanes *out);
+void in_lanes(ptrdiff_t blocks, ptrdiff_t inputs, const lanes *in, lanes *out)
+{{
+    for (ptrdiff_t i = 0; i < blocks; ++i) {{
+        {INVERSE}_lanes(in + inputs * i, out);
+        __asm__ volatile("" : : "r"(out) : "memory");
+    }}
+}}
+"""
+
+
+def in_lanes(made: ctypes.CDLL, compiled: CompiledLoop, inputs: dict[str, np.ndarray]) -> Callable[[], None]:
+    """Return a call of the function on samples that are in lanes already."""
     traced = compiled.function(INVERSE)
-    (made,) = build.libraries([lanes_source([traced])], level)
+    samples, width = np.hstack([inputs[name] for name in traced.inputs]), made.width()
+    blocks = samples.reshape(-1, width, samples.shape[1]).transpose(0, 2, 1)
+    room = np.zeros(blocks.size + len(traced.results) * width + 16)
+    start = -room.ctypes.data % 64 // 8
+    room[start : start + blocks.size] = blocks.ravel()
+    out = start + blocks.size
+    places = [ctypes.c_void_p(room.ctypes.data + 8 * place) for place in (start, out)]
+    numbers = ctypes.c_ssize_t(len(blocks)), ctypes.c_ssize_t(samples.shape[1])
+
+    def call() -> None:
+        made.in_lanes(*numbers, *places)
+
+    call.kept = room  # type: ignore[attr-defined]  # C has its address only
+    call()
+    tau = room[out : out + width * traced.outputs["tau"]].reshape(-1, width).T
+    expected = compiled.inverse_dynamics(*(inputs[name][-width:] for name in ("q", "v", "a"))).tau
+    np.testing.assert_allclose(tau, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+    return call
+
+
+def lanes(made: ctypes.CDLL, compiled: CompiledLoop, inputs: dict[str, np.ndarray]) -> Callable[[], None]:
+    """Return a call of the function on rows, without what Python does around it."""
+    traced = compiled.function(INVERSE)
     function = getattr(made, f"{INVERSE}_many")
     given = [np.ascontiguousarray(inputs[name]) for name in traced.inputs]
     found = [np.empty((len(given[0]), size)) for size in traced.outputs.values()]
@@ -249,13 +283,10 @@ def contenders(
     told = Path("/proc/cpuinfo").read_text() if Path("/proc/cpuinfo").exists() else ""
     for level, words in LANES.items():
         if {"avx512": "avx512dq", "avx2": "avx2"}[level] in told:
-            yield calling(
-                INVERSE,
-                words,
-                name,
-                lanes(compiled, level, dict(zip("qva", long, strict=False))),
-                TIMES * MANY,
-            )
+            (made,) = build.libraries([lanes_source([compiled.function(INVERSE)], _IN_LANES)], level)
+            given = dict(zip("qva", long, strict=False))
+            yield calling(INVERSE, words, name, in_lanes(made, compiled, given), TIMES * MANY)
+            yield calling(INVERSE, f"{words}, rows", name, lanes(made, compiled, given), TIMES * MANY)
     if find_spec("mujoco") is not None:
         try:
             yield Contender(INVERSE, MUJOCO, name, OpenTree(driver, loop, file, few[:3]))
