@@ -78,6 +78,8 @@ TESTS = {
     "p3dof/closed_loop/compiled/pivots.py": ("compiled_loops",),
     "p3dof/closed_loop/compiled/formulas.py": ("compiled_loops",),
     "p3dof/closed_loop/compiled/functions.py": ("compiled_loops",),
+    "p3dof/closed_loop/compiled/function.py": ("compiled_loops",),
+    "p3dof/closed_loop/compiled/limits.py": ("compiled_loops",),
     "p3dof/closed_loop/compiled/rates.py": ("compiled_loops",),
     "p3dof/closed_loop/tree_tangents.py": LOOPS,
     "p3dof/closed_loop/closure_tangents.py": LOOPS,

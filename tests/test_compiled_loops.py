@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import p3dof
 from p3dof.closed_loop import ClosedLoopModel, Closure, Coupling, JointData, Sidecar
-from p3dof.closed_loop.compiled import build, functions
+from p3dof.closed_loop.compiled import build, function, limits
 from p3dof.closed_loop.compiled.pivots import planned
 from p3dof.errors import DynamicsError, InputError, ModelError, ModelWarning, P3dofError
 
@@ -175,7 +175,7 @@ def test_where_the_partition_fails_the_general_layer_decides():
         a = -trees.drift(loop, at, v)
         found = compiled.inverse_dynamics([at], [v], [a])
         margins.append(found.margin[0])
-        assert found.general[0] == (found.margin[0] < functions.MARGIN)
+        assert found.general[0] == (found.margin[0] < limits.MARGIN)
         try:
             tau = loop.inverse_dynamics(at, v, a).tau
         except P3dofError as error:
@@ -199,7 +199,7 @@ def test_where_the_partition_fails_the_general_layer_decides():
             N = trees.free(loop, q)
             found = compiled.inverse_dynamics([q], [N[:, 0]], [-trees.drift(loop, q, N[:, 0])])
         low, high = (middle, high) if ends[0] * ends[1] > 0 else (low, middle)
-    assert found.margin[0] < functions.MARGIN
+    assert found.margin[0] < limits.MARGIN
     assert found.general[0]
 
 
@@ -537,7 +537,7 @@ def test_a_joint_of_an_unknown_kind_is_named():
 
 
 def test_too_many_operations_are_refused(monkeypatch):
-    monkeypatch.setattr(functions, "MOST_OPERATIONS", 100)
+    monkeypatch.setattr(function, "MOST_OPERATIONS", 100)
     compiled = gallery("five_bar").compile(level="numpy")
     with pytest.raises(ModelError, match=r"operations are more than compilers take"):
         compiled.operations()

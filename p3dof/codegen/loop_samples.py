@@ -9,7 +9,8 @@ import numpy as np
 
 from p3dof.checks import FloatArray
 from p3dof.closed_loop import ClosedLoopModel, CompiledLoop
-from p3dof.closed_loop.compiled.functions import EVIDENCE, Function
+from p3dof.closed_loop.compiled.function import Function
+from p3dof.closed_loop.compiled.limits import EVIDENCE
 from p3dof.closed_loop.compiled.robot import closed_configurations
 from p3dof.codegen.filling import fill
 from p3dof.codegen.selftest import number_table as _numbers

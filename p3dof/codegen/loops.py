@@ -9,7 +9,9 @@ from importlib.resources import files
 
 from p3dof.checks import shown
 from p3dof.closed_loop import ClosedLoopModel, CompiledLoop
-from p3dof.closed_loop.compiled.functions import EVIDENCE, FUNCTIONS, MARGIN, MARGIN_OF_STATES, Function
+from p3dof.closed_loop.compiled.function import Function
+from p3dof.closed_loop.compiled.functions import FUNCTIONS
+from p3dof.closed_loop.compiled.limits import EVIDENCE, MARGIN, MARGIN_OF_STATES
 from p3dof.closed_loop.compiled.printing import body
 from p3dof.closed_loop.tables import units_of_actuated
 from p3dof.codegen.filling import fill

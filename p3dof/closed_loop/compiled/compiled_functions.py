@@ -13,7 +13,8 @@ from p3dof.checks import FloatArray, as_floats, frozen_array, shown
 from p3dof.closed_loop.assembly_model import whole
 from p3dof.closed_loop.closed_tree import CLOSED
 from p3dof.closed_loop.compiled import build
-from p3dof.closed_loop.compiled.functions import FUNCTIONS, Function
+from p3dof.closed_loop.compiled.function import Function
+from p3dof.closed_loop.compiled.functions import FUNCTIONS
 from p3dof.closed_loop.compiled.kernels import BoundFunction, Kernel, processors
 from p3dof.closed_loop.compiled.printing import lanes_source
 from p3dof.closed_loop.compiled.results import Tangents
@@ -28,34 +29,7 @@ _DIRECTIONS = 65_536
 
 
 class CompiledFunctions:
-    """The functions of one robot, traced and compiled when they are first used.
-
-    Parameters
-    ----------
-    loop : DerivativesModel
-        The robot as it is now: masses and gravity that change later are not seen.
-    around : (K, nq) array, optional
-        Closed configurations that the partition of speeds is made for.
-    external : iterable of str
-        Frames on which external wrenches act.
-    joint_forces : bool
-        Whether forces in all joints are given.
-    inertias : iterable of str
-        Joints whose bodies get their inertial parameters at each call.
-    level : str
-        ``"auto"``, ``"avx512"``, ``"avx2"``, ``"baseline"`` or ``"numpy"``.
-    threads : int, optional
-        Most threads for many samples; all processors by default.
-
-    Raises
-    ------
-    ModelError
-        If a joint is of a kind that cannot be compiled, or the robot is too large.
-    AssemblyError
-        If the loops do not close at the reference configuration.
-    InputError
-        If an argument does not fit.
-    """
+    """The functions of one robot, traced and compiled when first used; arguments as of `CompiledLoop`."""
 
     def __init__(
         self,

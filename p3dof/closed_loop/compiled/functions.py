@@ -1,156 +1,35 @@
-"""`Function`: what is printed as C or run as NumPy, with its inputs and outputs by name."""
+"""The functions that are compiled: forces, accelerations, completion, and how they change."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property, partial
-from typing import Any
-
-import numpy as np
+from functools import partial
 
 from p3dof.closed_loop.closed_tree import CLOSED, CONSISTENT, NEARLY_CLOSED, NEARLY_CONSISTENT
 from p3dof.closed_loop.compiled.dynamics import mass_matrix
 from p3dof.closed_loop.compiled.formulas import At, Moving, Robot
+from p3dof.closed_loop.compiled.function import Builder, Function
+from p3dof.closed_loop.compiled.limits import (
+    LIGHTEST,
+    MARGIN_OF_STATES,
+    applied,
+    nothing_missing,
+    stays_closed,
+)
 from p3dof.closed_loop.compiled.pivots import solve_symmetric, symmetric_factors
-from p3dof.closed_loop.compiled.rates import moved, seeds_of, units
+from p3dof.closed_loop.compiled.rates import moved, seeds_of
 from p3dof.closed_loop.compiled.vectors import dot
 from p3dof.errors import ModelError
-from p3dof.tracing import Number, Symbol, Tape
+from p3dof.tracing import Number, Symbol
 from p3dof.tracing.derivatives import tangent
-from p3dof.tracing.python import function_of
 
-EVIDENCE = ("margin", "gap", "trusted")
-"""Outputs that say how good a result is, the last ones of a function."""
-NORMALISED = 1e-6
-"""Largest error of the length of quaternions and circles, as in the general layer."""
-MARGIN = 1e-3
-"""Smallest pivot, compared with those that the partition was made on, that is trusted."""
-MARGIN_OF_STATES = 2e-2
-"""The same where accelerations are found: NᵀM N squares what is large near a singular partition."""
-LIGHTEST = 1e-10
-"""Smallest inertia of a free motion, of what moves in it, that is more than rounding."""
-MISSING = 1e-10
-"""Largest force that no actuator gives, of all forces together, that is put down to rounding."""
 _FOLLOWED = 1e-4
 """What is left of the largest gap where Newton's steps along a motion ended well."""
-MOST_OPERATIONS = 30_000
-"""More take compilers longer than anybody waits."""
-
-
-@dataclass(frozen=True, eq=False)
-class Function:
-    """A traced function.
-
-    Parameters
-    ----------
-    name : str
-        Its name.
-    tape : Tape
-        Its operations.
-    inputs, outputs : mapping of str to int
-        Names and sizes, in their order.
-    symbols : tuple of Symbol
-        All inputs.
-    results : tuple of Number
-        All outputs.
-    closed : float
-        Largest gap at which it is to be trusted.
-    least_margin : float
-        Smallest margin likewise.
-    """
-
-    name: str
-    tape: Tape
-    inputs: Mapping[str, int]
-    outputs: Mapping[str, int]
-    symbols: tuple[Symbol, ...]
-    results: tuple[Number, ...]
-    closed: float = 0.0
-    least_margin: float = MARGIN
-
-    @cached_property
-    def operations(self) -> int:
-        """How many operations a sample takes; sines and cosines count one each, signs none."""
-        tape = self.tape
-        needed = (tape.operations[index] for index in tape.needed(self.results))
-        return sum(bool(operation.operands) and operation.name != "neg" for operation in needed)
-
-    @cached_property
-    def on_arrays(self) -> Callable[..., tuple[Any, ...]]:
-        """The function on NumPy arrays: takes all inputs, returns all outputs."""
-        return function_of(self.tape, self.symbols, self.results, np)
-
-
-class _Builder:
-    """Collects inputs and outputs of one function."""
-
-    def __init__(self) -> None:
-        self.tape = Tape()
-        self.inputs: dict[str, int] = {}
-        self.outputs: dict[str, int] = {}
-        self._symbols: list[Symbol] = []
-        self._results: list[Number] = []
-        self.closed, self.least_margin = 0.0, MARGIN
-
-    def take(self, name: str, size: int) -> tuple[Symbol, ...]:
-        self.inputs[name] = size
-        found = self.tape.symbols(f"{name}[{i}]" for i in range(size))
-        self._symbols += found
-        return found
-
-    def loaded(self, robot: Robot) -> tuple[Robot, dict[str, tuple[Symbol, ...]]]:
-        """Take what acts and what is known only when it runs; return the robot with that, and all by name."""
-        found = {name: self.take(name, size) for name, size in robot.inputs.items()}
-        return robot.with_inputs(found), found
-
-    def give(self, name: str, values: Sequence[Number]) -> None:
-        self.outputs[name] = len(values)
-        self._results += values
-
-    def evidence(self, at: At, closed: float, limits: Sequence[Number] = (), margin: float = MARGIN) -> None:
-        """Give margin and gap, and whether the sample is to be trusted: a positive number, no NaN.
-
-        Closed are the loops up to a gap, with no axes opposite that should agree. Limits are positive.
-        """
-        tape = self.tape
-        self.closed = closed * at.robot.length
-        gap = dot(at.errors, at.errors)
-        limits = [tape.subtract(self.closed * self.closed, gap), *at.loops.aligned(), *_unit(at), *limits]
-        self.least_margin = margin
-        least = tape.subtract(at.margin, margin * margin)
-        for limit in limits:
-            least = tape.minimum(limit, least)
-        total: Number = 0.0
-        for value in (*self._results, *limits):  # a minimum would lose a limit that is NaN
-            total = total + value
-        self.give("margin", [tape.sqrt(at.margin)])
-        self.give("gap", [tape.sqrt(gap)])
-        # What is not finite makes the difference NaN, and the minimum with it.
-        self.give("trusted", [tape.minimum(least, tape.add(tape.subtract(total, total), 1.0))])
-
-    def function(self, name: str) -> Function:
-        found = Function(
-            name,
-            self.tape,
-            self.inputs,
-            self.outputs,
-            tuple(self._symbols),
-            tuple(self._results),
-            self.closed,
-            self.least_margin,
-        )
-        if found.operations > MOST_OPERATIONS:
-            raise ModelError(
-                f"{name}: {found.operations} operations are more than compilers take "
-                f"(at most {MOST_OPERATIONS}): lock joints, or use the general layer"
-            )
-        return found
 
 
 def jacobian_rows(robot: Robot) -> Function:
     """Return the Jacobian of closures and couplings at q, all entries: what a plan is made from."""
-    build = _Builder()
+    build = Builder()
     at = At(robot, build.tape, build.take("q", robot.tree.nq))
     nv = robot.tree.nv
     build.give("J", [row.get(i, 0.0) for row in at.rows for i in range(nv)])
@@ -159,7 +38,7 @@ def jacobian_rows(robot: Robot) -> Function:
 
 def inverse_dynamics(robot: Robot) -> Function:
     """Return forces and multipliers of a motion (q, v, a), and whether it keeps the loops closed."""
-    build = _Builder()
+    build = Builder()
     tree = robot.tree
     q, v, a = (build.take(name, size) for name, size in (("q", tree.nq), ("v", tree.nv), ("a", tree.nv)))
     robot, load = build.loaded(robot)
@@ -170,11 +49,11 @@ def inverse_dynamics(robot: Robot) -> Function:
     tau, multipliers, missing = _actuated(at, needed)
     build.give("tau", tau)
     build.give("lambda_", multipliers)
-    speeds = [_row(row, v) for row in at.rows]
+    speeds = [applied(row, v) for row in at.rows]
     limits = [
-        _within(build.tape, speeds, CONSISTENT * robot.length, v),
-        _within(build.tape, moving.opening(a, bodies), CONSISTENT * robot.length, v, a),
-        _given(build.tape, missing, (*tau, *multipliers)),
+        stays_closed(build.tape, speeds, CONSISTENT * robot.length, v),
+        stays_closed(build.tape, moving.opening(a, bodies), CONSISTENT * robot.length, v, a),
+        nothing_missing(build.tape, missing, (*tau, *multipliers)),
     ]
     build.evidence(at, CLOSED, limits)
     return build.function("inverse_dynamics")
@@ -182,7 +61,7 @@ def inverse_dynamics(robot: Robot) -> Function:
 
 def motion(robot: Robot) -> Function:
     """Return velocity and acceleration of the tree from those of the independent speeds, and the forces."""
-    build = _Builder()
+    build = Builder()
     tape, tree, free = build.tape, robot.tree, robot.independent
     q, v, a = (
         build.take(name, size)
@@ -196,13 +75,13 @@ def motion(robot: Robot) -> Function:
     build.give("a", all_a)
     build.give("tau", tau)
     build.give("lambda_", multipliers)
-    build.evidence(at, CLOSED * _FOLLOWED, [_given(tape, missing, (*tau, *multipliers))])
+    build.evidence(at, CLOSED * _FOLLOWED, [nothing_missing(tape, missing, (*tau, *multipliers))])
     return build.function("motion")
 
 
 def tangent_of_forces(robot: Robot) -> Function:
     """Return forces and their derivative along one direction of the independent motion."""
-    build = _Builder()
+    build = Builder()
     tape, tree, free = build.tape, robot.tree, robot.independent
     n = len(free)
     q, v, a = (
@@ -223,7 +102,7 @@ def tangent_of_forces(robot: Robot) -> Function:
 
 def forward_dynamics(robot: Robot, stabilised: bool = False) -> Function:
     """Return the acceleration of the tree from its state and the motors' forces."""
-    build = _Builder()
+    build = Builder()
     tree, free = robot.tree, robot.independent
     q, v = build.take("q", tree.nq), build.take("v", tree.nv)
     tau = build.take("tau", len(robot.motors))
@@ -241,7 +120,7 @@ def forward_dynamics(robot: Robot, stabilised: bool = False) -> Function:
 
 def tangent_of_accelerations(robot: Robot) -> Function:
     """Return the acceleration and its derivative along one direction of state and forces."""
-    build = _Builder()
+    build = Builder()
     tape, tree, free = build.tape, robot.tree, robot.independent
     n = len(free)
     q, v = build.take("q", tree.nq), build.take("v_independent", n)
@@ -274,7 +153,7 @@ def tangent_of_accelerations(robot: Robot) -> Function:
 
 def hybrid_dynamics(robot: Robot, stabilised: bool = False) -> Function:
     """Return forces and the acceleration of the tree from the accelerations of the motors."""
-    build = _Builder()
+    build = Builder()
     tape, tree, free = build.tape, robot.tree, robot.independent
     held, idle = [i for i in free if i in robot.motors], [i for i in free if i not in robot.motors]
     if len(held) != len(robot.motors):
@@ -303,7 +182,7 @@ def hybrid_dynamics(robot: Robot, stabilised: bool = False) -> Function:
 
 def step(robot: Robot) -> Function:
     """Return q after one Newton step of the dependent coordinates, with the gap before it."""
-    build = _Builder()
+    build = Builder()
     q = build.take("q", robot.tree.nq)
     at = At(robot, build.tape, q)
     right = {row: -at.errors[row] for row in robot.plan.rows}
@@ -315,7 +194,7 @@ def step(robot: Robot) -> Function:
 
 def integrate(robot: Robot) -> Function:
     """Return q moved by a small rate times time: a prediction for `step`."""
-    build = _Builder()
+    build = Builder()
     q, shift = build.take("q", robot.tree.nq), build.take("dq", robot.tree.nv)
     build.give("q", moved(At(robot, build.tape, q), dict(enumerate(shift))))
     return build.function("integrate")
@@ -384,7 +263,7 @@ def _drift(at: At, moving: Moving, beta: Number | None = None) -> list[Number]:
     drift = moving.opening([0.0] * at.robot.tree.nv, moved=beta is not None)
     if beta is None:
         return drift
-    speeds = [_row(row, moving.v) for row in at.rows]
+    speeds = [applied(row, moving.v) for row in at.rows]
     return [
         bias + beta * (2.0 * speed + beta * error)
         for bias, speed, error in zip(drift, speeds, at.errors, strict=True)
@@ -468,46 +347,7 @@ def _added(at: At, start: Sequence[Number], more: Mapping[int, Number]) -> list[
     return found
 
 
-def _within(
-    tape: Tape, opening: Sequence[Number], relative: float, v: Sequence[Number], a: Sequence[Number] = ()
-) -> Number:
-    """Return what is positive where closures open by less than a part of the motion, or of one unit.
-
-    The mean square stands for the largest entry, than which it is smaller.
-    """
-    if not opening:
-        return 1.0
-    speed = dot(v, v) * (1.0 / len(v))
-    size = _largest(tape, dot(a, a) * (1.0 / len(a)), speed * speed) if a else speed
-    return tape.subtract(relative * relative * _largest(tape, size, 1.0), dot(opening, opening))
-
-
-def _given(tape: Tape, missing: Sequence[Number], forces: Sequence[Number]) -> Number:
-    """Return what is positive where no force is missing that no actuator gives."""
-    if not missing:
-        return 1.0
-    allowed = dot(forces, forces) * (MISSING * MISSING)
-    return tape.add(tape.subtract(allowed, dot(missing, missing)), 1e-300)
-
-
-def _unit(at: At) -> list[Number]:
-    """Return what is positive where circles and quaternions in q are normalised."""
-    squares = [dot(unit, unit) - 1.0 for unit in units(at)]
-    return [at.tape.subtract(4.0 * NORMALISED * NORMALISED, off * off) for off in squares]
-
-
-def _largest(tape: Tape, a: Number, b: Number) -> Number:
-    return -tape.minimum(-a, -b)
-
-
-def _evidence_of_state(build: _Builder, at: At, v: Sequence[Number], limits: Sequence[Number]) -> None:
-    speeds = [_row(row, v) for row in at.rows]
-    opening = _within(build.tape, speeds, NEARLY_CONSISTENT * at.robot.length, v)
+def _evidence_of_state(build: Builder, at: At, v: Sequence[Number], limits: Sequence[Number]) -> None:
+    speeds = [applied(row, v) for row in at.rows]
+    opening = stays_closed(build.tape, speeds, NEARLY_CONSISTENT * at.robot.length, v)
     build.evidence(at, NEARLY_CLOSED, [opening, *limits], MARGIN_OF_STATES)
-
-
-def _row(row: Mapping[int, Number], v: Sequence[Number]) -> Number:
-    total: Number = 0.0
-    for place, factor in row.items():
-        total = total + factor * v[place]
-    return total

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from p3dof.checks import FloatArray
-from p3dof.closed_loop.compiled.functions import Function
+from p3dof.closed_loop.compiled.function import Function
 
 SHARE = 8_192
 """Samples that are worth a thread of their own."""

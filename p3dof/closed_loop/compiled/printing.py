@@ -8,7 +8,7 @@ from importlib.resources import files
 from string import Template
 
 from p3dof.closed_loop.compiled.formulas import Robot
-from p3dof.closed_loop.compiled.functions import Function
+from p3dof.closed_loop.compiled.function import Function
 from p3dof.tracing import Symbol
 from p3dof.tracing.c import statements, text
 

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from p3dof.checks import FloatArray
-from p3dof.closed_loop.compiled.functions import Function
+from p3dof.closed_loop.compiled.function import Function
 from p3dof.closed_loop.compiled.kernels import SHARE, pointers, sizes
 
 
