@@ -75,24 +75,36 @@ def test_solids_and_the_arrow_of_a_torque_are_where_pinocchio_has_them(swing):
         assert length == pytest.approx(LONGEST * scene.half * motion.known[i, 0] / 7.0, rel=1e-9)
 
 
-def test_the_picture_holds_all_of_the_motion(swing):
-    """Every end of every bar, at every sample, is inside of what the camera sees."""
-    robot, motion = swing
-    scene = RobotScene(robot, motion)
-    found = commands(scene.window)
-    shift = matrix(found, "/meshcat")
+def from_middle(found, point):
+    """Return how far from the middle of the picture a point of the page is; at its edge 1."""
     camera = found["set_property", "/Cameras/default/rotated/<object>", "position"]["value"]
     eye = np.array([camera[0], -camera[2], camera[1]])
     right = np.cross([0.0, 0.0, 1.0], eye) / np.linalg.norm(np.cross([0.0, 0.0, 1.0], eye))
     up = np.cross(eye, right) / np.linalg.norm(eye)
-    sight = np.tan(np.radians(75 / 2)) / 2.4
+    reach = np.tan(np.radians(75 / 2)) / 2.4 * (eye - point) @ eye / np.linalg.norm(eye)
+    return max(abs(point @ up) / reach, abs(point @ right) / (4 / 3 * reach))
+
+
+def test_the_picture_holds_all_of_the_motion(swing):
+    """Every end of every bar, at every sample, is inside of what the camera sees."""
+    robot, motion = swing
+    found = commands(RobotScene(robot, motion).window)
+    shift = matrix(found, "/meshcat")
     for q in motion.q[::5]:
         for place, length in zip(places(robot, q), robots.FOUR_BAR[1:], strict=True):
             for end in (-length / 2, length / 2):
-                point = moved(shift @ place, (0.0, 0.0, end))
-                distance = (eye - point) @ eye / np.linalg.norm(eye)
-                assert abs(point @ up) < sight * distance
-                assert abs(point @ right) < 4 / 3 * sight * distance
+                assert from_middle(found, moved(shift @ place, (0.0, 0.0, end))) < 1
+
+
+@pytest.mark.parametrize("name", ["four_bar", "five_bar"])
+def test_the_picture_holds_the_numbers_of_closures(name):
+    """The closure is the highest point of these robots, and its number stands above it."""
+    loop = p3dof.load_robot(GALLERY / f"{name}.urdf")
+    found = commands(RobotScene(StickFigure(loop), JointMotion.at_rest(loop), loop=loop).window)
+    shift, middle = matrix(found, "/meshcat"), matrix(found, "/meshcat/closure_numbers/0")
+    sprite = matrix(found, "/meshcat/closure_numbers/0/text")
+    height = sprite[2, 2] * 150 / 256  # of the letters in their picture
+    assert from_middle(found, moved(shift @ middle, (0.0, 0.0, height / 2))) < 1
 
 
 def test_its_page_plays_in_a_browser_with_the_torque(swing, tmp_path):

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from p3dof.checks import FloatArray
 from p3dof.closed_loop import Closure
 from p3dof.viewer.arrows import unit_along_z
 from p3dof.viewer.robots.lines import line_between, placed_at, turned_to
@@ -32,6 +33,8 @@ WORDS: Mapping[str, str] = MappingProxyType(
 """What each kind is called in a page."""
 MOST_NUMBERS = 16
 """So many closures at most have their numbers beside them unless they are asked for."""
+_BESIDE, _NUMBER = 2.4, 2.0
+"""How far above a closure its number stands, and how high it is, in radii of a ball."""
 
 
 class ClosureMarks:
@@ -73,15 +76,22 @@ class ClosureMarks:
                 node["first"].set_transform(np.array(one.homogeneous))
             if closure.kind == "universal":
                 node["second"].set_transform(np.array(two.homogeneous))
-            middle = (one.translation + two.translation) / 2
-            above = middle + np.array([0.0, 0.0, 2.4 * self._size])
-            self._numbers[str(i)].set_transform(placed_at(above))
+            self._numbers[str(i)].set_transform(placed_at(self._above(one, two, _BESIDE)))
+
+    def tops(self, first: list[pin.SE3], second: list[pin.SE3]) -> FloatArray:
+        """Return the upper ends of the numbers (N, 3), where the closures' frames are [m]."""
+        ends = [self._above(*pair, _BESIDE + _NUMBER / 2) for pair in zip(first, second, strict=True)]
+        return np.reshape(ends, (-1, 3))
+
+    def _above(self, one: pin.SE3, two: pin.SE3, sizes: float) -> FloatArray:
+        middle = (one.translation + two.translation) / 2
+        return np.asarray(middle + np.array([0.0, 0.0, sizes * self._size]))
 
     def _draw(self) -> None:
         for i, closure in enumerate(self._closures):
             _DRAWN[closure.kind](self._pen, self._marks[str(i)])
             text = self._numbers[str(i)]["text"]
-            write_text(text, str(i + 1), np.zeros(3), 2.0 * self._size, self._through)
+            write_text(text, str(i + 1), np.zeros(3), _NUMBER * self._size, self._through)
 
 
 def ink(colour: Sequence[float], through: bool) -> Any:

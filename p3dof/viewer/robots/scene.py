@@ -110,7 +110,7 @@ class RobotScene(Drawing):
         self._draw()
         self.layers = Layers(self._viewer, self._present(), layers)
         ends = [self._arrows.ends(a for a in arrows if self.layers.shows(a.name)) for arrows in seen]
-        points = np.concatenate((solids, *ends))
+        points = np.concatenate((solids, *ends, *self._numbers(motion.q)))
         self._set_stage(points, float(low[2]))
         self.show(motion.sample(0))
 
@@ -255,6 +255,12 @@ class RobotScene(Drawing):
             pin.forwardKinematics(self.model, self._data, row)
             points.append(self._points())
         return np.concatenate(points)
+
+    def _numbers(self, q: FloatArray) -> list[FloatArray]:
+        """Return where the numbers of the closures reach to along a motion, if they are seen."""
+        if self._wrenches is None or not self.layers.seen.get("numbers", False):
+            return []
+        return [self._marks.tops(*self._wrenches.places(row)) for row in q[_some(len(q))]]
 
     def _points(self) -> FloatArray:
         """Return points (N, 3) that hold all solids at the joint placements computed last."""
