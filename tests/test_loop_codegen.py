@@ -9,6 +9,7 @@ from dataclasses import replace
 import closed_trees as trees
 import numpy as np
 import pytest
+from compilers import CC, COMPILED, CPP, each_c
 from documents import ROOT
 from test_cli import run
 
@@ -18,7 +19,7 @@ from p3dof.errors import InputError, ModelError
 
 GALLERY = ROOT / "docs/_static/gallery"
 WARNINGS = "-Wall -Wextra -Werror -pedantic -Wconversion -Wshadow -Wdouble-promotion"
-pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler here")
+pytestmark = COMPILED
 
 
 def gallery(name):
@@ -48,13 +49,14 @@ def written(tmp_path_factory):
     return base
 
 
+@each_c
 @pytest.mark.parametrize("name", ["five_bar", "leg", "gripper", "stewart"])
-def test_it_compiles_without_a_warning_and_is_right(written, tmp_path, name):
+def test_it_compiles_without_a_warning_and_is_right(written, tmp_path, name, compiler):
     folder = shutil.copytree(written / name, tmp_path / name)
-    for compiler, standard in (("cc", "-std=c99"), ("c++", "-std=c++11")):
-        if shutil.which(compiler) is None:
+    for used, standard in ((compiler, "-std=c99"), (CPP[compiler], "-xc++ -std=c++11")):
+        if shutil.which(used) is None:
             continue
-        done = make(folder, "check", f"CC={compiler}", f"STANDARD={standard}", f"WARNINGS={WARNINGS}")
+        done = make(folder, "check", f"CC={used}", f"STANDARD={standard}", f"WARNINGS={WARNINGS}")
         assert done.returncode == 0, done.stdout + done.stderr
         assert done.stderr == ""
         assert "all is well" in done.stdout
@@ -64,11 +66,13 @@ def test_it_compiles_without_a_warning_and_is_right(written, tmp_path, name):
         make(folder, "clean")
 
 
+@each_c
 @pytest.mark.parametrize("name", ["five_bar", "gripper"])
-def test_random_bytes_are_survived(written, tmp_path, name):
+def test_random_bytes_are_survived(written, tmp_path, name, compiler):
     folder = shutil.copytree(written / name, tmp_path / name)
     flags = "-O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all"
-    assert make(folder, f"{name}_selftest", f"CFLAGS={flags}", f"LDFLAGS={flags}").returncode == 0
+    built = make(folder, f"{name}_selftest", f"CC={compiler}", f"CFLAGS={flags}", f"LDFLAGS={flags}")
+    assert built.returncode == 0, built.stderr
     done = subprocess.run(
         [f"./{name}_selftest", "--fuzz", "20000"], cwd=folder, capture_output=True, text=True, check=False
     )
@@ -82,14 +86,14 @@ def test_the_self_test_notices_a_wrong_number(written, tmp_path):
     text = source.read_text(encoding="utf-8")
     gravity = re.search(r"9\.81\d*", text)
     source.write_text(text.replace(gravity[0], "9.82"), encoding="utf-8")
-    done = make(folder, "check")
+    done = make(folder, "check", f"CC={CC}")
     assert done.returncode != 0
     assert "error beyond the tolerance" in done.stdout
 
 
 def library(folder, name):
     subprocess.run(
-        ["cc", "-std=c99", "-O2", "-shared", "-fPIC", "-o", f"lib{name}.so", f"{name}.c", "-lm"],
+        [CC, "-std=c99", "-O2", "-shared", "-fPIC", "-o", f"lib{name}.so", f"{name}.c", "-lm"],
         cwd=folder,
         check=True,
     )
