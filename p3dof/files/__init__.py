@@ -1,5 +1,6 @@
 """Reading and writing files so that nothing is lost: whole or not at all, bounded, with one clear error."""
 
+from p3dof.files.archives import MAX_TEXT, UnfitError, pack_arrays, unpack_arrays
 from p3dof.files.csv_text import write_table
 from p3dof.files.generated import check_generated, differences, write_generated
 from p3dof.files.kinds import SUFFIXES, suffix_of
@@ -10,19 +11,23 @@ from p3dof.files.yaml_text import MAX_YAML, parse_yaml
 
 __all__ = [
     "MAX_BYTES",
+    "MAX_TEXT",
     "MAX_YAML",
     "SUFFIXES",
     "Source",
+    "UnfitError",
     "called",
     "check_generated",
     "check_writable",
     "differences",
+    "pack_arrays",
     "parse_yaml",
     "read_bytes",
     "read_text",
     "scratch_folder",
     "suffix_of",
     "together",
+    "unpack_arrays",
     "write_atomic",
     "write_generated",
     "write_table",

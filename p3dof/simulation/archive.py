@@ -1,40 +1,18 @@
-"""Runs as NumPy archives: what is in them, and how they are read when somebody else may have made them.
-
-An archive is read with no trust: its directory is bounded before it is taken in, every member's size is known
-from its header before its content is, and no more than the declared size is ever decompressed.
-"""
+"""Runs as NumPy archives: what is in them, and how they are read when somebody else may have made them."""
 
 from __future__ import annotations
 
-import io
-import math
 import os
-import re
-import stat
-import struct
-import zipfile
-import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 
-from p3dof.errors import FileError
-from p3dof.files import called
+from p3dof.files import MAX_TEXT, UnfitError, pack_arrays, unpack_arrays
 
 MAX_SAMPLES = 200_000
 """Most samples of a run that is read without another limit: about 100 MB in memory."""
-MAX_TEXT = 10_000
-"""Longest text that is read [characters]."""
-
-_MAX_DIRECTORY = 64_000  # bytes; that of a run has 1700
-_END = struct.Struct("<4s4H2LH")  # the last record of a zip file without a comment
-_HEADER = re.compile(
-    rb"{'descr': '([<>|][fiU]\d{1,5})', 'fortran_order': (True|False), 'shape': \(([\d, ]{0,40})\), } *\n"
-)
-_MAGIC = b"\x93NUMPY\x01\x00"
 
 
 @dataclass(frozen=True)
@@ -93,9 +71,7 @@ def pack(arrays: Mapping[str, Any]) -> bytes:
     -------
     bytes
     """
-    stream = io.BytesIO()
-    np.savez_compressed(stream, **arrays)
-    return stream.getvalue()
+    return pack_arrays(arrays)
 
 
 def unpack(
@@ -122,104 +98,29 @@ def unpack(
     FileError
         If the file cannot be read, or anything in it is not as `FORM` says.
     """
-    name = called(path)
-    most = {"N": max_samples, "S": 2}
-    try:
-        if not stat.S_ISREG(Path(path).stat().st_mode):
-            raise _UnfitError("it is not a regular file")
-        with Path(path).open("rb") as stream:
-            _check_directory(stream)
-            with zipfile.ZipFile(stream) as archive:
-                return _read_all(archive, check, most)
-    except _ERRORS as error:
-        reason = (error.strerror if isinstance(error, OSError) else None) or str(error) or "it is cut off"
-        raise FileError(f"{name}: expected a run saved as .npz ({reason})") from error
+    lengths = _Lengths({"N": max_samples, "S": 2})
+
+    def accept(name: str, kind: np.dtype[Any], shape: tuple[int, ...]) -> None:
+        _check_shape(name, FORM[name], kind, shape, lengths)
+
+    def found(arrays: dict[str, Any]) -> None:
+        name = next(reversed(arrays))
+        if FORM[name].kind == "f" and name != "stop_time" and not np.isfinite(arrays[name]).all():
+            raise UnfitError(f"{name}: expected finite numbers")
+        check(arrays)
+
+    return unpack_arrays(path, _expected, accept, found, what="a run saved as .npz")
 
 
-class _UnfitError(ValueError):
-    """Why a file is no run."""
-
-
-_ERRORS = (
-    OSError,
-    ValueError,  # ours, P3dofError's input errors, and text that is none
-    EOFError,
-    LookupError,
-    RuntimeError,  # of zipfile, about what it does not support
-    zipfile.BadZipFile,
-    zlib.error,
-    struct.error,
-    OverflowError,
-    MemoryError,
-)
-
-
-def _check_directory(stream: IO[bytes]) -> None:
-    """Raise unless the directory at the end of a zip file is small, whatever the file's size."""
-    size = stream.seek(0, os.SEEK_END)
-    before = min(size, _END.size + 20)
-    stream.seek(size - before)
-    tail = stream.read(before)
-    if len(tail) < _END.size:
-        raise _UnfitError("it is cut off, or something else")
-    signature, *_, directory, _offset, comment = _END.unpack(tail[-_END.size :])
-    if signature != b"PK\5\6" or comment or tail.startswith(b"PK\6\7") or directory > _MAX_DIRECTORY:
-        raise _UnfitError("it does not end as such a file does")
-
-
-def _read_all(
-    archive: zipfile.ZipFile, check: Callable[[dict[str, Any]], None], most: Mapping[str, int]
-) -> dict[str, Any]:
-    members = {info.filename: info for info in archive.infolist()}
-    expected = {f"{name}.npy" for name in FORM}
-    for info in archive.infolist():
-        if info.filename not in expected or members[info.filename] is not info:
-            raise _UnfitError(f"it holds {info.filename[:40]!r}, more than a run has")
-    found: dict[str, Any] = {}
-    lengths = _Lengths(most)
+def _expected(there: list[str]) -> list[str]:
+    """Return which arrays of a run to read; raise if there are others, or too few."""
+    for name in there:
+        if name not in FORM:
+            raise UnfitError(f"it holds {f'{name[:36]}.npy'!r}, more than a run has")
     for name, form in FORM.items():
-        if f"{name}.npy" in members:
-            found[name] = _read(archive, members[f"{name}.npy"], name, form, lengths)
-            check(found)
-        elif not form.optional:
-            raise _UnfitError(f"{name} is missing")
-    return found
-
-
-def _read(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, form: Member, lengths: _Lengths) -> Any:
-    """Read one array: first what it claims to be, then as much as that is."""
-    if info.compress_type not in {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED} or info.flag_bits & 1:
-        raise _UnfitError(f"{name}: it is packed in another way")
-    with archive.open(info) as member:
-        kind, columns_first, shape, header = _header(member, name)
-        _check_shape(name, form, kind, shape, lengths)
-        size = math.prod(shape) * kind.itemsize
-        if info.file_size != header + size:
-            raise _UnfitError(f"{name}: expected {header + size} bytes, got {info.file_size}")
-        data = member.read(size)
-        if len(data) != size or member.read(1):
-            raise _UnfitError(f"{name}: it is cut off")
-    flat: np.ndarray[Any, Any] = np.frombuffer(data, kind).astype(kind.newbyteorder("="))
-    array = flat.reshape(shape, order="F" if columns_first else "C")
-    if form.kind == "f" and name != "stop_time" and not np.isfinite(array).all():
-        raise _UnfitError(f"{name}: expected finite numbers")
-    return array
-
-
-def _header(member: IO[bytes], name: str) -> tuple[np.dtype[Any], bool, tuple[int, ...], int]:
-    """Return type, order, shape and length of the header of an array."""
-    begin = member.read(len(_MAGIC) + 2)
-    length = int.from_bytes(begin[-2:], "little")
-    if begin[:-2] != _MAGIC or length > 400:
-        raise _UnfitError(f"{name}: it is no array")
-    match = _HEADER.fullmatch(member.read(length))
-    if match is None:
-        raise _UnfitError(f"{name}: it is no array of numbers or text")
-    described, order, lengths = (part.decode() for part in match.groups())
-    if described.startswith("|") or (described[1] in "fi" and described[2:] != "8"):
-        raise _UnfitError(f"{name}: expected numbers of 8 bytes, got {described!r}")
-    shape = tuple(int(part) for part in lengths.split(",") if part.strip())
-    return np.dtype(described), order == "True", shape, len(begin) + length
+        if name not in there and not form.optional:
+            raise UnfitError(f"{name} is missing")
+    return [name for name in FORM if name in there]
 
 
 def _check_shape(
@@ -227,12 +128,12 @@ def _check_shape(
 ) -> None:
     if kind.kind != form.kind:
         words = {"f": "numbers", "i": "a whole number", "U": "text"}
-        raise _UnfitError(f"{name}: expected {words[form.kind]}, got {kind}")
+        raise UnfitError(f"{name}: expected {words[form.kind]}, got {kind}")
     if kind.kind == "U" and kind.itemsize > 4 * MAX_TEXT:
-        raise _UnfitError(f"{name}: expected at most {MAX_TEXT} characters")
+        raise UnfitError(f"{name}: expected at most {MAX_TEXT} characters")
     wanted = tuple(lengths.of(n, shape[i : i + 1]) for i, n in enumerate(form.shape))
     if shape != wanted:
-        raise _UnfitError(f"{name}: expected the shape {wanted}, got {shape}")
+        raise UnfitError(f"{name}: expected the shape {wanted}, got {shape}")
 
 
 class _Lengths:
@@ -248,6 +149,6 @@ class _Lengths:
             return length
         if length not in self._known and got:
             if got[0] > self._most[length]:
-                raise _UnfitError(f"expected at most {self._most[length]} samples, got {got[0]}")
+                raise UnfitError(f"expected at most {self._most[length]} samples, got {got[0]}")
             self._known[length] = got[0]
         return self._known.get(length, 0)

@@ -11,7 +11,7 @@ import numpy as np
 
 from p3dof.checks import FloatArray, shown
 from p3dof.errors import FileError, InputError, MotionError
-from p3dof.files import called, suffix_of, write_atomic, write_table
+from p3dof.files import MAX_TEXT, called, suffix_of, write_atomic, write_table
 from p3dof.methods import METHODS, Exceedance, JointStates, exceedances_of
 from p3dof.motion import Motion
 from p3dof.motion.times import require_rising
@@ -188,7 +188,7 @@ class Simulation(ShownInNotebook):
         if suffix_of(path, "run") == ".csv":
             columns = self.columns()
             return write_table(path, list(columns), tuple(columns.values()))
-        words = [] if self.stop is None else [self.stop.kind, self.stop.reason[: archive.MAX_TEXT]]
+        words = [] if self.stop is None else [self.stop.kind, self.stop.reason[:MAX_TEXT]]
         arrays = {
             "time": self.time,
             "pose": self.pose,
