@@ -14,7 +14,7 @@ SEED := $(shell od -An -N4 -tu4 /dev/urandom | tr -d ' ')
 endif
 DEV := $(VENV)/.dev$(EXTRAS)
 # What the extension is built from: a change builds it again.
-SOURCES := setup.py MANIFEST.in $(wildcard p3dof/compiled/extension/*.[ch] p3dof/compiled/extension/generated/*.h p3dof/tracing/*.h)
+SOURCES := setup.py MANIFEST.in $(wildcard p3dof/compiled/extension/*.[ch] p3dof/compiled/extension/generated/*.h p3dof/tracing/*.h p3dof/integrators/*.h)
 DEBIAN := liburdfdom-tools libsdformat-dev pkg-config g++ clang libclang-rt-dev lld chromium nodejs
 
 LOWEST := .venv-lowest

@@ -56,6 +56,7 @@ def extensions() -> list[Extension]:
     if os.environ.get("P3DOF_NO_EXTENSION", "") not in {"", "0"}:
         return []
     headers = [*KERNELS.glob("*.h"), *KERNELS.glob("generated/*.h"), Path("p3dof/tracing/sincos.h")]
+    headers += Path("p3dof/integrators").glob("*.h")
     return [
         Extension(
             "p3dof.compiled.extension._compiled",

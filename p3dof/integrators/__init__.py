@@ -1,0 +1,28 @@
+"""Integrators in C that know no robot: text that the extension includes and that printed C contains."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+__all__ = ["FOLDER", "text"]
+
+FOLDER = Path(__file__).parent
+"""Where the headers are."""
+
+
+@cache
+def text(name: str) -> str:
+    """Return a header as text, to be pasted into C that is printed.
+
+    Parameters
+    ----------
+    name : str
+        ``"dop853"`` or ``"crossings"``.
+
+    Returns
+    -------
+    str
+        What it needs defined before stands at its beginning.
+    """
+    return (FOLDER / f"{name}.h").read_text(encoding="utf-8")

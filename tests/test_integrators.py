@@ -1,0 +1,256 @@
+"""The integrators in C against SciPy: steps, states, evaluations, crossings, of a system that is no robot."""
+
+import ctypes
+import math
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from scipy.integrate import DOP853, solve_ivp
+from scipy.integrate._ivp import dop853_coefficients as published
+from scipy.optimize import brentq
+
+from p3dof import integrators
+
+pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler here")
+
+MASS = 0.012277471  # of the moon, in the restricted problem of three bodies
+
+SOURCE = r"""
+#include <float.h>
+#include <math.h>
+
+/* Arenstorf's problem: a satellite between earth and moon. */
+static void satellite(const double *mass, double t, const double *y, double *rate)
+{
+    const double m = *mass, n = 1.0 - m, a = y[0] + m, b = y[0] - n;
+    const double d1 = pow(a * a + y[1] * y[1], 1.5), d2 = pow(b * b + y[1] * y[1], 1.5);
+    (void)t;
+    rate[0] = y[2];
+    rate[1] = y[3];
+    rate[2] = y[0] + 2.0 * y[3] - n * a / d1 - m * b / d2;
+    rate[3] = y[1] - 2.0 * y[2] - n * y[1] / d1 - m * y[1] / d2;
+    if (!(y[0] < 50.0)) /* there is no world out there */
+        rate[0] = NAN;
+}
+
+#define DOP853_NAME(f) orbit_##f
+#define DOP853_SIZE 4
+#define DOP853_CONTEXT const double *
+#define DOP853_RATE satellite
+#define DOP853_TARGET
+@DOP853@
+
+typedef struct {
+    const orbit_solver *solver;
+    double wall, side;
+} watched;
+
+static void state(const watched *w, double t, double *y)
+{
+    orbit_at(w->solver, t, y);
+}
+
+static void margins(const watched *w, double t, const double *y, double *margin, double *rate)
+{
+    (void)t;
+    margin[0] = w->side * (w->wall - y[0]);
+    rate[0] = -w->side * y[2];
+    margin[1] = INFINITY;
+    rate[1] = 0.0;
+}
+
+#define CROSSINGS_NAME(f) wall_##f
+#define CROSSINGS_SIZE 4
+#define CROSSINGS_COUNT 2
+#define CROSSINGS_CONTEXT const watched *
+#define CROSSINGS_STATE state
+#define CROSSINGS_MARGINS margins
+#define CROSSINGS_TARGET
+@CROSSINGS@
+
+int run(double mass, const double *y0, double end, double first, double rtol, double atol, double longest,
+        double wall, double side, int room, double *out, long *counts)
+{
+    orbit_solver s;
+    int status = DOP853_RUNNING, steps = 0;
+    counts[1] = -1;
+    if (!orbit_start(&s, &mass, 0.0, y0, end, first, rtol, atol, longest))
+        return -1;
+    while (status == DOP853_RUNNING && steps < room) {
+        double when = 0.0, *row = out + 9 * steps;
+        const watched w = {&s, wall, side};
+        wall_look before, after;
+        margins(&w, s.t, s.y, before.margin, before.rate);
+        status = orbit_step(&s, &mass);
+        if (status == DOP853_FAILED)
+            break;
+        margins(&w, s.t, s.y, after.margin, after.rate);
+        row[0] = s.t;
+        for (int i = 0; i < 4; ++i)
+            row[1 + i] = s.y[i];
+        orbit_interpolate(&s, &mass);
+        orbit_at(&s, s.t_old + 0.3 * (s.t - s.t_old), row + 5);
+        ++steps;
+        if (wall_possible(&before, &after, s.t - s.t_old) && wall_first(&w, s.t_old, s.t, &when) == 0) {
+            row[0] = when;
+            counts[1] = steps;
+            break;
+        }
+    }
+    counts[0] = s.evaluations;
+    return status == DOP853_FAILED ? -2 : steps;
+}
+
+#ifdef PROGRAM
+int main(void)
+{
+    static double out[9 * 20000];
+    const double orbit[4] = {0.994, 0.0, 0.0, -2.00158510637908}, away[4] = {0.994, 0.0, 2000.0, 0.0};
+    const double none[4] = {NAN, 0.0, 0.0, 0.0}, m = 0.012277471, far = INFINITY;
+    long n[2];
+    return !(run(m, orbit, 17.1, 0.0, 1e-10, 1e-12, far, far, 1.0, 20000, out, n) > 50 &&
+             run(m, orbit, 17.1, 0.0, 1e-10, 1e-12, 0.1, 0.5, 1.0, 20000, out, n) > 0 &&
+             run(m, away, 17.1, 0.0, 1e-10, 1e-12, 0.1, far, 1.0, 20000, out, n) == -2 &&
+             run(m, none, 17.1, 0.0, 1e-10, 1e-12, 0.1, far, 1.0, 20000, out, n) == -1);
+}
+#endif
+"""
+
+ORBIT = np.array([0.994, 0.0, 0.0, -2.00158510637908252240537862224])
+
+
+def source(dop853=None):
+    text = SOURCE.replace("@DOP853@", dop853 or integrators.text("dop853"))
+    return text.replace("@CROSSINGS@", integrators.text("crossings"))
+
+
+def compiled(folder, text, *flags, program=False):
+    file = folder / f"orbit_{abs(hash((text, flags)))}.c"
+    file.write_text(text)
+    made = file.with_suffix(".out" if program else ".so")
+    kind = ["-DPROGRAM"] if program else ["-shared", "-fPIC"]
+    strict = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Wno-unused-function", "-Werror"]
+    subprocess.run(["cc", *strict, *flags, *kind, "-o", made, file, "-lm"], check=True)
+    return made
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory):
+    return ctypes.CDLL(str(compiled(tmp_path_factory.mktemp("orbit"), source(), "-O2")))
+
+
+def orbit(
+    library, y0=ORBIT, end=17.0, first=0.0, rtol=1e-10, atol=1e-12, longest=math.inf, wall=math.inf, side=1.0
+):
+    """Return the number of steps or -1, -2; their rows (t, y, y at 0.3 of the step); evaluations; stop."""
+    rows, counts = np.empty((20000, 9)), np.empty(2, dtype=np.int_)
+    numbers = [ctypes.c_double(x) for x in (end, first, rtol, atol, longest, wall, side)]
+    y0 = np.ascontiguousarray(y0, dtype=float)
+    pointers = [ctypes.c_void_p(array.ctypes.data) for array in (y0, rows, counts)]
+    steps = library.run(ctypes.c_double(MASS), pointers[0], *numbers, 20000, *pointers[1:])
+    return steps, rows[: max(steps, 0)], counts[0], counts[1] > 0
+
+
+def satellite(_, y):
+    n, a, b = 1 - MASS, y[0] + MASS, y[0] - 1 + MASS
+    d1, d2 = (a * a + y[1] ** 2) ** 1.5, (b * b + y[1] ** 2) ** 1.5
+    rate = [y[2], y[3], y[0] + 2 * y[3] - n * a / d1 - MASS * b / d2, y[1] - 2 * y[2] - n * y[1] / d1]
+    rate[3] -= MASS * y[1] / d2
+    return np.array(rate) if y[0] < 50 else np.full(4, np.nan)
+
+
+def by_scipy(**how):
+    solver = DOP853(satellite, 0.0, how.pop("y0", ORBIT), how.pop("end", 17.0), **how)
+    rows = []
+    while solver.status == "running":
+        solver.step()
+        inside = solver.dense_output()(solver.t_old + 0.3 * (solver.t - solver.t_old))
+        rows.append([solver.t, *solver.y, *inside])
+    return np.array(rows), solver.nfev, solver.status
+
+
+def check_against_scipy(library):
+    far = [0.4, 0.0, 0.0, 1.2]  # from the moon: rounding stays what it is
+    for y0, end, rtol, longest, near in (
+        (ORBIT, 5.0, 1e-11, math.inf, 1e-4),  # a small error is mostly rounding, and steps follow from it
+        (far, 2.0, 1e-11, math.inf, 1e-4),
+        (far, 2.0, 1e-4, math.inf, 1e-9),
+        (far, 0.5, 1e-6, 5e-3, 1e-13),  # no step depends on its error
+    ):
+        steps, rows, evaluations, _ = orbit(library, y0, end, rtol=rtol, atol=rtol, longest=longest)
+        theirs, nfev, status = by_scipy(y0=y0, end=end, rtol=rtol, atol=rtol, max_step=longest)
+        assert (status, steps, evaluations) == ("finished", len(theirs), nfev)
+        np.testing.assert_allclose(rows, theirs, rtol=near, atol=near)
+
+
+def test_the_steps_are_those_of_scipy(library):
+    check_against_scipy(library)
+
+
+def test_a_wrong_coefficient_is_noticed(tmp_path):
+    text = integrators.text("dop853")
+    for right, wrong in (
+        ("0.054293734116568765", "0.054293734126568765"),  # of the solution
+        ("1.2251564463762044", "1.2251664463762044"),  # of its error
+        ("2.273310147516538", "2.273310148516538"),  # of a stage
+    ):
+        broken = text.replace(right, wrong)
+        assert broken != text
+        with pytest.raises(AssertionError):
+            check_against_scipy(ctypes.CDLL(str(compiled(tmp_path, source(broken), "-O2"))))
+
+
+def test_every_published_coefficient_is_there():
+    text = integrators.text("dop853")
+    extra = published.A[13:]
+    for table in (published.A[:12], published.B, published.E3, published.E5, published.D, extra):
+        for number in np.abs(np.ravel(table)):
+            assert number == 0 or repr(float(number)) in text
+
+
+def test_a_step_that_is_given_and_one_that_is_refused(library):
+    steps, rows, evaluations, _ = orbit(library, end=0.5, first=0.4, rtol=1e-4, atol=1e-4)  # much too long
+    theirs, nfev, _ = by_scipy(end=0.5, first_step=0.4, rtol=1e-4, atol=1e-4)
+    assert (steps, evaluations) == (len(theirs), nfev)
+    np.testing.assert_allclose(rows, theirs, rtol=1e-7, atol=1e-7)
+
+
+def test_a_system_that_ends_is_given_up(library):
+    steps, _, evaluations, _ = orbit(library, y0=[0.994, 0.0, 2000.0, 0.0])
+    assert steps == -2
+    assert evaluations < 2000
+    assert orbit(library, y0=[math.nan, 0, 0, 0])[0] == -1
+
+
+def test_a_wall_is_found_where_the_dense_output_crosses_it(library):
+    def x_of(t):
+        found = solve_ivp(satellite, (0, t), ORBIT, method="DOP853", rtol=1e-13, atol=1e-14)
+        return found.y[0, -1]
+
+    steps, rows, _, stopped = orbit(library, end=1.0, rtol=1e-13, atol=1e-14, wall=0.9, side=-1.0)
+    assert stopped
+    when = brentq(lambda t: x_of(t) - 0.9, 0.0, 1.0, xtol=1e-13)
+    assert rows[steps - 1, 0] == pytest.approx(when, abs=1e-9)
+
+
+def test_a_wall_that_is_only_just_touched_between_two_looks_is_found(library):
+    """The orbit turns back at its farthest point, for less than a microsecond beyond the wall."""
+    run = solve_ivp(satellite, (0, 6.0), ORBIT, method="DOP853", rtol=1e-13, atol=1e-14, dense_output=True)
+    t = np.linspace(0, 6.0, 60001)
+    x = run.sol(t)[0]
+    inner = np.flatnonzero((x[1:-1] < x[:-2]) & (x[1:-1] <= x[2:])) + 1
+    turn = brentq(lambda s: run.sol(s)[2], t[inner[0] - 1], t[inner[0] + 1], xtol=1e-13)
+    lowest = run.sol(turn)[0]
+    how = {"end": 6.0, "rtol": 1e-13, "atol": 1e-14, "side": -1.0}
+    steps, rows, _, stopped = orbit(library, wall=lowest + 1e-12, **how)
+    assert stopped
+    assert rows[steps - 1, 0] == pytest.approx(turn, abs=1e-4)
+    assert not orbit(library, wall=lowest - 1e-9, **how)[3]
+
+
+def test_sanitizers_find_nothing(tmp_path):
+    flags = "-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"
+    program = compiled(tmp_path, source(), *flags, program=True)
+    assert subprocess.run([program], check=False).returncode == 0
