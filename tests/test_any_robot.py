@@ -10,7 +10,8 @@ from p3dof.closed_loop import ClosedLoopModel, ClosureJoint, ReactionSolver, rea
 from p3dof.closed_loop.configuration_rates import ConfigurationRates
 from p3dof.errors import ControllerError, InputError, ModelError
 from p3dof.parameters import LINKS
-from p3dof.simulation.actuation import Actuation, Noise
+from p3dof.simulation.actuation import Actuation
+from p3dof.simulation.encoders import Encoders, Noise
 from p3dof.simulation.integration import Integrator, Schedule, Tolerances
 from p3dof.simulation.margins import Stop, Unlimited
 from p3dof.simulation.plants import ConstrainedPlant
@@ -32,12 +33,12 @@ def told(*measured):
 
 
 def run(
-    plant, state, duration, controller=None, period=0.0, limits=None, load=None, margins=None, noise=None
+    plant, state, duration, controller=None, period=0.0, limits=None, load=None, margins=None, encoders=None
 ):
     """Integrate a plant, as the manipulator's runs are."""
     count = len(plant.loop.actuated)
     actuation = Actuation(
-        told, controller, period, np.full(count, np.inf) if limits is None else limits, noise
+        told, controller, period, np.full(count, np.inf) if limits is None else limits, encoders
     )
     schedule = Schedule(np.linspace(0, duration, 51), period, np.zeros(0))
     load = np.zeros(6) if load is None else load
@@ -79,7 +80,9 @@ def test_two_motors_are_controlled_with_hold_limits_and_noise():
 
     state = plant.checked_state(robots.five_bar_q(*start), np.zeros(4), 1e-9)
     limits = np.abs(holding) + 10.0
-    record = run(plant, state, 2.0, controller, 1e-2, limits, noise=Noise(1e-9, 1e-9))
+    record = run(
+        plant, state, 2.0, controller, 1e-2, limits, encoders=Encoders(1e-2, Noise(1e-9, 1e-9), np.zeros(2))
+    )
     q, _, _, gap = plant.motion(np.array(record.states), np.array(record.rates))
     angles, speeds = plant.actuated(np.array(record.states[-1]))
     np.testing.assert_allclose(angles, goal, atol=1e-3)

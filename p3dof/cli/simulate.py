@@ -10,9 +10,10 @@ import click
 import numpy as np
 from rich.console import Console
 
+from p3dof.cli.actuation import ActuationOptions, with_actuation
 from p3dof.cli.app import app
 from p3dof.cli.files import OutputFolder
-from p3dof.cli.options import POSITIVE, Case, Number, Whole, with_load
+from p3dof.cli.options import POSITIVE, Case, Number, with_load
 from p3dof.cli.output import print_plain, print_warnings, progress_bar, show
 from p3dof.cli.payloads import print_payloads
 from p3dof.errors import MissingExtraError
@@ -24,11 +25,9 @@ from p3dof.simulation import (
     PD,
     TIME_LIMIT,
     ComputedTorque,
-    ControlLoop,
     Feedforward,
     InitialState,
     Integration,
-    Noise,
     Simulation,
     errors_table,
 )
@@ -71,13 +70,7 @@ CONTROLLERS = {"pd": PD, "feedforward": Feedforward, "computed-torque": Computed
     help="By how much the masses in the controller's model are wrong, as a share.",
 )
 @click.option("--saturation", type=POSITIVE, help="Largest force of an actuator [N]; unlimited without it.")
-@click.option(
-    "--noise",
-    type=Number(min=0),
-    nargs=2,
-    help="Standard deviations of measured slider positions [m] and velocities [m/s].",
-)
-@click.option("--seed", type=Whole(min=0), default=0, show_default=True, help="Of the noise.")
+@with_actuation
 @click.option(
     "--ramp",
     type=Number(min=0),
@@ -123,8 +116,7 @@ def simulate(
     integral_time: float | None,
     mass_error: float,
     saturation: float | None,
-    noise: tuple[float, float] | None,
-    seed: int,
+    actuation: ActuationOptions,
     ramp: float | None,
     method: str,
     out: Path,
@@ -144,11 +136,11 @@ def simulate(
     chosen = _ramp(case.motion) if ramp is None else ramp
     motion = case.motion.from_rest(chosen) if chosen else case.motion
     samples = max(SAMPLES, len(motion))
-    one = estimate(method, motion.duration, samples, rate)
+    control = actuation.loop(rate, saturation or False)
+    one = estimate(method, motion.duration, samples, control.changes, control.quickest)
     all_runs = Work(len(names) * one.steps, len(names) * one.seconds)
     require_affordable(all_runs, samples, time_limit, "--time-limit")
     model = _wrong(case.robot.parameters, mass_error)
-    control = ControlLoop(rate, saturation or False, Noise(*noise, seed) if noise else None)
     runs: dict[str, Simulation] = {}
     for name in names:
         gains = {"integral_time": np.inf if integral_time is None else integral_time}

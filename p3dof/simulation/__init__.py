@@ -1,8 +1,8 @@
 """The machine in time: integration with events, controllers, and what a run leaves behind."""
 
-from p3dof.simulation.actuation import Noise
 from p3dof.simulation.control import Controller, ControllerLike, Measurement
 from p3dof.simulation.controllers import PD, ComputedTorque, Feedforward, Springs
+from p3dof.simulation.encoders import Noise
 from p3dof.simulation.equilibrium import find_equilibrium
 from p3dof.simulation.events import Event, Occurrence
 from p3dof.simulation.following import follow_motion

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from p3dof.checks import FloatArray, as_floats, frozen_array, shown
+from p3dof.checks import FloatArray, as_floats, frozen_array
 from p3dof.errors import ControllerError, InputError
+from p3dof.simulation.encoders import Encoders
 
 
 class Measure(Protocol):
@@ -28,41 +28,6 @@ class Measure(Protocol):
         """Return it: of a time, how long forces are held, (n,) each, and which forces were cut off."""
 
 
-@dataclass(frozen=True)
-class Noise:
-    """Normally distributed errors of what is measured.
-
-    Parameters
-    ----------
-    position : float
-        Standard deviation of the positions of the actuated joints, such as sliders [m or rad].
-    velocity : float
-        Standard deviation of their velocities [m/s or rad/s].
-    seed : int
-        Of the random numbers: equal seeds give equal runs.
-
-    Raises
-    ------
-    InputError
-        If a deviation is negative or not finite, or the seed is not a whole number of zero or more.
-    """
-
-    position: float = 1e-6
-    velocity: float = 1e-4
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        for name in ("position", "velocity"):
-            value = float(frozen_array(name, getattr(self, name), ()))
-            if value < 0:
-                raise InputError(f"{name}: expected zero or more, got {value:g}")
-            object.__setattr__(self, name, value)
-        whole = isinstance(self.seed, int | np.integer) and not isinstance(self.seed, bool)
-        if not whole or self.seed < 0:
-            raise InputError(f"seed: expected a whole number of zero or more, got {shown(self.seed)}")
-        object.__setattr__(self, "seed", int(self.seed))
-
-
 class Actuation:
     """The path from the state of a plant with n actuators to the forces on it.
 
@@ -76,8 +41,8 @@ class Actuation:
         How long a force is held [s]; zero for continuous control.
     limits : ndarray, shape (n,)
         Largest forces [N or N m]; infinite for none.
-    noise : Noise, optional
-        Errors of what is measured.
+    encoders : Encoders, optional
+        What is measured; the joints as they are without it.
 
     Raises
     ------
@@ -93,7 +58,7 @@ class Actuation:
         controller: Callable[..., ArrayLike] | ArrayLike | None,
         period: float,
         limits: FloatArray,
-        noise: Noise | None = None,
+        encoders: Encoders | None = None,
     ) -> None:
         self.size = len(limits)
         self._measure = measure
@@ -101,8 +66,7 @@ class Actuation:
             raise InputError(f"controller: expected an object, got the class {controller.__name__}")
         self._controller = controller if callable(controller) else _constant(controller, self.size)
         self._period, self._limits = period, limits
-        self._noise = noise
-        self._random = np.random.default_rng(0 if noise is None else noise.seed)
+        self._encoders = encoders
         self._saturated = np.zeros(self.size, dtype=bool)
         reset = getattr(controller, "reset", None)
         if callable(reset):
@@ -121,9 +85,8 @@ class Actuation:
         InputError
             If the controller returns something else than n finite numbers.
         """
-        if self._noise is not None:
-            positions = positions + self._noise.position * self._random.standard_normal(self.size)
-            velocities = velocities + self._noise.velocity * self._random.standard_normal(self.size)
+        if self._encoders is not None:
+            positions, velocities = self._encoders.read(positions, velocities)
         measured = self._measure(time, self._period, positions, velocities, self._saturated)
         asked = _checked(self._controller(measured), self.size)
         forces = np.clip(asked, -self._limits, self._limits)

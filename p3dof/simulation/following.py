@@ -109,7 +109,7 @@ def follow_motion(
     count = len(loop.actuated)
     actuation = Actuation(lambda *_: None, None, 0.0, np.full(count, np.inf))
     longest = min(integration.longest_step(), motion.step, CHECKED if loads.watched else np.inf)
-    tolerances = Tolerances(integration.rtol, integration.atol, longest)
+    tolerances = Tolerances(integration.rtol, integration.atol, longest, integration.scheme)
     schedule = Schedule(times, 0.0, loads.kinks)
     record = Integrator(
         plant, actuation, plant.load, margins, schedule, tolerances, progress, shortest=SHORTEST

@@ -1,9 +1,10 @@
-"""Integration in time, from event to event: adaptive Runge-Kutta of order 8 by SciPy, forces held or not."""
+"""Integration in time, from event to event: Runge-Kutta of order 8 by SciPy, or 4; forces held or not."""
 
 from __future__ import annotations
 
 import math
 import time as clock
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -14,6 +15,8 @@ from p3dof.checks import LARGEST, FloatArray, Progress
 from p3dof.errors import ControllerError
 from p3dof.simulation.actuation import Actuation
 from p3dof.simulation.crossings import Crossings, Watch
+from p3dof.simulation.drives import DrivenPlant
+from p3dof.simulation.fixed_steps import RungeKutta4
 from p3dof.simulation.margins import Margins, Stop
 from p3dof.simulation.plants import Plant
 
@@ -46,13 +49,18 @@ class Schedule:
         How long forces are held [s]; zero for not at all.
     kinks : ndarray, shape (K,)
         Other times at which a step must end, rising [s].
+    lateness : tuple of int and float
+        How many whole periods after a tick its forces act, and the rest as a share of one.
     """
 
-    def __init__(self, times: FloatArray, period: float, kinks: FloatArray) -> None:
+    def __init__(
+        self, times: FloatArray, period: float, kinks: FloatArray, lateness: tuple[int, float] = (0, 0.0)
+    ) -> None:
         self.times, self.period = times, period
         self._end = float(times[-1])
         self._kinks = kinks[(kinks > 0) & (kinks < self._end)]
         self._ticks = 0
+        self._whole, self._rest = lateness
 
     def is_tick(self, time: float) -> bool:
         """Return whether the controller acts at a time, and count it."""
@@ -60,11 +68,19 @@ class Schedule:
         self._ticks += tick
         return bool(tick)
 
-    def after(self, time: float) -> float:
-        """Return when a step that begins at a time must end."""
+    def acting(self) -> float:
+        """Return when the forces of the last tick begin to act [s]."""
+        return (self._ticks - 1 + self._whole + self._rest) * self.period
+
+    def reached(self, time: float, event: float) -> bool:
+        """Return whether an event is due at a time."""
+        return event <= time + self.slack(time)
+
+    def after(self, time: float, change: float = math.inf) -> float:
+        """Return when a step that begins at a time must end, where forces change at another one."""
         until = self._end
         if self.period:
-            tick = self._ticks * self.period
+            tick = min(self._ticks * self.period, change)
             until = until if self._end - tick < _EDGE * self.period else tick
         later = self._kinks[self._kinks > time + self.slack(time)]
         return min(until, float(later[0])) if len(later) else until
@@ -106,11 +122,12 @@ class Recording:
 
 
 class Tolerances(NamedTuple):
-    """Relative and absolute tolerance of an integrator, and its longest step [s]."""
+    """Relative and absolute tolerance of an integrator, its longest step [s], and which it is."""
 
     rtol: float
     atol: float
     max_step: float = np.inf
+    scheme: str = "dop853"
 
 
 class Integrator:
@@ -152,11 +169,13 @@ class Integrator:
     ) -> None:
         self._watch, self._shortest = watch, shortest
         self._plant, self._actuation, self._load = plant, actuation, load
+        self._drives = plant if isinstance(plant, DrivenPlant) else None
         self._margins, self._crossings = margins, Crossings(margins)
         self._schedule, self._times = schedule, schedule.times
         self._tolerances = tolerances
         self._progress = progress
         self._held: tuple[FloatArray, FloatArray] | None = None
+        self._late: deque[tuple[float, tuple[FloatArray, FloatArray]]] = deque()
         self._next = 0
         self._step: float | None = None
         self._lost = self._crawled = 0
@@ -174,10 +193,11 @@ class Integrator:
         time, end = 0.0, float(self._times[-1])
         try:
             while self.recording.stop is None and time < end:
-                if self._schedule.is_tick(time):
-                    self._held = self._forces(time, state)
+                self._tick(time, state)
+                state = self._driven(time, state)
                 self._sample_at(time, state)
-                time, state = self._interval(time, state, self._schedule.after(time))
+                change = self._late[0][0] if self._late else math.inf
+                time, state = self._interval(time, state, self._schedule.after(time, change))
             if self.recording.stop is None:
                 self._sample_at(end, state)
         except ControllerError as error:
@@ -187,16 +207,28 @@ class Integrator:
             self.recording.seconds = clock.perf_counter() - begun
         return self.recording
 
-    def _interval(self, time: float, state: FloatArray, until: float) -> tuple[float, FloatArray]:
-        """Integrate to a time; return it, or when the run ended before, and the state then."""
-        from scipy.integrate import DOP853
+    def _tick(self, time: float, state: FloatArray) -> None:
+        """Let the controller act if its time has come, and the forces change that are due."""
+        if self._schedule.is_tick(time):
+            forces = self._forces(time, state)
+            self._late.append((self._schedule.acting(), forces))
+            self._held = self._held or forces
+        while self._late and self._schedule.reached(time, self._late[0][0]):
+            self._held = self._late.popleft()[1]
 
-        options: dict[str, Any] = self._tolerances._asdict()
-        if self._step is not None:
-            options["first_step"] = min(self._step, until - time)
+    def _driven(self, time: float, state: FloatArray) -> FloatArray:
+        """Return the state, with the forces of the drives from the start on."""
+        if self._drives is None or time > 0:
+            return state
+        return self._drives.begin(state, (self._held or self._forces(time, state))[0])
+
+    def _interval(
+        self, time: float, state: FloatArray, until: float, careful: bool = False
+    ) -> tuple[float, FloatArray]:
+        """Integrate to a time; return it, or when the run ended before, and the state then."""
         try:
             with np.errstate(all="ignore"):
-                solver = DOP853(self._rate, time, state, until, **options)
+                solver = self._solver(time, state, until, careful)
         except _LostStep:
             return self._failed(time, state)
         if not np.isfinite(solver.f).all() or not np.isfinite(solver.h_abs):
@@ -204,7 +236,8 @@ class Integrator:
         while solver.status == "running":
             before = float(solver.t), np.array(solver.y)
             if not self._stepped(solver):
-                return self._failed(*before)
+                equal = isinstance(solver, RungeKutta4)  # steps as they are asked for, shorter ones may do
+                return self._interval(*before, until, True) if equal else self._failed(*before)
             time, state = float(solver.t), np.array(solver.y)
             dense = solver.dense_output() if self._needs_dense(*before, time, state) else None
             crossed = None if dense is None else self._crossings.first(dense, before[0], time)
@@ -221,6 +254,18 @@ class Integrator:
         self._step = float(solver.h_abs)
         return until, state
 
+    def _solver(self, time: float, state: FloatArray, until: float, careful: bool) -> Any:
+        """Return what integrates from a time to another; carefully with adaptive steps."""
+        from scipy.integrate import DOP853
+
+        rtol, atol, max_step, scheme = self._tolerances
+        if scheme == "rk4" and not careful:
+            return RungeKutta4(self._rate, time, state, until, max_step)
+        options: dict[str, Any] = {"rtol": rtol, "atol": atol, "max_step": max_step}
+        if self._step is not None:
+            options["first_step"] = min(self._step, until - time)
+        return DOP853(self._rate, time, state, until, **options)
+
     def _watched(self, dense: Any, start: float, end: float) -> None:
         """Let the watch look at a step."""
         if self._watch is not None and end > start:
@@ -233,7 +278,7 @@ class Integrator:
                 solver.step()
         except _LostStep:
             return False
-        if solver.status == "failed":
+        if solver.status == "failed" or not _finite(solver.f):
             return False
         tiny = solver.t - solver.t_old < max(_TINY * self._times[-1], self._shortest)
         tiny = tiny and solver.status == "running"  # the last step to a tick may be as short as it likes
@@ -284,6 +329,8 @@ class Integrator:
             rate = self._plant.rate(state, forces, load)
         if not (np.abs([state, rate]) <= _BEYOND).all():  # where the integrator could not go on either
             return
+        if self._drives is not None:
+            forces = self._drives.delivered(state, forces)
         record = self.recording
         record.times.append(time)
         record.states.append(np.array(state))

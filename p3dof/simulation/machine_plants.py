@@ -103,12 +103,12 @@ class MinimalPlant:
 
     def actuated(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return slider positions [m] and velocities [m/s], (3,) each."""
-        found = self._equations.sliders(*state.tolist())
+        found = self._equations.sliders(*state[:6].tolist())
         return np.array(found[:3]), np.array(found[3:])
 
     def pose(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return pose and velocity of the platform, (3,) each."""
-        return state[:3], state[3:]
+        return state[:3], state[3:6]
 
     def drops(self, state: FloatArray) -> FloatArray | None:  # noqa: ARG002 - as the other
         """Return None: the pose tells, since no leg can get beyond the horizontal."""
@@ -116,12 +116,12 @@ class MinimalPlant:
 
     def acceleration(self, state: FloatArray, rate: FloatArray) -> FloatArray:  # noqa: ARG002 - as the other
         """Return the acceleration of the pose (3,), given the derivative of the state."""
-        return rate[3:]
+        return rate[3:6]
 
     def joints(self, states: FloatArray, rates: FloatArray) -> tuple[JointStates, FloatArray]:
         """Return every joint and the largest gap of the loops (N,) [m], for states (N, 6)."""
         geometry = self._parameters.geometry
-        motion = kinematics.mechanism_motion(geometry, states[:, :3], states[:, 3:], rates[:, 3:], "nan")
+        motion = kinematics.mechanism_motion(geometry, states[:, :3], states[:, 3:6], rates[:, 3:6], "nan")
         names = tuple(motion.position)
         found = JointStates.from_mappings(names, motion.position, motion.velocity, motion.acceleration)
         return found, kinematics.closure_error(geometry, motion)
@@ -175,7 +175,7 @@ class MachineJoints(ConstrainedPlant):
     def acceleration(self, state: FloatArray, rate: FloatArray) -> FloatArray:
         """Return the acceleration of the pose (3,), given the derivative of the state."""
         model, data = self.loop.model, self._data
-        pin.forwardKinematics(model, data, *self.split(state), rate[self._nv :])
+        pin.forwardKinematics(model, data, *self.split(state), rate[self._nv : 2 * self._nv])
         pin.updateFramePlacement(model, data, self._frame)
         moving = pin.getFrameClassicalAcceleration(model, data, self._frame, pin.LOCAL_WORLD_ALIGNED)
         return np.array([moving.linear[1], moving.linear[2], moving.angular[1]])

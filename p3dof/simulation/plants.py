@@ -17,7 +17,10 @@ from p3dof.simulation.compiled_robots import CompiledStates
 
 
 class Plant(Protocol):
-    """A mechanism that moves under forces: n actuators, and a load from outside."""
+    """A mechanism that moves under forces: n actuators, and a load from outside.
+
+    Numbers that follow its state belong to what drives it, see `p3dof.simulation.drives`.
+    """
 
     def rate(self, state: FloatArray, forces: FloatArray, load: FloatArray) -> FloatArray:
         """Return the derivative of the state; NaN where there is none."""
@@ -86,7 +89,7 @@ class ConstrainedPlant:
 
     def split(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return configuration (nq,) and velocity (nv,) of a state."""
-        q, v = state[: self._nq], state[self._nq :]
+        q, v = state[: self._nq], state[self._nq : self._nq + self._nv]
         return (q if self._rates.flat else np.asarray(pin.normalize(self.loop.model, q))), v
 
     def checked_state(self, q: ArrayLike, v: ArrayLike, tolerance: float) -> FloatArray:
@@ -156,4 +159,4 @@ class ConstrainedPlant:
         q = np.array([pair[0] for pair in pairs]).reshape(-1, self._nq)
         v = np.array([pair[1] for pair in pairs]).reshape(-1, self._nv)
         gaps = [self.loop.closure_gaps(row).max(initial=0.0) for row in q]
-        return q, v, rates[:, self._nq :], np.array(gaps)
+        return q, v, rates[:, self._nq : self._nq + self._nv], np.array(gaps)

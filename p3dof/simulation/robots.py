@@ -16,6 +16,7 @@ from p3dof.motion.times import evenly, sample_count
 from p3dof.simulation.actuation import Actuation
 from p3dof.simulation.compiled_robots import Method, states_for
 from p3dof.simulation.crossings import CHECKED, Watch
+from p3dof.simulation.drives import DrivenPlant
 from p3dof.simulation.events import Event, Occurrence, checked_events
 from p3dof.simulation.integration import Integrator, Recording, Schedule, Tolerances
 from p3dof.simulation.joint_controllers import RobotMeasurement
@@ -126,16 +127,18 @@ def simulate_robot(
     count = len(loop.actuated)
     effort = np.asarray(loop.model.upperEffortLimit)[loop.actuated_v]
     limits = control.largest_forces(np.where(effort > 0, effort, np.inf), count)
-    actuation = Actuation(plant.measurement, controller, control.period, limits, control.noise)
+    actuation = Actuation(plant.measurement, controller, control.period, limits, control.encoders(count))
+    drives = control.drives(count)
     followed = _followed(loop, reference, controller)
     longest = integration.longest_step(_careful_step(control, controller, loads))
     _require_affordable(plant, state, count, times, longest, control, integration.time_limit)
     ends = [] if followed is None else [followed.duration]
-    schedule = Schedule(times, control.period, np.union1d(loads.kinks, ends))
-    tolerances = Tolerances(integration.rtol, integration.atol, longest)
+    schedule = Schedule(times, control.period, np.union1d(loads.kinks, ends), control.lateness)
+    tolerances = Tolerances(integration.rtol, integration.atol, longest, integration.scheme)
     noted = [event for event in chosen if not event.stops]
     watch = _watch(plant, noted) if noted else None
-    integrator = Integrator(plant, actuation, loads, margins, schedule, tolerances, progress, watch, SHORTEST)
+    moved = plant if drives is None else DrivenPlant(plant, drives)
+    integrator = Integrator(moved, actuation, loads, margins, schedule, tolerances, progress, watch, SHORTEST)
     finish = _Finish(loop, plant, loads, followed, noted, watch)
     try:
         record = integrator.run(state)
@@ -275,7 +278,7 @@ def _require_affordable(
     for _ in range(3):
         plant.rate(state, np.zeros(count), np.zeros(0))
     seconds = (clock.perf_counter() - began) / 3
-    steps = float(times[-1]) * max(_STEPS, 1 / longest, control.rate or 0.0)
+    steps = float(times[-1]) * max(_STEPS, 1 / longest, control.changes, 1 / control.quickest)
     require_affordable(
         Work(steps, seconds * (_PER_STEP * steps + len(times))), len(times), limit, "time_limit"
     )

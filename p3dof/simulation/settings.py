@@ -10,11 +10,20 @@ from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, FrozenArrays, as_floats, frozen_array, positive, shown
 from p3dof.errors import InputError
-from p3dof.simulation.actuation import Noise
+from p3dof.simulation.encoders import Encoders, Noise
 from p3dof.simulation.work import TIME_LIMIT
+
+SCHEMES = ("dop853", "rk4")
+"""How runs are integrated."""
 
 LEAST_RTOL = 2.3e-14
 """Below, rounding hides the error of a step."""
+
+_SHARE = 1e-9
+"""Share of a period below which a rest of it is rounding."""
+
+_STABLE = 6.0
+"""Longest step of DOP853 in time constants of a lag."""
 
 STIFFEST = 1e3
 """Largest stabilisation: what it makes of rounding in the gaps stays below the accuracy asked of a step."""
@@ -61,6 +70,9 @@ class InitialState(FrozenArrays):
 class ControlLoop(FrozenArrays):
     """How a controller acts on the machine: how often, how strongly, and how well it measures.
 
+    What is measured gets its noise first, is then rounded to counts, then differences are taken. Forces are
+    cut off first, are then late, then the drives lag behind them.
+
     Parameters
     ----------
     rate : float, optional
@@ -70,6 +82,18 @@ class ControlLoop(FrozenArrays):
         for any robot those of its file (effort).
     noise : Noise, optional
         Errors of the measured positions and velocities of the actuated joints; needs a `rate`.
+    resolution : array-like, shape () or (n,)
+        Length or angle of a count of the encoders, to which positions are rounded [m or rad]; zero for any
+        number. Needs a `rate`.
+    differencing : bool
+        Whether velocities are measured as differences of positions over a period, those of the first reading
+        being exact; needs a `rate`.
+    delay : float
+        How long after the measurement the forces change [s], less or more than a period; until the first time
+        they are what the first measurement asks for. Needs a `rate`.
+    bandwidth : array-like, shape () or (n,)
+        Of the drives, where the amplitude of their forces has fallen by 3 dB [Hz]: they follow the commands
+        with a first-order lag, and start settled. Infinite for none.
 
     Raises
     ------
@@ -80,14 +104,29 @@ class ControlLoop(FrozenArrays):
     rate: float | None = None
     saturation: bool | ArrayLike = False
     noise: Noise | None = None
+    resolution: ArrayLike = 0.0
+    differencing: bool = False
+    delay: float = 0.0
+    bandwidth: ArrayLike = math.inf
 
     def __post_init__(self) -> None:
         if self.noise is not None and not isinstance(self.noise, Noise):
             raise InputError(f"noise: expected a Noise, got {shown(self.noise)}")
-        if self.rate is not None:
-            object.__setattr__(self, "rate", positive("rate", self.rate, InputError))
-        elif self.noise is not None:
-            raise InputError("noise: needs a control rate, this run is continuous")
+        if not isinstance(self.differencing, bool | np.bool_):
+            raise InputError(f"differencing: expected True or False, got {shown(self.differencing)}")
+        resolution = _each_of("resolution", self.resolution)
+        delay = float(frozen_array("delay", self.delay, ()))
+        if not (resolution >= 0).all():
+            raise InputError(f"resolution: expected zero or more, got {resolution.tolist()}")
+        if delay < 0:
+            raise InputError(f"delay: expected zero or more, got {delay:g}")
+        bandwidth = _each_of("bandwidth", self.bandwidth, endless=True)
+        if not (bandwidth > 0).all():
+            raise InputError(f"bandwidth: expected positive frequencies, got {bandwidth.tolist()}")
+        for name, value in (("resolution", resolution), ("delay", delay), ("bandwidth", bandwidth)):
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "differencing", bool(self.differencing))
+        self._check_rate()
         if isinstance(self.saturation, bool | np.bool_):
             return
         forces = as_floats("saturation", self.saturation)
@@ -97,6 +136,64 @@ class ControlLoop(FrozenArrays):
                 f"{forces.tolist()}"
             )
         object.__setattr__(self, "saturation", forces)
+
+    def _check_rate(self) -> None:
+        if self.rate is not None:
+            object.__setattr__(self, "rate", positive("rate", self.rate, InputError))
+            return
+        wanting = {
+            "noise": self.noise is not None,
+            "resolution": bool(np.any(self.resolution)),
+            "differencing": self.differencing,
+            "delay": self.delay > 0,
+        }
+        for name, asked in wanting.items():
+            if asked:
+                raise InputError(f"{name}: needs a control rate, this run is continuous")
+
+    @property
+    def changes(self) -> float:
+        """How often forces change [Hz]: twice a period where they are late by a part of one; or zero."""
+        return 0.0 if self.rate is None else self.rate * (2 if self.lateness[1] else 1)
+
+    @property
+    def quickest(self) -> float:
+        """How long steps may be at most for the lag of the drives [s]; infinite without."""
+        finite = np.ravel(np.asarray(self.bandwidth))
+        finite = finite[np.isfinite(finite)]
+        return _STABLE / (2 * math.pi * float(finite.max())) if finite.size else math.inf
+
+    @property
+    def lateness(self) -> tuple[int, float]:
+        """The delay in whole periods, and the rest of it as a share of one."""
+        periods = self.delay * (self.rate or 0.0)
+        whole = math.floor(periods + _SHARE)
+        rest = periods - whole
+        return whole, rest if rest > _SHARE else 0.0
+
+    def encoders(self, count: int = 3) -> Encoders | None:
+        """Return the encoders of a run with n joints; None if they tell the joints as they are.
+
+        Raises
+        ------
+        InputError
+            If there are not as many resolutions as joints.
+        """
+        resolution = _for_all("resolution", self.resolution, count)
+        if self.noise is None and not resolution.any() and not self.differencing:
+            return None
+        return Encoders(self.period, self.noise, resolution, self.differencing)
+
+    def drives(self, count: int = 3) -> FloatArray | None:
+        """Return the bandwidth of n drives, shape (n,) [Hz]; None if all act at once.
+
+        Raises
+        ------
+        InputError
+            If there are not as many bandwidths as actuators.
+        """
+        bandwidth = _for_all("bandwidth", self.bandwidth, count)
+        return bandwidth if np.isfinite(bandwidth).any() else None
 
     @property
     def period(self) -> float:
@@ -125,15 +222,12 @@ class ControlLoop(FrozenArrays):
         """
         if isinstance(self.saturation, bool | np.bool_):
             return np.array(np.broadcast_to(limits, count)) if self.saturation else np.full(count, np.inf)
-        forces = np.asarray(self.saturation)
-        if forces.shape not in ((), (count,)):
-            raise InputError(f"saturation: expected one force or {count}, got {len(forces)}")
-        return np.array(np.broadcast_to(forces, count))
+        return _for_all("saturation", self.saturation, count, "force")
 
 
 @dataclass(frozen=True)
 class Integration:
-    """How a run is integrated: by DOP853, an explicit Runge-Kutta method of order 8 with adaptive steps.
+    """How a run is integrated: by an explicit Runge-Kutta method, with adaptive or with equal steps.
 
     Parameters
     ----------
@@ -141,18 +235,24 @@ class Integration:
         Relative and absolute tolerance of a step. With those by default, a minute of undamped swinging keeps
         its energy to 1e-9 of the kinetic, and its loops closed to 1e-11 m.
     max_step : float, optional
-        Longest step [s]. By default 2 ms where a function of time or of the state, other than
+        Longest step of DOP853 [s]. By default 2 ms where a function of time or of the state, other than
         `p3dof.Springs`, acts continuously, which could change for a moment between longer steps; else
         unlimited.
     stabilisation : float
         β of Baumgarte's stabilisation of the closures [1/s], for ``method="pinocchio"``.
     time_limit : float
         Longest time that the run may take on the clock [s], as estimated before it starts.
+    scheme : {"dop853", "rk4"}
+        DOP853, of order 8 with adaptive steps; or the classical method of order 4 in equal ones, which end at
+        every change of the forces: for controllers that act often, and for `p3dof.Manipulator.simulate_many`.
+    step : float
+        Longest step of rk4 [s].
 
     Raises
     ------
     InputError
-        If a number is not positive, `rtol` is below what rounding allows, or the stabilisation is too stiff.
+        If the scheme is unknown, a number is not positive, `rtol` is below what rounding allows, or the
+        stabilisation is too stiff.
     """
 
     rtol: float = 1e-11
@@ -160,9 +260,13 @@ class Integration:
     max_step: float | None = None
     stabilisation: float = 10.0
     time_limit: float = TIME_LIMIT
+    scheme: str = "dop853"
+    step: float = 1e-3
 
     def __post_init__(self) -> None:
-        for name in ("rtol", "atol", "time_limit"):
+        if not isinstance(self.scheme, str) or self.scheme not in SCHEMES:
+            raise InputError(f"scheme: expected {' or '.join(map(repr, SCHEMES))}, got {shown(self.scheme)}")
+        for name in ("rtol", "atol", "time_limit", "step"):
             object.__setattr__(self, name, positive(name, getattr(self, name), InputError))
         if self.rtol < LEAST_RTOL:
             raise InputError(f"rtol: expected at least {LEAST_RTOL:g}, got {self.rtol:g}")
@@ -175,4 +279,22 @@ class Integration:
 
     def longest_step(self, otherwise: float = math.inf) -> float:
         """Return the longest step [s]: `max_step`, or what holds where nothing was said."""
+        if self.scheme == "rk4":
+            return self.step
         return otherwise if self.max_step is None else self.max_step
+
+
+def _each_of(name: str, value: ArrayLike, endless: bool = False) -> FloatArray:
+    """Return one number, or one an actuator; infinity where that has a meaning."""
+    array = np.array(as_floats(name, value))
+    if array.ndim > 1 or array.size == 0 or np.isnan(array).any() or (not endless and np.isinf(array).any()):
+        raise InputError(f"{name}: expected a number, or one an actuator, got {array.tolist()}")
+    array.setflags(write=False)
+    return array
+
+
+def _for_all(name: str, value: ArrayLike, count: int, what: str = "number") -> FloatArray:
+    array = np.asarray(value)
+    if array.shape not in ((), (count,)):
+        raise InputError(f"{name}: expected one {what} or {count}, got {len(array)}")
+    return np.array(np.broadcast_to(array, count))

@@ -20,6 +20,7 @@ from p3dof.parameters import Parameters
 from p3dof.simulation.actuation import Actuation
 from p3dof.simulation.control import ControllerLike, Measurement
 from p3dof.simulation.crossings import CHECKED
+from p3dof.simulation.drives import DrivenPlant
 from p3dof.simulation.equations import CompiledEquations, Equations
 from p3dof.simulation.integration import Integrator, Recording, Schedule, Tolerances
 from p3dof.simulation.limits import KINDS, Limiter
@@ -109,7 +110,7 @@ def simulate(
     times = _times(duration, samples)
     _check_continuous(control, controller)
     longest = integration.longest_step(_careful_step(control, controller, wrench))
-    work = estimate(method, float(times[-1]), len(times), control.rate, longest)
+    work = estimate(method, float(times[-1]), len(times), control.changes, min(longest, control.quickest))
     require_affordable(work, len(times), integration.time_limit, "time_limit")
     if progress is not None and not callable(progress):
         raise InputError(f"progress: expected a function, got {shown(progress)}")
@@ -120,12 +121,14 @@ def simulate(
     margins = MachineMargins(plant, limiter)
     limits = control.largest_forces(machine.parameters.limits.force)
     measure = partial(Measurement, geometry=machine.parameters.geometry)
-    actuation = Actuation(measure, controller, control.period, limits, control.noise)
+    actuation = Actuation(measure, controller, control.period, limits, control.encoders())
+    drives = control.drives()
     followed = _reference(controller) if reference is None else Reference(reference)
     kinks = wrench.time if isinstance(wrench, WrenchHistory) else np.zeros(0)
-    schedule = Schedule(times, control.period, kinks)
-    tolerances = Tolerances(integration.rtol, integration.atol, longest)
-    integrator = Integrator(plant, actuation, acting, margins, schedule, tolerances, progress)
+    schedule = Schedule(times, control.period, kinks, control.lateness)
+    tolerances = Tolerances(integration.rtol, integration.atol, longest, integration.scheme)
+    moved = plant if drives is None else DrivenPlant(plant, drives)
+    integrator = Integrator(moved, actuation, acting, margins, schedule, tolerances, progress)
     try:
         recording = integrator.run(state)
     except ControllerError as error:

@@ -11,8 +11,9 @@ import click
 import numpy as np
 
 from p3dof.checks import FloatArray, shown
+from p3dof.cli.actuation import ActuationOptions, with_actuation
 from p3dof.cli.files import InputFile, protect, source
-from p3dof.cli.options import POSITIVE, Number, Whole
+from p3dof.cli.options import POSITIVE
 from p3dof.closed_loop import ClosedLoopModel, CompiledLoop
 from p3dof.errors import InputError
 from p3dof.motion import WrenchHistory
@@ -21,7 +22,6 @@ from p3dof.simulation import (
     JointComputedTorque,
     JointPD,
     JointReference,
-    Noise,
     gains,
     moved_inertia,
 )
@@ -74,13 +74,6 @@ _OPTIONS = (
         help="Largest force of an actuator [N or N m], or 'file' for the "
         "limits of effort in the robot's file; unlimited without it.",
     ),
-    click.option(
-        "--noise",
-        type=Number(min=0),
-        nargs=2,
-        help="Standard deviations of measured positions [m or rad] and velocities of the actuated joints.",
-    ),
-    click.option("--seed", type=Whole(min=0), default=0, show_default=True, help="Of the noise."),
 )
 
 
@@ -101,10 +94,8 @@ class Control(NamedTuple):
         Of the controller [Hz].
     saturation : float or True, optional
         Largest force, or those of the file.
-    noise : (float, float), optional
-        Standard deviations.
-    seed : int
-        Of the noise.
+    actuation : ActuationOptions
+        What stands between the controller and the robot.
     """
 
     controller: str
@@ -115,18 +106,17 @@ class Control(NamedTuple):
     motion_file: Path | None
     rate: float
     saturation: float | bool | None
-    noise: tuple[float, float] | None
-    seed: int
+    actuation: ActuationOptions
 
     @property
     def loop(self) -> ControlLoop:
         """How the controller acts."""
         cut = False if self.saturation is None else self.saturation
         if self.controller == NONE:
-            if self.noise is not None:
-                raise InputError("--noise: needs a --controller")
-            return ControlLoop(saturation=cut)
-        return ControlLoop(self.rate, cut, None if self.noise is None else Noise(*self.noise, self.seed))
+            for option in self.actuation.measuring:
+                raise InputError(f"{option}: needs a --controller")
+            return self.actuation.loop(None, cut)
+        return self.actuation.loop(self.rate, cut)
 
     def reference(self, robot: ClosedLoopModel) -> JointReference | None:
         """Return the motion to follow."""
@@ -162,10 +152,11 @@ def with_control(command: Callable[..., Any]) -> Callable[..., Any]:
     """Give a command the options of a `Control`, and the control as `control`."""
 
     @functools.wraps(command)
-    def run(**given: Any) -> Any:
+    def taking(**given: Any) -> Any:
         own = {name: given.pop(name) for name in Control._fields}
         return command(control=Control(**own), **given)
 
+    run = with_actuation(taking)
     for option in reversed(_OPTIONS):
         run = option(run)
     return run
