@@ -17,7 +17,8 @@ from p3dof.errors import InputError, ReachError, SingularityError
 OnInvalid: TypeAlias = Literal["raise", "nan"]
 """What to do with invalid samples: raise, or fill their rows with NaN."""
 
-_POLICIES = get_args(OnInvalid)
+POLICIES = get_args(OnInvalid)
+"""The two."""
 
 LEGS = ("a", "b", "c")
 
@@ -42,7 +43,7 @@ def check_policy(on_invalid: str) -> None:
     InputError
         If it is neither ``"raise"`` nor ``"nan"``.
     """
-    if on_invalid not in _POLICIES:
+    if on_invalid not in POLICIES:
         raise InputError(f"on_invalid: expected 'raise' or 'nan', got {on_invalid!r}")
 
 

@@ -421,6 +421,139 @@ def test_a_function_refuses_what_it_does_not_take():
         _compiled.Function("kinematics", "baseline", NUMBERS)
 
 
+def sample_of(used, level="baseline"):
+    """A kernel as a `Sample`: rows of three inputs, the first three outputs."""
+    rows = len(used.inputs) // 3
+    constants = used.of(model_of(machine_for(used)))
+    return _compiled.Sample(used.name, level, constants, rows * ((3, (0, 1, 2)),), (0, 1, 2), (3,), np.empty)
+
+
+@each_level
+@each_kernel
+def test_a_sample_in_arrays_is_one_in_numbers(used, level):
+    sample = sample_of(used, level)
+    assert (sample.kernel, sample.level) == (used.name, level)
+    function = _compiled.Function(used.name, level, used.of(model_of(machine_for(used))))
+    inputs, _ = columns_for(used, 4)
+    for numbers in zip(*inputs, strict=True):
+        rows = np.array(numbers).reshape(-1, 3)
+        expected = function(*numbers)[:3]
+        out = np.full((3, 2), np.nan)[:, 1]
+        assert tuple(sample(None, *rows).tolist()) == expected
+        assert sample(out, *rows[:, ::-1][:, ::-1]) is out
+        assert tuple(out.tolist()) == expected
+        assert tuple(sample(None, *rows.tolist()).tolist()) == expected
+
+
+def test_entries_of_a_sample_are_outputs_and_numbers():
+    used = kernel("kinematics")
+    constants = used.of(model_of(GENERAL))
+    entries = (3, 1.0, 0.0, 4, 1.0, 0.0)
+    sample = _compiled.Sample(used.name, "baseline", constants, ((5, (4, 0, 2)),), entries, (2, 3), np.empty)
+    numbers = [0.2, 99.0, 0.3, 99.0, 0.1]
+    found = _compiled.Function(used.name, "baseline", constants)(0.1, 0.2, 0.3)
+    np.testing.assert_array_equal(sample(None, numbers), [[found[3], 1, 0], [found[4], 1, 0]])
+    out = np.zeros((3, 4)).T[::2]
+    assert sample(out, tuple(numbers)) is out
+    np.testing.assert_array_equal(out, sample(None, numbers))
+
+
+def test_a_sample_that_is_not_plain_is_left_alone():
+    used = kernel("inverse_dynamics")
+    sample = sample_of(used)
+    q, v, a = np.array([x[0] for x in columns_for(used, 4)[0]]).reshape(3, 3)
+    broken = (
+        [True, 0, 0],
+        [0, "x", 0],
+        [0, 0],
+        [0, 0, 10**400],
+        [np.nan, 0, 0],
+        (0, 0, np.inf),
+        "abc",
+        b"abc",
+        None,
+    )
+    for wrong in (
+        *broken,
+        v[:2],
+        v[None],
+        v.astype(np.float32),
+        v.astype(">f8"),
+        v.astype(object),
+        1e300 * v,
+    ):
+        out = np.full(3, 7.0)
+        assert sample(out, q, wrong, a) is None
+        assert (out == 7).all()
+    locked = np.zeros(3)
+    locked.setflags(write=False)
+    for wrong in (
+        np.zeros(4),
+        np.zeros((1, 3)),
+        np.zeros(3, np.float32),
+        locked,
+        [0.0] * 3,
+        v,
+        v[::-1],
+        "out",
+    ):
+        assert sample(wrong, q, v, a) is None
+    for arguments in ((), (None, q, v), (None, q, v, a, a)):
+        with pytest.raises(TypeError, match="an array or None and 3 arguments"):
+            sample(*arguments)
+
+
+def test_a_sample_refuses_what_does_not_fit_its_kernel():
+    row, numbers = (3, (0, 1, 2)), np.ones(_compiled.kernels["kinematics"][0])
+    good = ("kinematics", "baseline", numbers, (row,), (0, 1, 2), (3,), np.empty)
+    assert _compiled.Sample(*good)(None, [0, 0]) is None
+    wrong = {
+        3: [
+            (),
+            (row, row),
+            ((3, (0, 1, 3)),),
+            ((3, (0, 1, -1)),),
+            ((99, (0, 1, 2)),),
+            ((0, ()),),
+            (row, (3,)),
+        ],
+        4: [(0, 1), (0, 1, 99), (0, 1, -1), tuple(range(8)), (0, 1, None)],
+        5: [(), (2,), (0,), (-3,), (3, 1, 1), ("3",)],
+    }
+    for place, values in wrong.items():
+        for value in values:
+            with pytest.raises((ValueError, TypeError)):
+                _compiled.Sample(*good[:place], value, *good[place + 1 :])
+    with pytest.raises(ValueError, match="no kernel"):
+        _compiled.Sample("statics", *good[1:])
+
+
+def test_samples_keep_no_memory():
+    used = kernel("inverse_dynamics")
+    sample, rows, out = sample_of(used), np.zeros((3, 3)), np.empty(3)
+    lists = rows.tolist()
+
+    def use(times):
+        for _ in range(times):
+            sample(None, *rows)
+            sample(out, *lists)
+            sample(lists, *rows)
+            sample(None, *rows[:2], "x")
+        for _ in range(times // 20):
+            sample_of(used)
+
+    use(1000)
+    tracemalloc.start()
+    try:
+        use(1000)
+        before = tracemalloc.get_traced_memory()[0]
+        use(20_000)
+        gc.collect()
+        assert tracemalloc.get_traced_memory()[0] - before < 5000
+    finally:
+        tracemalloc.stop()
+
+
 def test_levels_and_kernels_cannot_be_changed():
     assert _compiled.levels[0] == "baseline"
     with pytest.raises(TypeError):

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, partial
 from importlib.util import find_spec
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +24,9 @@ from p3dof.tracing.python import function_of, or_nan
 
 NUMPY = "numpy"
 """The level without the extension: blocks of arrays."""
+
+SampleFunction: TypeAlias = Callable[..., FloatArray | None]
+"""A kernel on rows of numbers of one sample; see `MachineKernels.sample`."""
 
 SHARE = 32_768
 """Samples that are worth a thread of their own."""
@@ -179,6 +182,41 @@ class MachineKernels:
                 self._functions[name] = compiled.Function(used.name, self.level, constants)
         return self._functions[name]
 
+    def sample(
+        self,
+        name: str,
+        rows: tuple[tuple[int, tuple[int, ...]], ...],
+        entries: tuple[int | float, ...],
+        shape: tuple[int, ...],
+    ) -> SampleFunction:
+        """Return a kernel as a function of rows of numbers: arrays in, an array out.
+
+        Parameters
+        ----------
+        name : str
+            The kernel.
+        rows : tuple of (int, tuple of int)
+            Of each row: how many numbers it has, and which of them the kernel reads, in order.
+        entries : tuple of int or float
+            Of each number of the result: which output it is, or, as a float, what it always is.
+        shape : tuple of int
+            Of the result.
+
+        Returns
+        -------
+        callable
+            (out, *rows) → `out`, or a new array where that is None; or None, for what is no plain row of
+            doubles or not clearly good. Always None on NumPy.
+        """
+        used, constants = self.prepared(name)
+        compiled = _extension()
+        if self.level == NUMPY or compiled is None:
+            return _no_sample
+        found: SampleFunction = compiled.Sample(
+            used.name, self.level, constants, rows, entries, shape, np.empty
+        )
+        return found
+
     def bind_inverse_dynamics(self) -> BoundInverseDynamics:
         """Return the inverse dynamics bound to buffers, for a control loop.
 
@@ -278,6 +316,10 @@ class BoundInverseDynamics:
         self._state[:] = given
         self.run()
         return self._forces
+
+
+def _no_sample(out: Any, *rows: Any) -> None:  # noqa: ARG001 - as `SampleFunction`
+    return None
 
 
 def on_arrays(

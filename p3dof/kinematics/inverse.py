@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from p3dof.algebra import components, matrix_array, vector_array
-from p3dof.checks import FloatArray, batch_of
+from p3dof.checks import FloatArray, batch_of, shown
+from p3dof.errors import InputError
 from p3dof.kinematics.gate import Placed, reachable
 from p3dof.kinematics.validity import Singularity, actuation_angle, reach_margins, reached
 from p3dof.motion.states import states_of
+from p3dof.outputs import checked_parts
 from p3dof.paper.formulas import Configuration, Lengths, configuration, jacobian
 from p3dof.parameters import Geometry
 from p3dof.samples import OnInvalid
@@ -71,7 +73,10 @@ def singularity(geometry: Geometry, pose: ArrayLike) -> Singularity:
 
 
 def inverse_kinematics(
-    geometry: Geometry, pose: ArrayLike, on_invalid: OnInvalid = "raise"
+    geometry: Geometry,
+    pose: ArrayLike,
+    on_invalid: OnInvalid = "raise",
+    out: InverseKinematics | None = None,
 ) -> InverseKinematics:
     """Return the sliders and passive angles at poses: the closed form of (6).
 
@@ -83,6 +88,8 @@ def inverse_kinematics(
         y [m], z [m], θ [rad].
     on_invalid : {"raise", "nan"}
         Raise for samples out of reach, or leave NaN in their rows.
+    out : InverseKinematics, optional
+        An earlier result of the same shape, which is written again; NaN after an error in the poses.
 
     Returns
     -------
@@ -93,12 +100,28 @@ def inverse_kinematics(
     ReachError
         If a leg does not reach, naming the leg, its margin and the sample.
     InputError
-        If the shape does not fit or a number is not finite.
+        If the shape does not fit or a number is not finite; or if `out` does not fit.
     """
-    states, _, x = reachable(geometry, states_of(pose, on_invalid=on_invalid))
-    return InverseKinematics(
-        vector_array(x.sliders, states.shape), paper_angles(geometry, x, states.pose[..., 2])
-    )
+    states = states_of(pose, on_invalid=on_invalid)
+    if out is None:
+        states, _, x = reachable(geometry, states)
+        return InverseKinematics(
+            vector_array(x.sliders, states.shape), paper_angles(geometry, x, states.pose[..., 2])
+        )
+    if not isinstance(out, InverseKinematics):
+        raise InputError(f"out: expected InverseKinematics, got {shown(out)}")
+    arrays = out.sliders, *out.angles.values()
+    shapes = states.pose.shape, *len(out.angles) * [states.shape]
+    checked_parts(arrays, ("sliders", *out.angles), shapes, states)
+    try:
+        found = inverse_kinematics(geometry, states.pose, on_invalid)
+    except BaseException:
+        for array in arrays:
+            array.fill(np.nan)
+        raise
+    for array, values in zip(arrays, (found.sliders, *found.angles.values()), strict=True):
+        array[...] = values
+    return out
 
 
 def inverse_jacobian(geometry: Geometry, pose: ArrayLike, on_invalid: OnInvalid = "raise") -> FloatArray:

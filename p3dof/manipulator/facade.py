@@ -11,7 +11,7 @@ from typing import Any, Literal, overload
 from numpy.typing import ArrayLike
 
 from p3dof import description, kinematics, simulation
-from p3dof.checks import FloatArray, Progress
+from p3dof.checks import FloatArray, Progress, batch_of
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.compiled import MachineKernels
 from p3dof.energy import Energy, energy_of
@@ -32,6 +32,7 @@ from p3dof.methods import (
 from p3dof.methods.compiled import ForceDerivatives
 from p3dof.methods.regressor import ForceRegressor
 from p3dof.motion import Motion, WrenchHistory, WrenchOverTime, states_of, states_over
+from p3dof.outputs import result_in
 from p3dof.parameters import PAPER, Parameters, machine_html, read_parameters
 from p3dof.reactions import (
     BOTH,
@@ -103,6 +104,10 @@ class Manipulator:
     on_invalid : {"raise", "nan"}
         Raise for samples that are not finite, out of reach or, where forces are asked for, actuation-singular
         or beyond a singularity; or leave NaN in their rows.
+    out : ndarray, optional
+        Where to write the result, as in NumPy: an array of float64 of its shape with any strides, which
+        shares no memory with an input; it is returned. After an error in the states it holds NaN. For results
+        that are no arrays, an earlier result of the same shape.
     method : {"pinocchio", "virtual-power", "compiled"}
         RNEA and loop closures in Pinocchio, sample by sample; the paper's formulas, vectorised; or the
         compiled kernels, which are the fastest by far.
@@ -189,32 +194,62 @@ class Manipulator:
 
     # Kinematics
 
-    def inverse_kinematics(self, pose: ArrayLike, *, on_invalid: OnInvalid = "raise") -> InverseKinematics:
+    def inverse_kinematics(
+        self, pose: ArrayLike, *, on_invalid: OnInvalid = "raise", out: InverseKinematics | None = None
+    ) -> InverseKinematics:
         """Return sliders and passive angles at poses, in closed form: `p3dof.kinematics`."""
-        return kinematics.inverse_kinematics(self.parameters.geometry, pose, on_invalid)
+        return kinematics.inverse_kinematics(self.parameters.geometry, pose, on_invalid, out)
 
     def forward_kinematics(
-        self, sliders: ArrayLike, *, all_modes: bool = False, on_invalid: OnInvalid = "raise"
+        self,
+        sliders: ArrayLike,
+        *,
+        all_modes: bool = False,
+        on_invalid: OnInvalid = "raise",
+        out: FloatArray | None = None,
     ) -> FloatArray:
         """Return the poses (..., 3) at positions of the `sliders` (..., 3) [m].
 
         With `all_modes`, all four assembly modes (..., 4, 3), the working one first, NaN where one does not
         exist.
         """
-        return kinematics.forward_kinematics(self.parameters.geometry, sliders, all_modes, on_invalid)
+        positions = batch_of("sliders", sliders, 3)
+        shape = (*positions.shape[:-1], 4, 3) if all_modes else positions.shape
+        geometry = self.parameters.geometry
 
-    def sliders(self, pose: ArrayLike, *, on_invalid: OnInvalid = "raise") -> FloatArray:
+        def poses(_: FloatArray | None) -> FloatArray:
+            return kinematics.forward_kinematics(geometry, positions, all_modes, on_invalid)
+
+        return result_in(out, shape, [positions], poses)
+
+    def sliders(
+        self, pose: ArrayLike, *, on_invalid: OnInvalid = "raise", out: FloatArray | None = None
+    ) -> FloatArray:
         """Return the slider positions (..., 3) [m] at poses by the kernels: for many calls or samples."""
-        return compiled.sliders(self.kernels, states_of(pose, on_invalid=on_invalid))
+        one = self._model.methods["compiled"].one
+        if one is not None and (found := one.sliders(out, pose, on_invalid)) is not None:
+            return found
+        states = states_of(pose, on_invalid=on_invalid)
+        return result_in(out, states.pose.shape, states, partial(compiled.sliders, self.kernels, states))
 
     def jacobian(
-        self, pose: ArrayLike, *, on_invalid: OnInvalid = "raise", method: Method = DEFAULT_METHOD
+        self,
+        pose: ArrayLike,
+        *,
+        on_invalid: OnInvalid = "raise",
+        method: Method = DEFAULT_METHOD,
+        out: FloatArray | None = None,
     ) -> FloatArray:
         """Return J = ∂(λA, λB, λC)/∂(y, z, θ), (..., 3, 3) [1, 1, m/rad].
 
         Slider velocities are J times the pose's velocity.
         """
-        return self._model.methods[method].jacobian(states_of(pose, on_invalid=on_invalid))
+        dynamics = self._model.methods[method]
+        one = dynamics.one
+        if one is not None and (found := one.jacobian(out, pose, on_invalid)) is not None:
+            return found
+        states = states_of(pose, on_invalid=on_invalid)
+        return result_in(out, (*states.shape, 3, 3), states, partial(dynamics.jacobian, states), row=2)
 
     def singularity(self, pose: ArrayLike) -> Singularity:
         """Return the margins of poses from both kinds of singularity; NaN where a pose is not finite."""
@@ -242,10 +277,17 @@ class Manipulator:
         wrench: ArrayLike | None = None,
         on_invalid: OnInvalid = "raise",
         method: Method = DEFAULT_METHOD,
+        out: FloatArray | None = None,
     ) -> FloatArray:
         """Return the actuator forces (..., 3) [N] at states of motion, without a time axis."""
+        dynamics = self._model.methods[method]
+        one = dynamics.one
+        if one is not None:
+            found = one.forces(out, pose, velocity, acceleration, wrench, on_invalid)
+            if found is not None:
+                return found
         states = states_of(pose, velocity, acceleration, wrench=wrench, on_invalid=on_invalid)
-        return self._model.methods[method].forces(states)
+        return result_in(out, states.pose.shape, states, partial(dynamics.forces, states))
 
     def forward_dynamics(
         self,
@@ -256,33 +298,60 @@ class Manipulator:
         wrench: ArrayLike | None = None,
         on_invalid: OnInvalid = "raise",
         method: Method = DEFAULT_METHOD,
+        out: FloatArray | None = None,
     ) -> FloatArray:
         """Return the acceleration of the platform under actuator forces, (..., 3) [m/s², m/s², rad/s²].
 
         It exists at singular poses too.
         """
+        dynamics = self._model.methods[method]
+        one = dynamics.one
+        if one is not None:
+            found = one.accelerate(out, pose, velocity, forces, wrench, on_invalid)
+            if found is not None:
+                return found
         states = states_of(pose, velocity, forces=forces, wrench=wrench, on_invalid=on_invalid)
-        return self._model.methods[method].accelerate(states)
+        return result_in(out, states.pose.shape, states, partial(dynamics.accelerate, states))
 
     def mass_matrix(
-        self, pose: ArrayLike, *, on_invalid: OnInvalid = "raise", method: Method = DEFAULT_METHOD
+        self,
+        pose: ArrayLike,
+        *,
+        on_invalid: OnInvalid = "raise",
+        method: Method = DEFAULT_METHOD,
+        out: FloatArray | None = None,
     ) -> FloatArray:
         """Return the mass matrix in y, z, θ, (..., 3, 3) [kg, kg m, kg m²]."""
-        return self._model.methods[method].mass_matrix(states_of(pose, on_invalid=on_invalid))
+        dynamics = self._model.methods[method]
+        one = dynamics.one
+        if one is not None and (found := one.mass_matrix(out, pose, on_invalid)) is not None:
+            return found
+        states = states_of(pose, on_invalid=on_invalid)
+        return result_in(out, (*states.shape, 3, 3), states, partial(dynamics.mass_matrix, states), row=2)
 
     def coriolis_matrix(
-        self, pose: ArrayLike, velocity: ArrayLike, *, on_invalid: OnInvalid = "raise"
+        self,
+        pose: ArrayLike,
+        velocity: ArrayLike,
+        *,
+        on_invalid: OnInvalid = "raise",
+        out: FloatArray | None = None,
     ) -> FloatArray:
         """Return the Coriolis matrix C in y, z, θ, (..., 3, 3), with Ṁ - 2C skew.
 
         C times the pose's velocity are forces [N, N, N m].
         """
         states = states_of(pose, velocity, on_invalid=on_invalid)
-        return equations_of_motion.coriolis_matrix(self.parameters, states)
+        matrix = partial(equations_of_motion.coriolis_matrix, self.parameters, states)
+        return result_in(out, (*states.shape, 3, 3), states, matrix, row=2)
 
-    def gravity_forces(self, pose: ArrayLike, *, on_invalid: OnInvalid = "raise") -> FloatArray:
+    def gravity_forces(
+        self, pose: ArrayLike, *, on_invalid: OnInvalid = "raise", out: FloatArray | None = None
+    ) -> FloatArray:
         """Return the gradient of the potential energy by y, z, θ, (..., 3) [N, N, N m]."""
-        return equations_of_motion.gravity_forces(self.parameters, states_of(pose, on_invalid=on_invalid))
+        states = states_of(pose, on_invalid=on_invalid)
+        forces = partial(equations_of_motion.gravity_forces, self.parameters, states)
+        return result_in(out, states.pose.shape, states, forces)
 
     def force_derivatives(
         self,
@@ -292,13 +361,14 @@ class Manipulator:
         *,
         wrench: ArrayLike | None = None,
         on_invalid: OnInvalid = "raise",
+        out: ForceDerivatives | None = None,
     ) -> ForceDerivatives:
         """Return the actuator forces and their exact derivatives by pose, velocity and acceleration.
 
         The wrench stays when the motion changes.
         """
         states = states_of(pose, velocity, acceleration, wrench=wrench, on_invalid=on_invalid)
-        return compiled.inverse_dynamics_derivatives(self.kernels, states)
+        return compiled.inverse_dynamics_derivatives(self.kernels, states, out)
 
     def force_regressor(
         self,
@@ -338,10 +408,16 @@ class Manipulator:
         return with_evidence(method, motion, solution, states.wrench, crossings, examine)
 
     def inverse_dynamics_derivatives(
-        self, motion: Motion, *, wrench: WrenchOverTime = None, on_invalid: OnInvalid = "raise"
+        self,
+        motion: Motion,
+        *,
+        wrench: WrenchOverTime = None,
+        on_invalid: OnInvalid = "raise",
+        out: ForceDerivatives | None = None,
     ) -> ForceDerivatives:
         """Return `force_derivatives` over a motion, (N, 3) and (N, 3, 3)."""
-        return compiled.inverse_dynamics_derivatives(self.kernels, states_over(motion, wrench, on_invalid))
+        states = states_over(motion, wrench, on_invalid)
+        return compiled.inverse_dynamics_derivatives(self.kernels, states, out)
 
     def compare(
         self,

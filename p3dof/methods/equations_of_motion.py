@@ -25,6 +25,7 @@ from p3dof.checks import FloatArray
 from p3dof.kinematics import jacobian_at, reachable
 from p3dof.motion.states import States
 from p3dof.motion.wrenches import WRENCH_ROWS
+from p3dof.outputs import written
 from p3dof.paper.formulas import Lengths
 from p3dof.paper.friction import NO_LOSSES, Losses, losses_of
 from p3dof.paper.inertials import inertials, numbers
@@ -57,7 +58,7 @@ def mass_matrix(parameters: Parameters, states: States) -> FloatArray:
     return _mass_matrix(parameters, components(poses), poses.shape[:-1])
 
 
-def coriolis_matrix(parameters: Parameters, states: States) -> FloatArray:
+def coriolis_matrix(parameters: Parameters, states: States, out: FloatArray | None = None) -> FloatArray:
     """Return the matrix C(x, ẋ) of centrifugal and Coriolis forces, by Christoffel's symbols.
 
     Parameters
@@ -66,6 +67,8 @@ def coriolis_matrix(parameters: Parameters, states: States) -> FloatArray:
         The machine.
     states : States
         Poses and velocities.
+    out : ndarray, shape (..., 3, 3), optional
+        Where to write.
 
     Returns
     -------
@@ -75,10 +78,10 @@ def coriolis_matrix(parameters: Parameters, states: States) -> FloatArray:
     found = reachable(parameters.geometry, states).states
     D = np.stack([_mass_derivative(parameters, found.pose, k) for k in range(3)], axis=-1)  # ∂M_ij/∂x_k
     gamma = 0.5 * (D + np.swapaxes(D, -1, -2) - np.moveaxis(D, -1, -3))  # Γ_ijk
-    return np.asarray(np.einsum("...ijk,...k->...ij", gamma, found.velocity))
+    return written(np.asarray(np.einsum("...ijk,...k->...ij", gamma, found.velocity)), out)
 
 
-def gravity_forces(parameters: Parameters, states: States) -> FloatArray:
+def gravity_forces(parameters: Parameters, states: States, out: FloatArray | None = None) -> FloatArray:
     """Return g(x), the gradient of the potential energy: what holds the machine against gravity.
 
     Parameters
@@ -87,6 +90,8 @@ def gravity_forces(parameters: Parameters, states: States) -> FloatArray:
         The machine.
     states : States
         Poses.
+    out : ndarray, shape (..., 3), optional
+        Where to write.
 
     Returns
     -------
@@ -95,7 +100,8 @@ def gravity_forces(parameters: Parameters, states: States) -> FloatArray:
     """
     poses = reachable(parameters.geometry, states).states.pose
     gravity = numbers(parameters.gravity)
-    return vector_array(_generalized(parameters, gravity, components(poses), _REST, _REST), poses.shape[:-1])
+    found = _generalized(parameters, gravity, components(poses), _REST, _REST)
+    return written(vector_array(found, poses.shape[:-1]), out)
 
 
 def forward_dynamics(parameters: Parameters, states: States) -> FloatArray:

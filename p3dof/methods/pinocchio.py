@@ -22,6 +22,7 @@ from p3dof.methods.pinocchio_friction import FrictionForces
 from p3dof.methods.pinocchio_gate import Gate, Verdict
 from p3dof.methods.solution import JointStates, Solution
 from p3dof.motion.states import States
+from p3dof.outputs import written
 from p3dof.parameters import PLATFORM, Parameters
 
 MASK = (False, True, True, False, True, False)
@@ -41,6 +42,8 @@ class PinocchioMethod:
         Its model.
     """
 
+    one = None
+
     def __init__(self, parameters: Parameters, loop: ClosedLoopModel) -> None:
         self._loop, self._depth = loop, parameters.geometry.h
         self._friction = FrictionForces(loop, parameters.friction)
@@ -48,9 +51,9 @@ class PinocchioMethod:
         self._data = loop.model.createData()
         self._frame = loop.model.getFrameId(PLATFORM)
 
-    def forces(self, states: States) -> FloatArray:
+    def forces(self, states: States, out: FloatArray | None = None) -> FloatArray:
         """Return the actuator forces (..., 3) [N]."""
-        return self.solve(states).forces.reshape(states.pose.shape)
+        return written(self.solve(states).forces.reshape(states.pose.shape), out)
 
     def solve(self, states: States, progress: Progress | None = None) -> Solution:
         """Return forces, joints and evidence at N samples; of a batch of another shape, row by row."""
@@ -89,7 +92,7 @@ class PinocchioMethod:
             actuation=np.where(np.isfinite(forces).all(axis=1), verdict.actuation, np.nan),
         )
 
-    def accelerate(self, states: States) -> FloatArray:
+    def accelerate(self, states: States, out: FloatArray | None = None) -> FloatArray:
         """Return the acceleration (..., 3) of the platform, by constrained dynamics of all joints."""
         rows = states.finite().rows()
         pose, velocity, forces, wrench = rows.pose, rows.velocity, rows.forces, rows.wrench
@@ -112,14 +115,14 @@ class PinocchioMethod:
             result[i] = self._platform_acceleration(state.q, state.v, a)
         if states.on_invalid == "raise":
             verdict.tell(states.shape, True)
-        return result.reshape(states.pose.shape)
+        return written(result.reshape(states.pose.shape), out)
 
-    def jacobian(self, states: States) -> FloatArray:
+    def jacobian(self, states: States, out: FloatArray | None = None) -> FloatArray:
         """Return ∂(λA, λB, λC)/∂(y, z, θ), (..., 3, 3): rows of the influence matrix of the closed loops."""
         _, influence = self._assembled(states)
-        return np.ascontiguousarray(influence[:, self._loop.actuated_v]).reshape(*states.shape, 3, 3)
+        return written(influence[:, self._loop.actuated_v].reshape(*states.shape, 3, 3), out)
 
-    def mass_matrix(self, states: States) -> FloatArray:
+    def mass_matrix(self, states: States, out: FloatArray | None = None) -> FloatArray:
         """Return the mass matrix in y, z, θ, (..., 3, 3).
 
         It is Gᵀ M G: M of the tree, by CRBA, G the influence matrix of the closed loops.
@@ -131,7 +134,7 @@ class PinocchioMethod:
             M[i] = np.triu(pin.crba(model, data, q[i]))
         M += np.swapaxes(np.triu(M, 1), -1, -2)  # CRBA fills the upper half
         found = np.swapaxes(G, -1, -2) @ M @ G
-        return ((found + np.swapaxes(found, -1, -2)) / 2).reshape(*states.shape, 3, 3)
+        return written(((found + np.swapaxes(found, -1, -2)) / 2).reshape(*states.shape, 3, 3), out)
 
     def _assembled(self, states: States) -> tuple[FloatArray, FloatArray]:
         """Return configurations (N, nq) at poses, and joint speeds per unit ẏ, ż, θ̇ (N, nv, 3)."""

@@ -14,6 +14,7 @@ from p3dof.methods import equations_of_motion
 from p3dof.methods.closed_form import solution_with
 from p3dof.methods.solution import Solution
 from p3dof.motion.states import States
+from p3dof.outputs import written
 from p3dof.paper.friction import losses_of
 from p3dof.paper.inertials import inertials, numbers
 from p3dof.paper.virtual_power import NO_WRENCH, Wrench, actuator_forces
@@ -30,32 +31,34 @@ class VirtualPowerMethod:
         The machine.
     """
 
+    one = None
+
     def __init__(self, parameters: Parameters) -> None:
         self._parameters = parameters
 
-    def forces(self, states: States) -> FloatArray:
+    def forces(self, states: States, out: FloatArray | None = None) -> FloatArray:
         """Return the actuator forces (..., 3) [N]."""
         found = forces_at(self._parameters, kinematics.holdable(self._parameters.geometry, states))
         if states.on_invalid == "raise":
             raise_not_finite("forces", found)
-        return found
+        return written(found, out)
 
     def solve(self, states: States, progress: Progress | None = None) -> Solution:  # noqa: ARG002 - it is quick
         """Return forces, joints and evidence at N samples."""
         placed = kinematics.holdable(self._parameters.geometry, states)
         return solution_with(forces_at(self._parameters, placed), self._parameters, placed)
 
-    def accelerate(self, states: States) -> FloatArray:
+    def accelerate(self, states: States, out: FloatArray | None = None) -> FloatArray:
         """Return the acceleration (..., 3) of the platform under forces."""
-        return equations_of_motion.forward_dynamics(self._parameters, states)
+        return written(equations_of_motion.forward_dynamics(self._parameters, states), out)
 
-    def jacobian(self, states: States) -> FloatArray:
+    def jacobian(self, states: States, out: FloatArray | None = None) -> FloatArray:
         """Return ∂(λA, λB, λC)/∂(y, z, θ), (..., 3, 3)."""
-        return kinematics.jacobian_at(kinematics.reachable(self._parameters.geometry, states))
+        return written(kinematics.jacobian_at(kinematics.reachable(self._parameters.geometry, states)), out)
 
-    def mass_matrix(self, states: States) -> FloatArray:
+    def mass_matrix(self, states: States, out: FloatArray | None = None) -> FloatArray:
         """Return the mass matrix in y, z, θ, (..., 3, 3)."""
-        return equations_of_motion.mass_matrix(self._parameters, states)
+        return written(equations_of_motion.mass_matrix(self._parameters, states), out)
 
 
 def forces_at(parameters: Parameters, placed: Placed) -> FloatArray:

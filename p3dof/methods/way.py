@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from p3dof.checks import FloatArray, Progress
+from p3dof.methods.one_sample import OneSample
 from p3dof.methods.solution import Solution
 from p3dof.motion.states import States
 
@@ -23,13 +24,19 @@ class DynamicsMethod(Protocol):
     Forces and sliders are those of A, B, C, positive along +z0.
     """
 
-    def forces(self, states: States) -> FloatArray:
+    @property
+    def one(self) -> OneSample | None:
+        """What answers for one plain sample at once; None where nothing does."""
+
+    def forces(self, states: States, out: FloatArray | None = None) -> FloatArray:
         """Return the actuator forces that a motion takes, (..., 3) [N].
 
         Parameters
         ----------
         states : States
             Pose, velocity, acceleration and wrench.
+        out : ndarray, shape (..., 3), optional
+            Where the result may be written, here and below; whoever asks looks at what comes back.
         """
 
     def solve(self, states: States, progress: Progress | None = None) -> Solution:
@@ -43,7 +50,7 @@ class DynamicsMethod(Protocol):
             Called with (done, total) now and then by a way that takes its time.
         """
 
-    def accelerate(self, states: States) -> FloatArray:
+    def accelerate(self, states: States, out: FloatArray | None = None) -> FloatArray:
         """Return the acceleration of (y, z, θ) under actuator forces, (..., 3) [m/s², m/s², rad/s²].
 
         It exists at singular poses too.
@@ -54,7 +61,7 @@ class DynamicsMethod(Protocol):
             Pose, velocity, forces and wrench.
         """
 
-    def jacobian(self, states: States) -> FloatArray:
+    def jacobian(self, states: States, out: FloatArray | None = None) -> FloatArray:
         """Return ∂(λA, λB, λC)/∂(y, z, θ), (..., 3, 3) [1, 1, m/rad].
 
         Parameters
@@ -63,7 +70,7 @@ class DynamicsMethod(Protocol):
             Poses.
         """
 
-    def mass_matrix(self, states: States) -> FloatArray:
+    def mass_matrix(self, states: States, out: FloatArray | None = None) -> FloatArray:
         """Return the mass matrix in y, z, θ, (..., 3, 3) [kg, kg m, kg m²].
 
         Parameters

@@ -1,4 +1,5 @@
-/* The generated batch kernels as a Python extension: `Call` runs a kernel on columns of doubles, `Function` on numbers.
+/* The generated batch kernels as a Python extension: `Call` runs a kernel on columns of doubles, `Function` on numbers,
+ * `Sample` on small arrays.
  *
  * Every kernel is compiled for several levels of the instruction set; the CPU decides at run time which of them
  * there are. Nothing here knows what a kernel computes. The module has no state but its constants.
@@ -18,6 +19,8 @@
 #include "call.h"
 
 #include "function.h"
+
+#include "sample.h"
 
 /* The module */
 
@@ -60,6 +63,7 @@ static int fill_module(PyObject *module)
 {
     if (add(module, "Call", PyType_FromModuleAndSpec(module, &Call_spec, NULL)) < 0 ||
         add(module, "Function", PyType_FromModuleAndSpec(module, &Function_spec, NULL)) < 0 ||
+        add(module, "Sample", PyType_FromModuleAndSpec(module, &Sample_spec, NULL)) < 0 ||
         add(module, "levels", names_of_levels()) < 0 || add(module, "kernels", counts_of_kernels()) < 0)
         return -1;
     return 0;

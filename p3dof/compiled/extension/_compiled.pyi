@@ -1,5 +1,5 @@
-from collections.abc import Mapping, Sequence
-from typing import SupportsIndex, TypeAlias, final, overload
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, SupportsIndex, TypeAlias, final, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,3 +39,21 @@ class Function:
     def level(self) -> str: ...
     def __new__(cls, kernel: str, level: str, constants: _Doubles) -> Function: ...
     def __call__(self, *numbers: float) -> tuple[float, ...]: ...
+
+@final
+class Sample:
+    @property
+    def kernel(self) -> str: ...
+    @property
+    def level(self) -> str: ...
+    def __new__(
+        cls,
+        kernel: str,
+        level: str,
+        constants: _Doubles,
+        arguments: tuple[tuple[int, tuple[int, ...]], ...],
+        entries: tuple[int | float, ...],
+        shape: tuple[int, ...],
+        empty: Callable[[tuple[int, ...]], NDArray[np.float64]],
+    ) -> Sample: ...
+    def __call__(self, out: object, *rows: object) -> Any: ...

@@ -1,0 +1,100 @@
+"""One plain sample at once: what a control loop asks for a thousand times a second."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+from p3dof.checks import FloatArray
+from p3dof.compiled.kernels import MachineKernels, SampleFunction
+from p3dof.motion.wrenches import WRENCH_ROWS
+from p3dof.samples import POLICIES
+
+_ROW = (3, (0, 1, 2))
+_WRENCH = (6, WRENCH_ROWS)
+_SLOPE_A, _SLOPE_B, _SLOPE_C, _ARM = 3, 4, 5, 6
+_JACOBIAN = (_SLOPE_A, 1.0, 0.0, _SLOPE_B, 1.0, 0.0, _SLOPE_C, 1.0, _ARM)
+_YY, _YZ, _YT, _ZT, _TT, _ZZ = range(6)
+_MASSES = (_YY, _YZ, _YT, _YZ, _ZZ, _ZT, _YT, _ZT, _TT)
+"""Which output of a kernel each entry of the matrix is, or what it always is."""
+
+
+class OneSample:
+    """Results of the kernels for one plain sample, without what batches take.
+
+    Every door takes what the user gave, `out` first, and returns the result; or None, and has written
+    nothing, where somebody must look closer: a batch, what is no array, list or tuple of doubles, a number
+    that is not finite, a state that is not clearly good, an `out` that does not fit, and machines with
+    friction.
+
+    Parameters
+    ----------
+    kernels : MachineKernels
+        Of the machine.
+    """
+
+    def __init__(self, kernels: MachineKernels) -> None:
+        self._kernels, self._friction = kernels, bool(kernels.parameters.friction)
+
+    def forces(self, out: Any, q: Any, v: Any, a: Any, wrench: Any, on_invalid: str) -> FloatArray | None:
+        """Return the actuator forces (3,) [N] at a pose, velocity and acceleration."""
+        if on_invalid not in POLICIES:
+            return None
+        return self._forces(out, q, v, a) if wrench is None else self._loaded_forces(out, q, v, a, wrench)
+
+    def accelerate(self, out: Any, q: Any, v: Any, f: Any, wrench: Any, on_invalid: str) -> FloatArray | None:
+        """Return the acceleration (3,) of the platform at a pose and velocity, under forces."""
+        if on_invalid not in POLICIES:
+            return None
+        if wrench is None:
+            return self._acceleration(out, q, v, f)
+        return self._loaded_acceleration(out, q, v, f, wrench)
+
+    def jacobian(self, out: Any, pose: Any, on_invalid: str) -> FloatArray | None:
+        """Return ∂(λA, λB, λC)/∂(y, z, θ), (3, 3)."""
+        return self._jacobian(out, pose) if on_invalid in POLICIES else None
+
+    def mass_matrix(self, out: Any, pose: Any, on_invalid: str) -> FloatArray | None:
+        """Return the mass matrix in y, z, θ, (3, 3)."""
+        return self._mass_matrix(out, pose) if on_invalid in POLICIES else None
+
+    def sliders(self, out: Any, pose: Any, on_invalid: str) -> FloatArray | None:
+        """Return the slider positions (3,) [m]."""
+        return self._sliders(out, pose) if on_invalid in POLICIES else None
+
+    @cached_property
+    def _forces(self) -> SampleFunction:
+        return self._driven("inverse_dynamics")
+
+    @cached_property
+    def _loaded_forces(self) -> SampleFunction:
+        return self._driven("inverse_dynamics_loaded", _WRENCH)
+
+    @cached_property
+    def _acceleration(self) -> SampleFunction:
+        return self._driven("forward_dynamics")
+
+    @cached_property
+    def _loaded_acceleration(self) -> SampleFunction:
+        return self._driven("forward_dynamics_loaded", _WRENCH)
+
+    @cached_property
+    def _jacobian(self) -> SampleFunction:
+        return self._kernels.sample("kinematics", (_ROW,), _JACOBIAN, (3, 3))
+
+    @cached_property
+    def _mass_matrix(self) -> SampleFunction:
+        return self._kernels.sample("mass_matrix", (_ROW,), _MASSES, (3, 3))
+
+    @cached_property
+    def _sliders(self) -> SampleFunction:
+        return self._kernels.sample("kinematics", (_ROW,), (0, 1, 2), (3,))
+
+    def _driven(self, name: str, *more: tuple[int, tuple[int, ...]]) -> SampleFunction:
+        if self._friction:
+            return _nothing
+        return self._kernels.sample(name, (_ROW, _ROW, _ROW, *more), (0, 1, 2), (3,))
+
+
+def _nothing(out: Any, *rows: Any) -> None:  # noqa: ARG001 - as `SampleFunction`
+    return None
