@@ -22,6 +22,7 @@ import pytest
 from machines import conditioning, random_machine, random_states
 
 import p3dof
+from p3dof.codegen.batch import ONE_LOOP, kernel_code
 from p3dof.compiled.formulas import all_kernels, is_symmetric, kernel
 from p3dof.compiled.reduced import model_of
 from p3dof.motion.wrenches import WRENCH_ROWS
@@ -587,18 +588,23 @@ TARGETS = {
 }
 
 
+def library_of(folder, source):
+    """C that includes the extension's headers, compiled as the extension is."""
+    if not CAN_BUILD or os.name == "nt":
+        pytest.skip("no compiler")
+    (folder / "given.c").write_text(source)
+    flags = ["-O3", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast", "-fopenmp-simd", "-w"]
+    headers = ROOT / "p3dof" / "compiled" / "extension"
+    paths = ["-I", str(headers), str(folder / "given.c"), "-o", str(folder / "given.so")]
+    subprocess.run([COMPILER, "-shared", "-fPIC", *flags, *paths], check=True)
+    return ctypes.CDLL(str(folder / "given.so"))
+
+
 @pytest.fixture(scope="module", params=_compiled.levels)
 def sines(request, tmp_path_factory):
     """Sine and cosine as the kernels have them, on arrays."""
-    if not CAN_BUILD or os.name == "nt":
-        pytest.skip("no compiler")
-    folder = tmp_path_factory.mktemp("sines")
-    (folder / "sines.c").write_text(HARNESS.format(target=TARGETS[request.param]))
-    flags = ["-O3", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast", "-fopenmp-simd", "-w"]
-    headers = ROOT / "p3dof" / "compiled" / "extension"
-    source = ["-I", str(headers), str(folder / "sines.c"), "-o", str(folder / "sines.so")]
-    subprocess.run([COMPILER, "-shared", "-fPIC", *flags, *source], check=True)
-    library = ctypes.CDLL(str(folder / "sines.so"))
+    source = HARNESS.format(target=TARGETS[request.param])
+    library = library_of(tmp_path_factory.mktemp("sines"), source)
 
     def compute(x):
         s, c = np.empty_like(x), np.empty_like(x)
@@ -641,3 +647,64 @@ def test_sine_and_cosine_are_nan_for_what_they_do_not_take(sines):
     s, c = sines(np.array([np.nan, np.inf, -np.inf, np.nextafter(1e5, 2e5), -1.1e5, 1e300, -1e9, 1e17, 1e22]))
     assert np.isnan(s).all()
     assert np.isnan(c).all()
+
+
+IN_ONE_LOOP = """
+{harness}
+#define P3DOF_SIMD _Pragma("omp simd")
+{kernels}
+"""
+CUT = [
+    kernel("inverse_dynamics"),
+    kernel("inverse_dynamics_loaded", symmetric=True),
+    kernel("forward_dynamics_loaded"),
+    kernel("mass_matrix", symmetric=True),
+]
+
+
+@pytest.fixture(scope="module", params=_compiled.levels)
+def in_one_loop(request, tmp_path_factory):
+    """The kernels of `CUT` as one loop over all samples, compiled here."""
+    code = [kernel_code(used, in_blocks=False).replace("static ", "") for used in CUT]
+    harness = HARNESS.format(target=TARGETS[request.param])
+    source = IN_ONE_LOOP.format(harness=harness, kernels="\n".join(code))
+    library = library_of(tmp_path_factory.mktemp("loops"), source)
+
+    def compute(used, inputs):
+        constants = used.of(model_of(machine_for(used)))
+        outputs = [np.full(len(inputs[0]), np.nan) for _ in used.outputs]
+        rows = [(ctypes.c_void_p * len(c))(*(x.ctypes.data for x in c)) for c in (inputs, outputs)]
+        count, numbers = ctypes.c_ssize_t(len(inputs[0])), ctypes.c_void_p(constants.ctypes.data)
+        getattr(library, f"{used.name}_here")(count, numbers, *rows)
+        return outputs
+
+    return request.param, compute
+
+
+@pytest.mark.parametrize("used", CUT, ids=lambda used: used.name)
+def test_two_loops_give_the_same_bits_as_one(used, in_one_loop):
+    level, compute = in_one_loop
+    assert used.name not in ONE_LOOP
+    assert "between" in kernel_code(used, in_blocks=True)
+    inputs, _ = columns_for(used, 1003)
+    for k, bad in enumerate([np.nan, np.inf, 1e9, 10.0, -3e5]):  # samples that have no answer
+        inputs[k % 3][17 * k + 5] = bad
+    for count in (0, 1, 2, 3, 7, 8, 9, 15, 63, 64, 65, 79, 80, 81, 127, 128, 129, 159, 160, 161, 1003):
+        part = [np.ascontiguousarray(column[:count]) for column in inputs]
+        for one, other in zip(compute(used, part), run(used, level, part)[0], strict=True):
+            np.testing.assert_array_equal(one, other)  # NaN included
+    strided = [np.repeat(column, 3)[::3] for column in inputs]
+    for one, other in zip(compute(used, inputs), run(used, level, strided)[0], strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@each_level
+@pytest.mark.parametrize("used", CUT, ids=lambda used: used.name)
+def test_a_sample_has_the_same_bits_whatever_is_beside_it(used, level):
+    inputs, _ = columns_for(used, 203)
+    together, _ = run(used, level, inputs)
+    for place in (0, 1, 77, 79, 80, 150, 199, 200, 201, 202):
+        alone, _ = run(used, level, [column[place : place + 1].copy() for column in inputs])
+        few, _ = run(used, level, [column[place - place % 3 : place + 5].copy() for column in inputs])
+        for one, some, whole in zip(alone, few, together, strict=True):
+            assert one[0] == some[place % 3] == whole[place]

@@ -3,6 +3,7 @@
 import cmath
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -13,8 +14,10 @@ from test_friction import random_friction
 import p3dof
 from p3dof import kinematics
 from p3dof.simulation.equations import Equations
-from p3dof.tracing import Tape, derivatives, straight_line
+from p3dof.tracing import Symbol, Tape, derivatives, straight_line
 from p3dof.tracing.c import statements
+from p3dof.tracing.cut import in_two
+from p3dof.tracing.divisions import in_pairs
 from p3dof.tracing.python import function_of
 
 
@@ -166,3 +169,54 @@ def test_numbers_are_computed_at_once():
     found = [f(0.035, 1.075) for f in (tape.add, tape.subtract, tape.multiply, tape.divide)]
     assert found == [0.035 + 1.075, 0.035 - 1.075, 0.035 * 1.075, 0.035 / 1.075]
     assert not tape.operations
+
+
+def test_reciprocals_are_taken_in_pairs():
+    tape = Tape()
+    x, y = tape.symbols(("x", "y"))
+    k = tape.symbol("k", constant=True)
+    a, b = 1 / x, 1 / y
+    third = 1 / (a + y * b)  # waits for the first two
+    results = [a * 2, b - k, third, x / y, 1 / k, 7.5]
+    shared = in_pairs(tape, results)
+    divisions = [tape.operations[i] for i in tape.needed(shared) if tape.operations[i].name == "div"]
+    # Of two and of one; the quotient that is no reciprocal; that of a constant.
+    assert [d.operands[0] == 1 for d in divisions].count(True) == 3
+    assert len(divisions) == 4
+    numbers = 0.7, -1.3, 2.5
+    found = function_of(tape, (x, y, k), shared)(*numbers)
+    assert found == pytest.approx(function_of(tape, (x, y, k), results)(*numbers), rel=1e-15)
+    alone = [x + y, 1 / x, 1 / k, 3.5]  # nothing to share
+    assert list(map(repr, in_pairs(tape, alone))) == list(map(repr, alone))
+
+
+def test_a_formula_is_cut_where_few_values_go_over():
+    tape = Tape()
+    symbols = tape.symbols([f"x{i}" for i in range(6)])
+    early = [tape.sqrt(1 / (x * x + 1)) for x in symbols]
+    narrow = early[0] + early[1] + early[2] + early[3] + early[4] * early[5]
+    late = [tape.sqrt(tape.sqrt(narrow * narrow + x)) for x in symbols]
+    results = [one * other for one, other in pairwise(late)]
+    places = [i for i in tape.needed(results) if tape.operations[i].operands]
+    first, second, between = in_two(tape, places)
+    assert sorted([*first, *second]) == places
+    assert narrow.index in first
+    assert len(between) == 1
+    for index in first:
+        assert not set(second).intersection(
+            o.index for o in tape.operations[index].operands if isinstance(o, Symbol)
+        )
+
+
+def test_a_product_is_not_cut_from_its_sums():
+    tape = Tape()
+    x, y = tape.symbols(("x", "y"))
+    early = tape.sqrt(tape.sqrt(x))
+    product = early * y  # the one value between; two would have to go over instead
+    late = [tape.sqrt(tape.sqrt(product + k)) for k in (1, 2, 3)]
+    results = [late[0] + late[1], late[1] + late[2]]
+    places = [i for i in tape.needed(results) if tape.operations[i].operands]
+    _, second, between = in_two(tape, places)
+    assert product.index in second
+    assert len(between) == 1
+    assert {early.index, tape.operations[early.index].operands[0].index}.issuperset(between)

@@ -18,6 +18,7 @@ import numpy as np
 from p3dof.compiled import reduced
 from p3dof.compiled.reduced import SYMMETRIC_ZEROS, Model, Reduced, State
 from p3dof.tracing import Number, Symbol, Tape, derivatives
+from p3dof.tracing.divisions import in_pairs
 from p3dof.tracing.python import function_of
 
 WRENCH = ("w_y", "w_z", "w_theta")
@@ -222,7 +223,7 @@ def kernel(name: str, symmetric: bool = False) -> Kernel:
     tape = Tape()
     model = tuple(0 if number in zeros else tape.symbol(number, constant=True) for number in MODEL)
     symbols = tape.symbols(inputs)
-    results = formula(tape, Model.of_numbers(model), dict(zip(inputs, symbols, strict=True)))
+    results = in_pairs(tape, formula(tape, Model.of_numbers(model), dict(zip(inputs, symbols, strict=True))))
     full_name = f"{name}_symmetric" if symmetric else name
     return Kernel(full_name, tape, model, inputs, (*outputs, "margin"), symbols, tuple(results))
 

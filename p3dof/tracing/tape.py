@@ -194,6 +194,10 @@ class Tape:
         """Return what makes a value."""
         return self.operations[symbol.index]
 
+    def repeat(self, operation: Operation, operands: Iterable[Number]) -> Symbol:
+        """Return the value of an operation done again, with other operands."""
+        return self._record(operation.name, *operands)
+
     def needed(self, results: Iterable[Number], given: Container[int] = ()) -> list[int]:
         """Return the places of all values that results need, in their order.
 

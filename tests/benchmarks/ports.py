@@ -2,8 +2,8 @@
 
 The model
 ---------
-The compiled loop is disassembled and its vector instructions are counted by kind. Each group of ports needs
-at least the time that its share of the instructions takes when none waits for another:
+The compiled loops of a kernel are disassembled and their vector instructions are counted by kind. Each group
+of ports needs at least the time that its share of the instructions takes when none waits for another:
 
 * arithmetic: add, min, mul, fma, and what is done bit by bit or moves lanes;
 * divider: div and sqrt, which block it for many cycles;
@@ -115,7 +115,7 @@ _AREA = 4096
 
 @dataclass(frozen=True, eq=False)
 class Loop:
-    """The hot loop of a compiled kernel.
+    """The hot loops of a compiled kernel.
 
     Parameters
     ----------
@@ -153,11 +153,10 @@ def hot_loops(folder: Path) -> list[Loop]:
     for level in COMPILED:
         for machine, parameters in MACHINES.items():
             used, _ = MachineKernels(parameters, level, 1).prepared(FORCES)
-            lines = _hottest(functions[f"{used.name}_{level}"])
+            lines = _hottest(functions[f"{used.name}_{level}"], _REGISTERS[level][0])
             counts = _counted(lines)
-            width, outputs = LANES[level], len(used.outputs)
-            stores = sum(1 for line in lines if _stores_result(line))
-            found.append(Loop(level, machine, counts, len(lines), width * stores // outputs))
+            divided = counts["div"] // used.operations()["div"]  # more than 1 if unrolled
+            found.append(Loop(level, machine, counts, len(lines), LANES[level] * divided))
     return found
 
 
@@ -217,16 +216,23 @@ def _functions(path: Path) -> dict[str, list[str]]:
     return found
 
 
-def _hottest(lines: Sequence[str]) -> list[str]:
-    """Return the innermost loop with the most packed divisions, then the fewest instructions."""
+def _hottest(lines: Sequence[str], register: str) -> list[str]:
+    """Return the innermost loops that multiply vectors of full width, in a row."""
     places = {int(line.partition(":")[0], 16): i for i, line in enumerate(lines)}
     loops = []
     for end, line in enumerate(lines):
         jump = re.match(r"[0-9a-f]+:\tj\w+\s+([0-9a-f]+)", line)
         start = places.get(int(jump[1], 16)) if jump else None
         if start is not None and start <= end:
-            loops.append(lines[start : end + 1])
-    return max(loops, key=lambda found: (sum("divpd" in line for line in found), -len(found)))
+            loops.append((start, end))
+    inner = [
+        one
+        for one in loops
+        if not any(one != other and one[0] <= other[0] <= other[1] <= one[1] for other in loops)
+    ]
+    bodies = [lines[start : end + 1] for start, end in inner]
+    wide = [body for body in bodies if any("mulpd" in line and f"%{register}" in line for line in body)]
+    return [line for body in wide for line in body]
 
 
 def _parts(line: str) -> tuple[str, list[str]]:
@@ -235,12 +241,6 @@ def _parts(line: str) -> tuple[str, list[str]]:
     return mnemonic.removeprefix("v"), re.findall(
         r"[^,(]*\([^)]*\)[^,]*|[^,]+", rest.partition("<")[0].strip()
     )
-
-
-def _stores_result(line: str) -> bool:
-    mnemonic, operands = _parts(line)
-    packed = re.fullmatch(_KINDS["move"], mnemonic) is not None
-    return packed and "(" in operands[-1] and "(%rsp)" not in operands[-1] and "(%rbp)" not in operands[-1]
 
 
 def _counted(lines: Sequence[str]) -> Counter[str]:

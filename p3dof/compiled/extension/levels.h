@@ -16,9 +16,24 @@
 #endif
 #if defined(_MSC_VER) && !defined(__clang__)
 #define restrict __restrict
+#define P3DOF_ALIGNED __declspec(align(64))
+#elif defined(__GNUC__)
+#define P3DOF_ALIGNED __attribute__((aligned(64)))
+#else
+#define P3DOF_ALIGNED
 #endif
 
 #include "generated/kernel_table.h"
+
+enum {
+    CACHE_LINE = 8, /* doubles */
+    /* Samples through scratch at a time, and between the two loops of a kernel: all their columns fit into the first
+     * level of the cache, and the bursts that go to and from memory are short enough to overlap with the arithmetic. */
+    BLOCK = 80,
+    /* Doubles from a column of scratch to the next: an odd number of cache lines, so that the columns do not compete
+     * for the same places in the cache. */
+    LINE = BLOCK + CACHE_LINE,
+};
 
 /* The levels: the same code compiled again for each. */
 
@@ -120,13 +135,6 @@ enum {
     MOST_INPUTS = sizeof(union InputsOfAny),
     MOST_OUTPUTS = sizeof(union OutputsOfAny),
     MOST_COLUMNS = MOST_INPUTS + MOST_OUTPUTS,
-    CACHE_LINE = 8, /* doubles */
-    /* Samples through scratch at a time: all its columns fit into the first level of the cache, and the bursts that
-     * go to and from memory are short enough to overlap with the arithmetic. */
-    BLOCK = 80,
-    /* Doubles from a column of scratch to the next: an odd number of cache lines, so that the columns do not compete
-     * for the same places in the cache. */
-    LINE = BLOCK + CACHE_LINE,
     IN_PLACE_BLOCK = 1024, /* samples without scratch at a time: their margins are still in the cache */
     RELEASE_GIL = 2000,    /* samples */
 };
