@@ -19,7 +19,8 @@ METHODS = [
     if name[0] != "_"
 ]
 COMMON = {
-    "pose", "velocity", "acceleration", "motion", "forces", "wrench", "on_invalid", "method", "progress"
+    "pose", "velocity", "acceleration", "motion", "forces", "wrench", "on_invalid", "out", "method",
+    "progress",
 }  # fmt: skip
 """Arguments that the class tells of, once for all methods."""
 
