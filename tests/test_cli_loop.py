@@ -162,6 +162,21 @@ def test_forces_are_those_of_the_package(capsys, tmp_path, five_bar, motion):
         assert f"{rms:.4f}" in out
 
 
+@pytest.mark.skipif(compiler() is None, reason="no C compiler here")
+def test_forces_compiled_are_the_same(capsys, tmp_path, five_bar, motion):
+    found = []
+    for method in ("general", "compiled"):
+        file = tmp_path / f"{method}.csv"
+        options = ("--motion", motion, "--samples", "50", "--method", method, "--out", file)
+        code, out, _ = loop(capsys, "forces", five_bar, *options)
+        assert code == 0
+        assert "50 samples" in out
+        found.append(columns(file))
+    assert list(found[0]) == list(found[1])
+    for name, column in found[0].items():
+        np.testing.assert_allclose(found[1][name], column, rtol=0, atol=1e-11 * max(1, np.abs(column).max()))
+
+
 def test_motors_before_their_gears_are_told(capsys, five_bar, motion):
     sidecar = five_bar.with_suffix(".yaml")
     data = "joint_data: [{joint: right_joint, gear_ratio: 40, rotor_inertia: 1e-5}]\n"

@@ -1,5 +1,6 @@
 """Compiled dynamics of robots with closed loops, against the general layer."""
 
+import pickle
 import warnings
 from dataclasses import replace
 
@@ -741,3 +742,115 @@ def test_configurations_move_as_those_of_pinocchio():
         moved = integrate.outputs["q"]
         assert pin.isNormalized(model, moved, 1e-12)
         assert np.abs(pin.difference(model, pin.integrate(model, q, size * shift), moved)).max() < 10 * bound
+
+
+# Many samples of the robot itself
+
+
+@pytest.fixture(params=["gripper", "two_arms", "leg"])
+def many(request):
+    """A robot, and motions of it; the second one has spare motors, the third idle freedoms."""
+    loop = gallery(request.param)
+    moving = trees.motions(loop, 40, seed=5, spread=0.2)
+    if request.param == "leg":
+        rows = zip(moving.q, moving.v, moving.a, strict=True)
+        moving.a = np.array([loop.hybrid_dynamics(q, v, a[loop.actuated_v]).a for q, v, a in rows])
+    return loop, moving
+
+
+def alike(found, general, names, allowed=1e-12):
+    for name in names:
+        mine, theirs = getattr(found, name), getattr(general, name)
+        np.testing.assert_array_equal(np.isnan(mine), np.isnan(theirs))
+        off = np.nanmax(np.abs(mine - theirs), initial=0.0)
+        assert off <= allowed * max(1.0, float(np.nanmax(np.abs(theirs), initial=0.0))), name
+    assert {i: str(e) for i, e in found.errors.items()} == {i: str(e) for i, e in general.errors.items()}
+
+
+@needs_compiler
+def test_many_samples_of_a_robot_by_what_is_compiled(many):
+    loop, moving = many
+    moving.q[7] = moving.q[0]
+    moving.v[7] += 1.0  # opens the loops: an error, and no number
+    frame = loop.model.frames[loop.model.nframes - 1].name
+    acting = {frame: np.random.default_rng(0).normal(0, 3, (len(moving.q), 6))}
+    joints = np.linspace(-1, 1, loop.model.nv) if len(loop.actuated) >= loop.mobility(moving.q[0]) else None
+    acting = {} if joints is None else acting
+    given = moving.q, moving.v, moving.a, acting, joints
+    general, found = (loop.inverse_dynamics_batch(*given, method=m) for m in ("general", "compiled"))
+    assert list(found.errors) == [7]
+    assert type(found) is type(general)
+    alike(found, general, ("tau", "residual", "closure_error", "conditioning"))
+    if joints is None:
+        return  # they take long to compile
+    tau = np.nan_to_num(general.tau)
+    given = moving.q, moving.v, tau, acting, joints
+    general, found = (loop.forward_dynamics_batch(*given, method=m) for m in ("general", "compiled"))
+    assert list(found.errors) == [7]
+    alike(found, general, ("residual", "closure_error"))
+    alike(found, general, ("a", "closure_residual"), 1e-10)
+    if len(loop.actuated) > loop.mobility(moving.q[0]):
+        return
+    given = moving.q, moving.v, moving.a[:, loop.actuated_v], None, acting, joints
+    general, found = (loop.hybrid_dynamics_batch(*given, method=m) for m in ("general", "compiled"))
+    alike(found, general, ("tau", "residual", "closure_error", "conditioning"))
+    alike(found, general, ("a",), 1e-10)
+
+
+@needs_compiler
+def test_the_first_sample_that_fails_may_end_it():
+    loop = gallery("gripper")
+    moving = trees.motions(loop, 30, seed=5)
+    moving.v[[11, 20]] += 1.0
+    given = moving.q, moving.v, moving.a
+    general, found = (loop.inverse_dynamics_batch(*given, stop=True, method=m) for m in METHODS)
+    assert list(found.errors) == list(general.errors) == [11]
+    assert np.isnan(found.tau[11:]).all()
+    np.testing.assert_allclose(found.tau[:11], general.tau[:11], rtol=1e-12, atol=1e-12)
+
+
+METHODS = ("general", "compiled")
+
+
+@needs_compiler
+@pytest.mark.parametrize("name", ["gripper", "five_bar"])
+def test_motions_of_all_joints_by_what_is_compiled(name):
+    loop = gallery(name)
+    home = loop.assemble().q
+    at = [loop.model.joints[loop.model.getJointId(joint)].idx_q for joint in loop.actuated]
+    time = np.linspace(0, 1, 300)[:, None]
+    wide = 0.3 if name == "five_bar" else 0.1
+    targets = home[at] + wide * np.sin(2 * np.pi * time + np.arange(len(at)))
+    shuffled = np.random.default_rng(1).permutation(targets)
+    for values in (targets, shuffled, targets[:1]):
+        rates = np.cos(values), np.sin(values)
+        general, found = (loop.complete_batch(values, *rates, method=m) for m in METHODS)
+        assert type(found) is type(general)
+        np.testing.assert_array_equal(found.same_assembly, general.same_assembly)
+        alike(found, general, ("q", "v", "influence", "inverse_jacobian"), 1e-12)
+        alike(found, general, ("a",), 1e-11)
+    beyond = np.concatenate([targets[:20], targets[:1] + 40.0, targets[20:40]])
+    rates = np.zeros_like(beyond), np.zeros_like(beyond)
+    general, found = (loop.complete_batch(beyond, *rates, method=m) for m in METHODS)
+    alike(found, general, ("q", "v", "a"), 1e-12)
+
+
+@needs_compiler
+def test_what_is_compiled_is_kept_while_the_robot_stays_as_it_is():
+    loop = gallery("four_bar")
+    moving = trees.motions(loop, 20, seed=2)
+    given = moving.q, moving.v, moving.a
+    first = loop.inverse_dynamics_batch(*given, method="compiled")
+    kept = loop.compiled_for(moving.q[0])
+    assert loop.compiled_for(moving.q[1]) is kept
+    loop.model.inertias[1] = pin.Inertia(7.0, np.array([0.1, 0.2, 0.0]), np.eye(3))
+    assert loop.compiled_for(moving.q[0]) is not kept
+    general, found = (loop.inverse_dynamics_batch(*given, method=m) for m in METHODS)
+    assert np.abs(found.tau - first.tau).max() > 0.1
+    np.testing.assert_allclose(found.tau, general.tau, rtol=1e-12, atol=1e-12)
+    with pytest.raises(InputError, match=r"method: it was compiled for another robot"):
+        loop.inverse_dynamics_batch(*given, method=kept)
+    with pytest.raises(InputError, match=r"method: expected 'general', 'compiled' or what"):
+        loop.inverse_dynamics_batch(*given, method="fast")
+    other = pickle.loads(pickle.dumps(loop))  # noqa: S301 - our own
+    np.testing.assert_array_equal(other.inverse_dynamics_batch(*given, method="compiled").tau, found.tau)

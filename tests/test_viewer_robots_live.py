@@ -11,6 +11,7 @@ import pinocchio as pin
 import pytest
 
 import p3dof
+from p3dof.closed_loop.compiled.build import compiler
 from p3dof.errors import InputError
 
 pytest.importorskip("meshcat", reason="meshcat is not installed")
@@ -18,8 +19,9 @@ from browser import chromium, opened
 
 from p3dof.viewer import JointMotion
 from p3dof.viewer.headless import as_image
-from p3dof.viewer.robots.hand import Hand, slider_ranges
+from p3dof.viewer.robots.hand import Hand, compiled_of, slider_ranges
 from p3dof.viewer.robots.live import RobotViewer
+from p3dof.viewer.robots.motion import held
 
 GALLERY = Path(__file__).parents[1] / "docs/_static/gallery"
 READY = (
@@ -302,3 +304,41 @@ def test_forces_of_a_run_are_those_that_acted_though_motors_are_redundant():
     rest = JointMotion.at_rest(robot)
     assert rest.smallest
     assert np.isfinite(rest.closing).all()
+
+
+@pytest.mark.skipif(compiler() is None, reason="no C compiler here")
+@pytest.mark.parametrize("name", ["gripper", "stewart"])
+def test_sliders_move_the_compiled_robot_likewise(request, name):
+    robot = request.getfixturevalue(name)
+    start = robot.assemble().q
+    compiled = compiled_of(robot, start, (), "compiled")
+    general, fast = Hand(robot, start), Hand(robot, start, compiled)
+    values = general.values + 0.02 * np.cos(np.arange(len(general.values)))
+    assert general.moves_to(values)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(type(robot), "assemble", None)
+        assert fast.moves_to(values)
+    np.testing.assert_allclose(fast.q, general.q, rtol=0, atol=1e-12)
+    load = {robot.model.frames[robot.model.nframes - 1].name: np.arange(6.0)}
+    for acting in ({}, load) if name == "gripper" else ({},):
+        of = compiled_of(robot, start, acting, "compiled")
+        (mine, why), (theirs, _) = held(robot, fast.q, acting, of), held(robot, fast.q, acting)
+        assert not why
+        np.testing.assert_allclose(mine.forces, theirs.forces, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(mine.multipliers, theirs.multipliers, rtol=0, atol=1e-9)
+    if name == "stewart":
+        assert not fast.moves_to(values + np.eye(6)[0] * 3.0)
+        assert fast.refused
+    assert compiled_of(robot, start, (), "general") is None
+
+
+@pytest.mark.skipif(compiler() is None, reason="no C compiler here")
+def test_a_page_moves_the_compiled_robot(gripper):
+    with RobotViewer(gripper, port=0, method="compiled") as live:
+        wanted = live._hand.values + 0.05
+        live.move_to(wanted)
+        wait_until(live, lambda: np.abs(live._hand.values - wanted).max() < 1e-12)
+        assert live.message == ""
+        assert np.abs(gripper.closure_error(live.shown.q)).max() < 1e-12
+    with pytest.raises(InputError, match=r"method: expected"):
+        RobotViewer(gripper, port=0, method="fast")

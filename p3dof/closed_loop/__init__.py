@@ -19,15 +19,16 @@ Where to look, from what a user has to what is computed:
   `regressor`, `base_parameters`;
 - the class, a chain in which each module adds one subject: `closed_tree` (what it is), `built_model` (where
   it comes from), `assembly_model`, `loop_model` (dynamics), `hybrid_model`, `minimal_model`,
-  `derivatives_model`, `identification_model`, `margins_model`, `model` (`ClosedLoopModel`, many samples);
-  `scaled_model` and `units` serve robots much smaller or larger than a metre;
+  `derivatives_model`, `identification_model`, `margins_model`, `batch_model` (many samples),
+  `compiling_model` (which keeps what is compiled), `compiled_model` (``method="compiled"``), `model`
+  (`ClosedLoopModel`); `scaled_model` and `units` serve robots much smaller or larger than a metre;
 - many samples: `batch`; in C: `compiled`.
 """
 
 from p3dof.closed_loop.assembly_results import Assembly, State
 from p3dof.closed_loop.base_parameters import BaseParameters
 from p3dof.closed_loop.batch.energy import BodyEnergies
-from p3dof.closed_loop.batch.results import BatchHybridDynamics, BatchInverseDynamics
+from p3dof.closed_loop.batch.results import BatchForwardDynamics, BatchHybridDynamics, BatchInverseDynamics
 from p3dof.closed_loop.batch.states import BatchStates
 from p3dof.closed_loop.batch.targets import FrameTargets
 from p3dof.closed_loop.compiled.compiled_loop import CompiledLoop
@@ -57,6 +58,7 @@ from p3dof.closed_loop.targets import FrameTarget
 __all__ = [
     "Assembly",
     "BaseParameters",
+    "BatchForwardDynamics",
     "BatchHybridDynamics",
     "BatchInverseDynamics",
     "BatchReactions",

@@ -15,14 +15,14 @@ from p3dof.checks import FloatArray, as_floats, frozen_array
 from p3dof.closed_loop.batch.dynamics import BatchDynamics
 from p3dof.closed_loop.batch.energy import BodyEnergies, body_energies
 from p3dof.closed_loop.batch.linear import IndexArray
-from p3dof.closed_loop.batch.results import BatchInverseDynamics
+from p3dof.closed_loop.batch.results import BatchForwardDynamics, BatchInverseDynamics
 from p3dof.closed_loop.batch.states import BatchAssembler, BatchStates
 from p3dof.closed_loop.batch.targets import FrameTargets, Targets
-from p3dof.closed_loop.hybrid_model import rows_of
+from p3dof.closed_loop.hybrid_model import acting_rows
 from p3dof.closed_loop.loop_model import External
 from p3dof.closed_loop.margins_model import MarginsModel
 from p3dof.closed_loop.scaled_model import ScaledModel
-from p3dof.errors import InputError
+from p3dof.errors import InputError, P3dofError
 
 BatchTarget: TypeAlias = FrameTargets | ArrayLike | Mapping[str, ArrayLike]
 """Placements of a frame, values of the actuated joints, or values of joints by name, at many samples."""
@@ -158,22 +158,66 @@ class BatchModel(MarginsModel):
             If an argument has the wrong shape, is not finite, or names a frame that does not exist.
         """
         states = self._states(q, v, a)
-        count = len(states[0])
-        if external is not None and not isinstance(external, Mapping):
-            raise InputError(
-                f"external: expected a mapping of frame names to wrenches, got {type(external).__name__}"
-            )
-        loads = {
-            name: rows_of(f"external {name}", wrench, count, 6) for name, wrench in (external or {}).items()
-        }
-        nothing = np.zeros(self.model.nv)
-        forces = rows_of(
-            "joint_forces", nothing if joint_forces is None else joint_forces, count, len(nothing)
-        )
+        loads, forces = acting_rows(external, joint_forces, len(states[0]), self.model.nv)
         if self._scaled is not None:
             forces = forces + self.passive.forces(*states[:2])
             return _inverse_dynamics_scaled(self._scaled, states, loads, forces, stop)
         return self._batch_dynamics.inverse_dynamics(*states, loads, forces, stop)
+
+    def forward_dynamics_batch(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        tau: ArrayLike,
+        external: External | None = None,
+        joint_forces: ArrayLike | None = None,
+        stop: bool = False,
+    ) -> BatchForwardDynamics:
+        """Return the accelerations that actuator forces produce at many samples, one after the other.
+
+        Parameters
+        ----------
+        q : (N, nq) array
+            Configurations, with closed loops.
+        v : (N, nv) array
+            Velocities.
+        tau : (N, n_actuated) array
+            Forces of the actuated joints [N or N m].
+        external : mapping of str to (6,) or (N, 6) array, optional
+            Wrenches that act on frames, as in `forward_dynamics`.
+        joint_forces : (nv,) or (N, nv) array, optional
+            As in `forward_dynamics`.
+        stop : bool
+            Leave the rest out after the first sample that fails.
+
+        Returns
+        -------
+        BatchForwardDynamics
+            With the errors of the samples that failed, which are those of `forward_dynamics`.
+
+        Raises
+        ------
+        InputError
+            If an argument has the wrong shape, is not finite, or names a frame that does not exist.
+        """
+        q, v, _ = self._states(q, v, v)
+        tau = frozen_array("tau", tau, (len(q), len(self.actuated)))
+        loads, forces = acting_rows(external, joint_forces, len(q), self.model.nv)
+        a, gaps = np.full((len(q), self.model.nv), np.nan), np.full((len(q), self._kinematics.size), np.nan)
+        residual, opening = np.full((2, len(q)), np.nan)
+        result = BatchForwardDynamics(a, residual, opening, gaps, {})
+        for i in range(len(q)):
+            acting = {name: wrench[i] for name, wrench in loads.items()}
+            try:
+                one = self.forward_dynamics(q[i], v[i], tau[i], acting, forces[i])
+            except P3dofError as error:
+                result.errors[i] = error
+                if stop:
+                    break
+            else:
+                a[i], residual[i], opening[i] = one.a, one.residual, one.closure_residual
+                gaps[i] = self.closure_error(q[i])
+        return result
 
     def power_batch(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> FloatArray:
         """Return the rate of change of the mechanical energy (N,) at many samples [W]; see `power`.

@@ -158,16 +158,7 @@ class HybridModel(LoopModel):
         joints = {name: _of_samples(name, given[name], count, len(at)) for name, at in freedoms.items()}
         places = _by_name("frames", frames or {})
         places = {name: np.broadcast_to(value, (count, *value.shape[-1:])) for name, value in places.items()}
-        if external is not None and not isinstance(external, Mapping):
-            raise InputError(
-                f"external: expected a mapping of frame names to wrenches, got {type(external).__name__}"
-            )
-        loads = {
-            name: rows_of(f"external {name}", wrench, count, 6) for name, wrench in (external or {}).items()
-        }
-        forces = rows_of(
-            "joint_forces", np.zeros(model.nv) if joint_forces is None else joint_forces, count, model.nv
-        )
+        loads, forces = acting_rows(external, joint_forces, count, model.nv)
         acting = forces + self.passive.forces(q, v)
         at = np.array([k for part in freedoms.values() for k in part], dtype=int)
         values = np.concatenate([np.zeros((count, 0)), *joints.values()], axis=1)
@@ -291,6 +282,34 @@ def _of_samples(name: str, value: FloatArray, count: int, size: int) -> FloatArr
         value = np.broadcast_to(value, count) if value.shape == () else value
         return frozen_array(f"prescribed {name}", value, (count,))[:, None]
     return rows_of(f"prescribed {name}", value, count, size)
+
+
+def acting_rows(
+    external: External | None, joint_forces: ArrayLike | None, count: int, nv: int
+) -> tuple[dict[str, FloatArray], FloatArray]:
+    """Return what acts at many samples: wrenches (count, 6) by frame, and forces in joints (count, nv).
+
+    Parameters
+    ----------
+    external : mapping of str to (6,) or (count, 6) array, optional
+        Wrenches.
+    joint_forces : (nv,) or (count, nv) array, optional
+        Forces; none by default.
+    count, nv : int
+        How many samples and speeds there are.
+
+    Raises
+    ------
+    InputError
+        If something has another shape or is not finite.
+    """
+    if external is not None and not isinstance(external, Mapping):
+        raise InputError(
+            f"external: expected a mapping of frame names to wrenches, got {type(external).__name__}"
+        )
+    loads = {name: rows_of(f"external {name}", wrench, count, 6) for name, wrench in (external or {}).items()}
+    forces = np.zeros(nv) if joint_forces is None else joint_forces
+    return loads, rows_of("joint_forces", forces, count, nv)
 
 
 def rows_of(name: str, value: ArrayLike, count: int, width: int) -> FloatArray:

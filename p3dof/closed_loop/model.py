@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Literal
 
@@ -11,14 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from p3dof.checks import frozen_array
-from p3dof.closed_loop.batch_model import BatchModel
-from p3dof.closed_loop.compiled.compiled_loop import CompiledLoop
+from p3dof.closed_loop.compiled_model import CompiledModel
 from p3dof.closed_loop.motors import MotorSide, motor_side
 from p3dof.closed_loop.writers.files import contents
 from p3dof.files import together, write_atomic
 
 
-class ClosedLoopModel(BatchModel):
+class ClosedLoopModel(CompiledModel):
     """Kinematics and dynamics of any robot with (or without) loop closures, for one sample and for many.
 
     Parameters
@@ -40,52 +38,6 @@ class ClosedLoopModel(BatchModel):
     An instance owns workspaces that every method writes to: it is not thread-safe. Give each thread a `copy`.
     Arrays in results are read-only copies.
     """
-
-    def compile(
-        self,
-        around: ArrayLike | None = None,
-        external: Iterable[str] = (),
-        joint_forces: bool = False,
-        inertias: Iterable[str] = (),
-        level: str = "auto",
-        threads: int | None = None,
-    ) -> CompiledLoop:
-        """Return the dynamics of this robot compiled, 100 to 1000 times as fast; needs a C compiler.
-
-        The robot is taken as it is now. Functions are compiled when they are first used, which takes seconds,
-        and kept in a cache on the disk. Samples near configurations where the compiled partition of speeds
-        fails are computed by this model instead.
-
-        Parameters
-        ----------
-        around : (nq,) or (K, nq) array, optional
-            Closed configurations that the partition is made for; by default around the reference
-            configuration.
-        external : iterable of str
-            Frames on which external wrenches will act.
-        joint_forces : bool
-            Whether forces in all joints will be given.
-        inertias : iterable of str
-            Joints whose bodies will get their inertial parameters at each call, such as a payload.
-        level : {"auto", "avx512", "avx2", "baseline", "numpy"}
-            The instructions to use: those of this processor; of others; or NumPy, without a compiler.
-        threads : int, optional
-            Most threads for many samples; all processors by default.
-
-        Returns
-        -------
-        CompiledLoop
-
-        Raises
-        ------
-        ModelError
-            If a joint is of a kind that cannot be compiled.
-        AssemblyError
-            If the loops do not close at the reference configuration.
-        InputError
-            If an argument does not fit.
-        """
-        return CompiledLoop(self, around, external, joint_forces, inertias, level, threads)
 
     def motor_side(self, tau: ArrayLike, v: ArrayLike) -> MotorSide:
         """Return torques and speeds of the motors before their gears, see `JointData`.

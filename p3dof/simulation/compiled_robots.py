@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from typing import Literal, TypeAlias
 
-from p3dof.checks import FloatArray, shown
+from p3dof.checks import FloatArray
 from p3dof.closed_loop import ClosedLoopModel, CompiledLoop
-from p3dof.errors import AssemblyError, InputError
+from p3dof.closed_loop.compiling_model import Method, method_of
 
 Kind: TypeAlias = Literal["forward_dynamics", "hybrid_dynamics"]
-Method: TypeAlias = Literal["general", "compiled"] | CompiledLoop
-"""The robot's own methods, those compiled for it, or what was compiled before."""
-_ENOUGH = 0.1
-"""Smallest margin of a start."""
 
 
 class CompiledStates:
@@ -106,67 +102,9 @@ def states_for(
     ModelError
         If the robot cannot be compiled.
     """
-    if isinstance(method, CompiledLoop):
-        require_fit(loop, method, frames)
-        return CompiledStates(method, kind, frames, stabilisation)
-    if not isinstance(method, str) or method not in ROBOT_METHODS:
-        raise InputError(
-            f"method: expected {', '.join(map(repr, ROBOT_METHODS))} or what ClosedLoopModel.compile "
-            f"returns, got {shown(method)}"
-        )
-    compiled = ROBOT_METHODS[method](loop, q, frames)
-    return None if compiled is None else CompiledStates(compiled, kind, frames, stabilisation)
-
-
-def compiled_at(loop: ClosedLoopModel, q: FloatArray, frames: Iterable[str] = ()) -> CompiledLoop:
-    """Return a robot compiled for its reference configuration, or for another where that would not do.
-
-    Parameters
-    ----------
-    loop : ClosedLoopModel
-        The robot.
-    q : (nq,) array
-        Where it is to be trusted, with closed loops.
-    frames : iterable of str
-        Where wrenches act.
-
-    Raises
-    ------
-    ModelError
-        If the robot cannot be compiled.
-    """
-    frames = tuple(frames)
-    try:
-        compiled = loop.compile(external=frames)
-    except AssemblyError:  # the reference configuration does not close
-        return loop.compile(around=q, external=frames)
-    return compiled if compiled.margin(q) > _ENOUGH else loop.compile(around=q, external=frames)
-
-
-ROBOT_METHODS: dict[str, Callable[[ClosedLoopModel, FloatArray, Iterable[str]], CompiledLoop | None]] = {
-    "general": lambda _loop, _q, _frames: None,
-    "compiled": compiled_at,
-}
-"""What can compute the accelerations of a robot, by name: what is compiled for that, None for the robot."""
-
-
-def require_fit(
-    loop: ClosedLoopModel, compiled: CompiledLoop, frames: Sequence[str] = (), name: str = "method"
-) -> None:
-    """Raise unless this robot was compiled, as it is now, with wrenches on the frames.
-
-    Raises
-    ------
-    InputError
-        With the name of the argument that does not fit.
-    """
+    compiled = method_of(loop, method, frames)
+    if compiled is None:
+        return None
     if not isinstance(compiled, CompiledLoop):
-        raise InputError(f"{name}: expected what ClosedLoopModel.compile returns, got {shown(compiled)}")
-    if not compiled.is_of(loop):
-        raise InputError(f"{name}: it was compiled for another robot, or for this one before it was changed")
-    missing = [frame for frame in frames if frame not in compiled.external]
-    if missing:
-        raise InputError(
-            f"{name}: it was compiled without wrenches on {', '.join(map(shown, missing))}; "
-            "see external= of ClosedLoopModel.compile"
-        )
+        compiled = compiled(loop, q, frames)
+    return CompiledStates(compiled, kind, frames, stabilisation)

@@ -15,8 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from p3dof.checks import FloatArray, as_floats, frozen_array, positive
 from p3dof.closed_loop import ClosedLoopModel, CompiledLoop
+from p3dof.closed_loop.compiling_model import require_fit
 from p3dof.errors import InputError
-from p3dof.simulation.compiled_robots import CompiledStates, require_fit
+from p3dof.simulation.compiled_robots import CompiledStates
 from p3dof.simulation.crossings import CHECKED
 from p3dof.simulation.joint_reference import JointReference, reference_of
 

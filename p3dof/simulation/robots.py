@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, Progress, positive, shown
 from p3dof.closed_loop import ClosedLoopModel
+from p3dof.closed_loop.compiling_model import Method
 from p3dof.errors import ControllerError, DynamicsError, InputError
 from p3dof.motion.times import evenly, sample_count
 from p3dof.simulation.actuation import Actuation
-from p3dof.simulation.compiled_robots import Method, states_for
+from p3dof.simulation.compiled_robots import states_for
 from p3dof.simulation.crossings import CHECKED, Watch
 from p3dof.simulation.drives import DrivenPlant
 from p3dof.simulation.events import Event, Occurrence, checked_events

@@ -15,6 +15,7 @@ from p3dof.cli.actuation import ActuationOptions, with_actuation
 from p3dof.cli.files import InputFile, protect, source
 from p3dof.cli.options import POSITIVE
 from p3dof.closed_loop import ClosedLoopModel, CompiledLoop
+from p3dof.closed_loop.compiling_model import ROBOT_METHODS
 from p3dof.errors import InputError
 from p3dof.motion import WrenchHistory
 from p3dof.simulation import (
@@ -162,6 +163,13 @@ def with_control(command: Callable[..., Any]) -> Callable[..., Any]:
     return run
 
 
+METHOD = click.option(
+    "--method",
+    type=click.Choice(list(ROBOT_METHODS)),
+    default="general",
+    show_default=True,
+    help="What computes the dynamics: the robot, or C that is compiled for it (needs gcc or clang).",
+)
 EXTERNAL = click.option(
     "--external",
     "external",

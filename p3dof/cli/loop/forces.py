@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 import click
 
 from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, source, write_results
-from p3dof.cli.loop.control import EXTERNAL, externals
+from p3dof.cli.loop.control import EXTERNAL, METHOD, externals
 from p3dof.cli.loop.group import loop, with_robot
 from p3dof.cli.loop.motion import Forces, forces_along
 from p3dof.cli.options import Whole
@@ -39,6 +40,7 @@ MOTION = click.option(
     is_flag=True,
     help="Start idle freedoms where gravity and springs let them rest; else they start at rest as assembled.",
 )
+@METHOD
 @click.option(
     "--out",
     type=OutputFile("table", stream=True),
@@ -51,6 +53,7 @@ def forces(
     samples: int | None,
     external: tuple[str, ...],
     equilibrium: bool,
+    method: Literal["general", "compiled"],
     out: Path | None,
 ) -> int:
     """Compute the forces of the actuated joints over a motion: peaks on the screen, all samples in a file.
@@ -58,7 +61,9 @@ def forces(
     Joints that no actuator holds move as they must. Exit code 1 when the robot cannot make the motion.
     """
     protect([*inputs, motion_file], [out])
-    found: Forces = forces_along(robot, source(motion_file), samples, externals(external), equilibrium)
+    found: Forces = forces_along(
+        robot, source(motion_file), samples, externals(external), equilibrium, method
+    )
     written = write_results(found.to_csv, out)
     console = console_beside(out)
     motors = motors_table(robot, found.tau, found.v)

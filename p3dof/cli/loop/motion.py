@@ -10,6 +10,7 @@ import numpy as np
 from p3dof.checks import FloatArray
 from p3dof.cli.output import progress_bar
 from p3dof.closed_loop import ClosedLoopModel
+from p3dof.closed_loop.compiling_model import Method
 from p3dof.closed_loop.overview import overview
 from p3dof.closed_loop.tables import is_slide, joint_values, units_of_actuated
 from p3dof.errors import AssemblyError, DynamicsError, InputError, P3dofError, SingularityError
@@ -91,6 +92,7 @@ def forces_along(
     samples: int | None = None,
     external: ExternalOverTime | None = None,
     equilibrium: bool = False,
+    method: Method = "general",
 ) -> Forces:
     """Return the forces of the actuated joints along a motion of them, idle freedoms moving as they must.
 
@@ -107,6 +109,8 @@ def forces_along(
         What acts on frames, as of `p3dof.simulation.simulate_robot`.
     equilibrium : bool
         Whether idle freedoms start where gravity and springs let them rest.
+    method : {"general", "compiled"} or CompiledLoop
+        What computes it, as of `ClosedLoopModel.inverse_dynamics_batch`.
 
     Returns
     -------
@@ -125,12 +129,13 @@ def forces_along(
     text, name = read_text(motion), called(motion)
     sliding = [is_slide(robot, joint) for joint in joints]
     curve = read_joints(text, name, robot.actuated, sliding)
-    told, loads = _ends(robot, curve), Loads(robot, external)
+    told, loads = _ends(robot, curve), (Loads(robot, external), method)
     idle = overview(robot, robot.assemble(curve.values[0]).q).idle
     if equilibrium and not idle:
         raise InputError("--equilibrium: the robot has no idle freedoms")
     if idle and len(curve.time) > 1:
-        return _with_idle(robot, curve, samples, (external, equilibrium), (*told, _idle_words(idle)))
+        options = external, equilibrium, method
+        return _with_idle(robot, curve, samples, options, (*told, _idle_words(idle)))
     if len(curve.time) == 1:
         return _forces_at(robot, curve, curve.time, told, loads)
     if samples is not None:
@@ -163,16 +168,22 @@ def _with_idle(
     robot: ClosedLoopModel,
     curve: JointCurve,
     samples: int | None,
-    options: tuple[ExternalOverTime | None, bool],
+    options: tuple[ExternalOverTime | None, bool, Method],
     told: tuple[str, ...],
 ) -> Forces:
     """Return the forces of a robot with idle freedoms, whose motion is integrated in time."""
     motion = JointReference(curve.time, curve.values)
     count = 2 * _FEWEST * 4 + 1 if samples is None else samples
-    external, equilibrium = options
+    external, equilibrium, method = options
     with progress_bar("motion", count) as progress:
         run = follow_motion(
-            robot, motion, external=external, equilibrium=equilibrium, samples=count, progress=progress
+            robot,
+            motion,
+            external=external,
+            equilibrium=equilibrium,
+            samples=count,
+            progress=progress,
+            method=method,
         )
     if run.stop is not None:
         raise DynamicsError(f"the idle freedoms cannot be followed: ended by {run.stop}")
@@ -181,7 +192,8 @@ def _with_idle(
         rows = slice(None, None, stride)
         q, v, a, tau = run.q[rows], run.v[rows], run.a[rows], run.forces[rows]
         acting = {name: wrench[rows] for name, wrench in run.external.items()}
-        found = robot.hybrid_dynamics_batch(q, v, a[:, robot.actuated_v], external=acting)
+        wanted = a[:, robot.actuated_v]
+        found = robot.hybrid_dynamics_batch(q, v, wanted, external=acting, method=method)
         residual = float(np.abs(found.residual).max(initial=0.0))
         time = curve.time[0] + run.time[rows]
         return Forces(robot, time, q, v, a, tau, float(run.gap.max()), residual, told)
@@ -196,14 +208,21 @@ def _with_idle(
 
 
 def _forces_at(
-    robot: ClosedLoopModel, curve: JointCurve, time: FloatArray, told: tuple[str, ...], loads: Loads
+    robot: ClosedLoopModel,
+    curve: JointCurve,
+    time: FloatArray,
+    told: tuple[str, ...],
+    by: tuple[Loads, Method],
 ) -> Forces:
+    loads, method = by
     values, velocities, accelerations = curve.at(time)
     start = robot.assemble(values[0]).q
-    states = robot.complete_batch(values, velocities, accelerations, start, stop=True)
+    states = robot.complete_batch(values, velocities, accelerations, start, stop=True, method=method)
     _require(states.errors, time)
     acting = loads.over(time - curve.time[0])
-    found = robot.inverse_dynamics_batch(states.q, states.v, states.a, external=acting, stop=True)
+    found = robot.inverse_dynamics_batch(
+        states.q, states.v, states.a, external=acting, stop=True, method=method
+    )
     _require(found.errors, time)
     gap, residual = (float(np.abs(array).max(initial=0.0)) for array in (found.closure_error, found.residual))
     return Forces(robot, time, states.q, states.v, states.a, found.tau, gap, residual, told)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import click
 import numpy as np
@@ -13,6 +13,7 @@ from rich.console import Console
 from p3dof.checks import FloatArray, frozen_array, shown
 from p3dof.cli.files import STREAM, InputFile, OutputFile, protect
 from p3dof.cli.files import source as opened
+from p3dof.cli.loop.control import METHOD
 from p3dof.cli.loop.group import AT, assembled, forces_of, loop, with_robot
 from p3dof.cli.loop.motion import forces_along
 from p3dof.cli.options import POSITIVE, Number, Whole
@@ -77,6 +78,7 @@ _RUN_SAMPLES = 1001
     help="Folder with the packages of 'package://', or one of them. Meshes are opened in these folders and "
     "in that of FILE only.",
 )
+@METHOD
 @PORT
 @SPEED
 @click.option("--fps", type=Number(1, 240), help="Frames a second; 60 without it, 25 in a film.")
@@ -111,6 +113,7 @@ def show(
     closure_forces: bool,
     shapes: bool,
     package_dirs: tuple[Path, ...],
+    method: Literal["general", "compiled"],
     port: int | None,
     speed: float,
     fps: float | None,
@@ -127,7 +130,7 @@ def show(
     the motion. Needs the extra 'viz'.
     """
     protect([*inputs, *([] if motion_file is None else [motion_file])], [out])
-    given = _Given(values, motion_file, duration, forces, wrenches)
+    given = _Given(values, motion_file, duration, forces, wrenches, method)
     motion, warnings = given.motion(robot)
     _check_moment(motion, at)
     title, layers = str(robot.model.name), {"closure_forces": closure_forces}
@@ -149,6 +152,7 @@ def show(
             fps=fps or 60.0,
             playing=not paused,
             at=at,
+            method=method,
         )
 
     if out is None:
@@ -175,6 +179,7 @@ class _Given:
     duration: float | None
     forces: tuple[str, ...]
     wrenches: tuple[str, ...]
+    method: Literal["general", "compiled"]
 
     def __post_init__(self) -> None:
         moves = self.motion_file is not None or self.duration is not None
@@ -191,7 +196,7 @@ class _Given:
     def motion(self, robot: ClosedLoopModel) -> tuple[JointMotion, list[str]]:
         """Return the motion, and what there is to know about it."""
         if self.motion_file is not None:
-            found = forces_along(robot, opened(self.motion_file))
+            found = forces_along(robot, opened(self.motion_file), method=self.method)
             smallest = len(robot.actuated) > robot.mobility(found.q[0])
             return JointMotion.of_run(robot, found, smallest=smallest), list(found.remarks)
         start = assembled(robot, self.values).q
@@ -209,6 +214,7 @@ class _Given:
                 samples=_RUN_SAMPLES,
                 integration=settings,
                 progress=progress,
+                method=self.method,
             )
         return JointMotion.of_run(robot, run), [] if run.stop is None else [f"ended by {run.stop}"]
 

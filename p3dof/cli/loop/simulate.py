@@ -12,11 +12,12 @@ import numpy as np
 from p3dof.checks import FloatArray
 from p3dof.cli.app import FAILED
 from p3dof.cli.files import OutputFile, console_beside, protect, write_results
-from p3dof.cli.loop.control import EXTERNAL, NONE, Control, externals, with_control
+from p3dof.cli.loop.control import EXTERNAL, METHOD, NONE, Control, externals, with_control
 from p3dof.cli.loop.group import AT, assembled, forces_of, loop, with_robot
 from p3dof.cli.options import POSITIVE, Whole
 from p3dof.cli.output import print_plain, print_warnings, progress_bar, show
 from p3dof.closed_loop import ClosedLoopModel
+from p3dof.closed_loop.compiling_model import ROBOT_METHODS
 from p3dof.closed_loop.tables import joint_values
 from p3dof.errors import MissingExtraError
 from p3dof.simulation import (
@@ -27,17 +28,9 @@ from p3dof.simulation import (
     RobotRun,
     simulate_robot,
 )
-from p3dof.simulation.compiled_robots import ROBOT_METHODS
 from p3dof.simulation.work import TIME_LIMIT
 from p3dof.tables import Table, number
 
-METHOD = click.option(
-    "--method",
-    type=click.Choice(list(ROBOT_METHODS)),
-    default="general",
-    show_default=True,
-    help="What computes accelerations: the robot, or C that is compiled for it (needs gcc or clang).",
-)
 _LIMITS = {"stop": ROBOT_KINDS, "ignore": tuple(kind for kind in ROBOT_KINDS if kind != "joint limit")}
 
 _MOST = 8
@@ -113,7 +106,8 @@ def simulate(
         raise click.UsageError("--force and --controller exclude each other")
     loads, wanted = externals(external), control.reference(robot)
     q, v = _start(robot, values, wanted)
-    compiled = ROBOT_METHODS[method](robot, q, loads)
+    compile_ = ROBOT_METHODS[method]
+    compiled = None if compile_ is None else compile_(robot, q, loads)
     if control.controller == NONE:
         acting: RobotController = forces_of(robot, forces)
     else:

@@ -141,6 +141,12 @@ class BatchDynamics:
                     evidence.know(int(i), one.conditioning)
         return result
 
+    def held(self, q: FloatArray) -> FloatArray:
+        """Return the conditioning (N,) at configurations (N, nq), also with spare actuators."""
+        if not len(q) or len(self._loop.actuated_v) <= self._loop.mobility(q[0]):
+            return self._conditioning(q)
+        return np.array([self._conditioning_alone(row) for row in q])
+
     def _conditioning(self, q: FloatArray) -> FloatArray:
         """Return the conditioning (N,) at configurations (N, nq)."""
         found, count = np.zeros(len(q)), len(self._loop.actuated_v)

@@ -140,6 +140,31 @@ class BatchHybridDynamics:
 
 
 @dataclass(frozen=True, eq=False)
+class BatchForwardDynamics:
+    """Accelerations that actuator forces produce, and the evidence for them; see `ForwardDynamics`.
+
+    Parameters
+    ----------
+    a : (N, nv) array
+        Accelerations of the whole tree; NaN in the rows of samples that failed.
+    residual : (N,) array
+        Largest error of the full equation of motion [N or N m].
+    closure_residual : (N,) array
+        Largest relative acceleration that is left at a closure [m/s² or rad/s²].
+    closure_error : (N, rows) array
+        How far each closure is open [m or rad].
+    errors : dict of int to P3dofError
+        What went wrong, by sample.
+    """
+
+    a: FloatArray
+    residual: FloatArray
+    closure_residual: FloatArray
+    closure_error: FloatArray
+    errors: dict[int, P3dofError]
+
+
+@dataclass(frozen=True, eq=False)
 class Prescribed:
     """Prescribed accelerations of many samples.
 

@@ -176,6 +176,11 @@ class CompiledFunctions:
         """Whether accelerations of the actuated joints can be prescribed: none depends on the others."""
         return set(self._robot.motors) <= set(self._robot.independent)
 
+    @property
+    def unique(self) -> bool:
+        """Whether forces and multipliers are determined: no closure is redundant, and no actuator spare."""
+        return self.hybrid and len(self._robot.plan.pivots) == self._robot.kinematics.size
+
     def follow_places(self) -> list[tuple[int, bool, int]]:
         """Return place in q, whether it turns without end, and motor of each independent coordinate."""
         parts = {place: part for part in self._robot.tree.parts[1:] for place in part.v}
@@ -183,6 +188,34 @@ class CompiledFunctions:
             (parts[i].q[0], parts[i].kind == "unbounded", self._robot.motors.index(i))
             for i in self._robot.independent
         ]
+
+    @property
+    def length(self) -> float:
+        """The robot's own unit of length where it is smaller than a metre, else one [m]."""
+        return self._robot.length
+
+    @property
+    def slides(self) -> list[bool]:
+        """Whether each independent coordinate is a length."""
+        parts = {place: part for part in self._robot.tree.parts[1:] for place in part.v}
+        return [parts[i].kind == "prismatic" for i in self._robot.independent]
+
+    def rows(self, name: str, inputs: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        """Return all outputs of a function at many samples; nothing is checked.
+
+        Parameters
+        ----------
+        name : str
+            One of those that can be bound, see `bind`.
+        inputs : mapping of str to (N, size) or (size,) array
+            ``q``, which has N rows, and what else the function takes; what is not given is as by default.
+
+        Returns
+        -------
+        dict of str to (N, size) array
+        """
+        given = {**self._defaults, **inputs}
+        return self._run(name, {key: given[key] for key in self.function(name).inputs})
 
     def function(self, name: str) -> Function:
         """Return a function as it was traced.

@@ -133,6 +133,6 @@ class Builder:
         if found.operations > MOST_OPERATIONS:
             raise ModelError(
                 f"{name}: {found.operations} operations are more than compilers take "
-                f"(at most {MOST_OPERATIONS}): lock joints, or use the general layer"
+                f"(at most {MOST_OPERATIONS}): lock joints, or use the robot's own method of that name"
             )
         return found

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from p3dof.checks import FloatArray
-from p3dof.closed_loop import ClosedLoopModel
+from p3dof.closed_loop import ClosedLoopModel, CompiledLoop
+from p3dof.closed_loop.compiled.settling import Settler
+from p3dof.closed_loop.compiling_model import Method, method_of
 from p3dof.closed_loop.tables import is_slide, joint_values
 from p3dof.errors import AssemblyError
 
@@ -31,6 +35,8 @@ class Hand:
         The robot.
     q : ndarray, shape (nq,)
         Where it is.
+    compiled : CompiledLoop, optional
+        The same robot compiled, whose steps it takes where they lead there.
 
     Attributes
     ----------
@@ -42,8 +48,9 @@ class Hand:
         Why it is not where it was to go; empty if it is.
     """
 
-    def __init__(self, robot: ClosedLoopModel, q: FloatArray) -> None:
+    def __init__(self, robot: ClosedLoopModel, q: FloatArray, compiled: CompiledLoop | None = None) -> None:
         self._robot = robot
+        self._settler = Settler(compiled) if compiled is not None and compiled.determined else None
         self._redundant = len(robot.actuated) > robot.mobility(q)
         self._asked: FloatArray = np.zeros(0)
         self._values: FloatArray = self._asked
@@ -70,6 +77,12 @@ class Hand:
         if np.array_equal(values, self._asked):
             return not self.refused
         self._asked = values
+        if self._settler is not None:
+            settled = self._settler(self._closed(), values[None])
+            if settled.good[0]:
+                self.refused, self.q = "", settled.q[0]
+                self._values = values_of(self._robot, self.q)
+                return True
         try:
             found = self._robot.assemble(self._target(values), self._closed())
         except AssemblyError as error:
@@ -92,6 +105,37 @@ class Hand:
         moved = np.abs(values - self._values) > _SAME
         each = zip(self._robot.actuated, values.tolist(), moved, strict=True)
         return {name: value for name, value, changed in each if changed}
+
+
+def compiled_of(
+    robot: ClosedLoopModel, q: FloatArray, frames: Iterable[str], method: Method
+) -> CompiledLoop | None:
+    """Return what computes a robot that is moved by hand; None for the robot, also without a C compiler.
+
+    Parameters
+    ----------
+    robot : ClosedLoopModel
+        The robot.
+    q : ndarray, shape (nq,)
+        Where it is.
+    frames : iterable of str
+        Where wrenches act.
+    method : {"general", "compiled"} or CompiledLoop
+        Which is meant.
+
+    Raises
+    ------
+    InputError
+        If there is no such method, or it was compiled for another robot.
+    ModelError
+        If the robot cannot be compiled.
+    """
+    found = method_of(robot, method, tuple(frames))
+    if found is None or isinstance(found, CompiledLoop):
+        return found
+    is_open = np.abs(robot.closure_error(q)).max(initial=0.0) > _OPEN
+    compiled = found(robot, robot.assemble(None, q).q if is_open else q, frames)
+    return None if compiled.level == "numpy" else compiled
 
 
 def values_of(robot: ClosedLoopModel, q: FloatArray) -> FloatArray:

@@ -12,13 +12,14 @@ from numpy.typing import ArrayLike
 
 from p3dof.checks import frozen_array, shown
 from p3dof.closed_loop import ClosedLoopModel
+from p3dof.closed_loop.compiling_model import Method
 from p3dof.errors import InputError
 from p3dof.viewer.connections import Message
 from p3dof.viewer.drawing import Drawable
 from p3dof.viewer.live_page import LivePage, Request, player_of
 from p3dof.viewer.player import within
 from p3dof.viewer.robots.figure import RobotFigure
-from p3dof.viewer.robots.hand import Hand, slider_ranges
+from p3dof.viewer.robots.hand import Hand, compiled_of, slider_ranges
 from p3dof.viewer.robots.layers import checked_layers
 from p3dof.viewer.robots.motion import JointMotion, Moment, Run, held
 from p3dof.viewer.robots.panel import Panel, setup_message
@@ -63,6 +64,9 @@ class RobotViewer(LivePage):
         Whether the motion plays already.
     at : float, optional
         Time of the motion to begin at [s]; its first by default.
+    method : {"general", "compiled"} or CompiledLoop
+        What computes positions and forces while the robot is moved by hand: the robot, or C that is compiled
+        for it, where there is a compiler and the compiled dynamics is to be trusted.
 
     Attributes
     ----------
@@ -102,6 +106,7 @@ class RobotViewer(LivePage):
         fps: float = 60.0,
         playing: bool = True,
         at: float | None = None,
+        method: Method = "general",
     ) -> None:
         if not isinstance(robot, ClosedLoopModel):
             raise InputError(f"robot: expected a ClosedLoopModel, got {shown(robot)}")
@@ -111,7 +116,8 @@ class RobotViewer(LivePage):
         super().__init__(player_of(self._motion.time if plays else None, speed, playing, at), plays, fps)
         first = self._motion.sample(0)
         self._load = dict(first.wrenches)
-        self._hand = Hand(self.robot, np.array(first.q))
+        self._compiled = compiled_of(self.robot, np.array(first.q), self._load, method)
+        self._hand = Hand(self.robot, np.array(first.q), self._compiled)
         self._by_hand = None if plays else self._hand.values
         self._moment, self._refused, self._why = first, "", ""
         figure = RobotFigure(self.robot, shapes, package_dirs) if figure is None else figure
@@ -207,7 +213,7 @@ class RobotViewer(LivePage):
             self._hand.moves_to(self._by_hand)
             self._refused = self._hand.refused
             if self._moment.q is not self._hand.q:
-                self._moment, self._why = held(self.robot, self._hand.q, self._load)
+                self._moment, self._why = held(self.robot, self._hand.q, self._load, self._compiled)
         self.scene.show(self._moment, by_hand=by_hand)
         return {
             **self._panel.state(self._moment, self._refused, self._why),

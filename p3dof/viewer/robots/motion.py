@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from p3dof.checks import FloatArray, FrozenArrays, as_floats, frozen_array, shown
-from p3dof.closed_loop import ClosedLoopModel
+from p3dof.closed_loop import ClosedLoopModel, CompiledLoop
 from p3dof.errors import InputError, P3dofError
 
 MOST_SAMPLES = 1000
@@ -264,7 +264,10 @@ class JointMotion(FrozenArrays):
 
 
 def held(
-    robot: ClosedLoopModel, q: FloatArray, external: Mapping[str, ArrayLike] | None = None
+    robot: ClosedLoopModel,
+    q: FloatArray,
+    external: Mapping[str, ArrayLike] | None = None,
+    compiled: CompiledLoop | None = None,
 ) -> tuple[Moment, str]:
     """Return a robot at rest with the forces that hold it, and why they are not known.
 
@@ -279,6 +282,8 @@ def held(
         A configuration with closed loops.
     external : mapping of str to array-like, shape (6,), optional
         Wrenches that act on frames.
+    compiled : CompiledLoop, optional
+        The same robot compiled, which is asked first.
 
     Returns
     -------
@@ -293,6 +298,12 @@ def held(
         return Moment(q, np.zeros(0), _multipliers(robot, q, nothing, np.zeros(0), wrenches), wrenches), ""
     found: Any = None
     why = ""
+    if compiled is not None and compiled.unique and set(wrenches) <= set(compiled.external):
+        states = {"q": q[None], "v": nothing[None], "a": nothing[None]}
+        fast = compiled.rows("inverse_dynamics", states | {f"wrench_{n}": w for n, w in wrenches.items()})
+        if fast["trusted"][0, 0] > 0.0:
+            tau, lambda_ = (_without_rounding(robot, fast[name][0]) for name in ("tau", "lambda_"))
+            return Moment(q, tau, lambda_, wrenches), ""
     try:
         found = robot.inverse_dynamics(q, nothing, nothing, external=wrenches)
     except InputError:
