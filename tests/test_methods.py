@@ -17,6 +17,7 @@ from p3dof.methods import DEFAULT_METHOD, METHODS, DynamicsMethod, registry
 from p3dof.methods.pinocchio import PinocchioMethod
 from p3dof.methods.virtual_power import VirtualPowerMethod
 from p3dof.motion import states_of
+from p3dof.outputs import written
 from p3dof.parameters import PAPER
 
 HOME = np.zeros(3)
@@ -24,12 +25,15 @@ DOORS = [name for name, value in vars(DynamicsMethod).items() if inspect.isfunct
 CHOOSING = ("forces", "inverse_dynamics", "forward_dynamics", "jacobian", "mass_matrix", "simulate")
 """What of a `Manipulator` takes a method."""
 
+ORDER = ("wrench", "on_invalid", "method", "progress", "out")
+"""Of arguments by keyword."""
+
 
 @pytest.mark.parametrize("name", METHODS)
 def test_every_way_has_the_same_doors(name):
     way = METHODS[name](p3dof.load())
     assert set(DOORS) == {"forces", "solve", "accelerate", "jacobian", "mass_matrix"}
-    assert {name for name in dir(type(way)) if name[0] != "_"} == set(DOORS)
+    assert {name for name in dir(way) if name[0] != "_"} == {*DOORS, "one"}
     for door in DOORS:
         asked = inspect.signature(getattr(DynamicsMethod, door)).parameters
         assert list(inspect.signature(getattr(type(way), door)).parameters) == list(asked)
@@ -103,11 +107,11 @@ def test_there_is_one_default_and_one_order():
         assert arguments["method"].default == DEFAULT_METHOD == "pinocchio"
     for name, function in inspect.getmembers(p3dof.Manipulator, inspect.isfunction):
         arguments = inspect.signature(function).parameters
-        order = [each for each in arguments if each in ("wrench", "on_invalid", "method", "progress")]
+        order = [each for each in arguments if each in ORDER]
         if name in CHOOSING:
             assert "method" in order
         if name != "simulate":
-            assert order == [e for e in ("wrench", "on_invalid", "method", "progress") if e in order], name
+            assert order == [each for each in ORDER if each in order], name
         for each in order:
             assert arguments[each].kind is inspect.Parameter.KEYWORD_ONLY, (name, each)
 
@@ -130,14 +134,16 @@ def test_a_method_that_does_not_exist(method):
 
 def test_a_new_way_is_one_line(monkeypatch):
     class Doubled(VirtualPowerMethod):
-        def forces(self, states):
-            return 2 * super().forces(states)
+        def forces(self, states, out=None):
+            return written(2 * super().forces(states), out)
 
     more = {**METHODS, "doubled": lambda machine: Doubled(machine.parameters)}
     monkeypatch.setattr(registry, "METHODS", more)
     robot = p3dof.load()
     once, twice = (robot.forces(HOME, HOME, HOME, method=m) for m in ("virtual-power", "doubled"))
     np.testing.assert_array_equal(twice, 2 * once)
+    assert robot.forces(HOME, HOME, HOME, method="doubled", out=once) is once
+    np.testing.assert_array_equal(once, twice)
     result = robot.inverse_dynamics(p3dof.paper_motion(5), method="doubled")
     assert result.method == "doubled"
     np.testing.assert_array_equal(
