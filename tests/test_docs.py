@@ -1,5 +1,6 @@
 """What the pages of the documentation say runs, and what they point to is there."""
 
+import shutil
 import subprocess
 
 import numpy as np
@@ -13,6 +14,15 @@ PAGES = sorted(path for path in DOCS.rglob("*.md") if "generated" not in path.pa
 RUN = [page for page in PAGES if commands(page) or any(block.language == "python" for block in blocks(page))]
 
 
+def need_tools(page, *tools):
+    """Skip a page whose commands need what is not here."""
+    if any("--wasm" in command for command in commands(page)):
+        tools += ("clang", "wasm-ld")
+    for tool in tools:
+        if shutil.which(tool) is None:
+            pytest.skip(f"{tool} not installed")
+
+
 def name(page):
     return str(page.relative_to(DOCS))
 
@@ -20,6 +30,7 @@ def name(page):
 @pytest.mark.parametrize("page", RUN, ids=name)
 def test_what_a_page_says_runs(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    need_tools(page)
     run(page, tmp_path)
 
 
@@ -47,6 +58,7 @@ def test_the_parameter_file_is_one(tmp_path):
 def test_the_c_of_a_controller_compiles(tmp_path, monkeypatch, page, folder):
     monkeypatch.chdir(tmp_path)
     page = DOCS / page
+    need_tools(page, "cc")
     run(page, tmp_path)
     (text,) = (block.text for block in blocks(page) if block.language == "c")
     includes, body = text.split("\n\n", 1)
@@ -58,7 +70,21 @@ def test_the_c_of_a_controller_compiles(tmp_path, monkeypatch, page, folder):
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.parametrize("page", ["how-to/controller-in-c.md", "how-to/compile-any-robot.md"])
+def test_the_javascript_of_a_page_runs(tmp_path, monkeypatch, page):
+    monkeypatch.chdir(tmp_path)
+    page = DOCS / page
+    need_tools(page, "node")
+    run(page, tmp_path)
+    (text,) = (block.text for block in blocks(page) if block.language == "js")
+    (tmp_path / "page.mjs").write_text(text, encoding="utf-8")
+    done = subprocess.run(["node", "page.mjs"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("OK") == text.count("statuses[")
+    assert "NaN" not in done.stdout
+
+
 def test_blocks_that_are_not_run_are_few():
     """Of the pages' languages, only these hold something that no test runs."""
     languages = {block.language for page in PAGES for block in blocks(page)}
-    assert languages <= {"python", "console", "yaml", "text", "c"}
+    assert languages <= {"python", "console", "yaml", "text", "c", "js"}

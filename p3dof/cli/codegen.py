@@ -8,7 +8,7 @@ import click
 from rich.console import Console
 
 from p3dof.cli.app import app
-from p3dof.cli.export import CHECK, FORCE, print_differences
+from p3dof.cli.export import CHECK, FORCE, WASM, print_differences
 from p3dof.cli.files import OutputFolder, protect
 from p3dof.cli.options import PARAMETERS, Payload, machine_of
 from p3dof.cli.output import print_plain, show
@@ -16,6 +16,8 @@ from p3dof.cli.payloads import say_payloads
 from p3dof.codegen.batch import DIRECTORY, batch_files
 from p3dof.codegen.controller import MARK, controller_files
 from p3dof.codegen.printing import operation_counts
+from p3dof.codegen.wasm_files import WebFiles
+from p3dof.codegen.web_controller import controller_module
 from p3dof.compiled.formulas import NAMES, kernel
 from p3dof.files import check_generated, together, write_generated
 from p3dof.parameters import Body, Parameters
@@ -39,6 +41,7 @@ parameters that matters is more, other last bits on another processor are less."
     "--bake", is_flag=True, help="Put the machine's numbers into the code: smaller, not to be changed."
 )
 @click.option("--kernels", is_flag=True, help="The package's own kernels, where they are in the package.")
+@WASM
 @CHECK
 @FORCE
 def codegen(
@@ -47,6 +50,7 @@ def codegen(
     out: Path | None,
     bake: bool,
     kernels: bool,
+    wasm: bool,
     check: bool,
     force: bool,
 ) -> int:
@@ -57,35 +61,42 @@ def codegen(
         )
     if out is None and not kernels:
         raise click.UsageError("expected --out (C for a controller), --kernels (the package's own) or both")
-    if out is None and (parameters is not None or payload is not None or bake):
-        raise click.UsageError("--parameters, --payload and --bake belong to --out")
+    if out is None and (parameters is not None or payload is not None or bake or wasm):
+        raise click.UsageError("--parameters, --payload, --bake and --wasm belong to --out")
     jobs: list[tuple[dict[str, str], Path, float]] = []
     tables = []
+    web = WebFiles(controller_module(bake)) if wasm else None
     if out is not None:
         machine = machine_of(parameters, payload).parameters
-        jobs.append((controller_files(machine, bake), out, TOLERANCE))
+        texts = controller_files(machine, bake) | (web.texts() if web else {})
+        jobs.append((texts, out, TOLERANCE))
         tables.append(_function_table(machine))
     if kernels:
         jobs.append((batch_files(), DIRECTORY, 0.0))
         tables.append(_kernel_table())
     if check:
-        return _check(jobs)
-    protect((parameters,), [folder / name for texts, folder, _ in jobs for name in texts])
+        return _check(jobs, web)
+    outputs = [folder / name for texts, folder, _ in jobs for name in texts]
+    if web and out:
+        outputs += [out / name for name in web.names]
+    protect((parameters,), outputs)
     console = Console()
     if out is not None:
         say_payloads(console, machine, parameters, payload)
     with together():
         written = [path for texts, folder, _ in jobs for path in write_generated(texts, folder, MARK, force)]
+        if web and out:
+            written.append(web.write(out, jobs[0][0], force))
     for path in written:
         print_plain(console, f"wrote {path}")
     show(console, *tables)
     return 0
 
 
-def _check(jobs: list[tuple[dict[str, str], Path, float]]) -> int:
+def _check(jobs: list[tuple[dict[str, str], Path, float]], web: WebFiles | None) -> int:
     console, differences = Console(), []
-    for texts, folder, tolerance in jobs:
-        found = check_generated(texts, folder, tolerance)
+    for i, (texts, folder, tolerance) in enumerate(jobs):
+        found = check_generated(texts, folder, tolerance) + (web.check(folder) if web and i == 0 else [])
         differences += found
         if not found:
             print_plain(console, f"{folder}: up to date")

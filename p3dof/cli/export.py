@@ -38,6 +38,12 @@ FORCE = click.option(
     help="Write over files of the paper's machine, and over foreign ones.",
 )
 
+WASM = click.option(
+    "--wasm",
+    is_flag=True,
+    help="WebAssembly too, for browsers and Node, and JavaScript that loads it; needs clang and lld.",
+)
+
 
 @app.command()
 @PARAMETERS

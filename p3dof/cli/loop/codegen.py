@@ -7,13 +7,14 @@ from pathlib import Path
 import click
 from rich.console import Console
 
-from p3dof.cli.export import CHECK, FORCE, print_differences
+from p3dof.cli.export import CHECK, FORCE, WASM, print_differences
 from p3dof.cli.files import OutputFolder, protect
 from p3dof.cli.loop.group import loop, with_robot
 from p3dof.cli.output import print_plain, show
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.codegen.loops import MARK, loop_files
-from p3dof.files import check_generated, write_generated
+from p3dof.codegen.wasm_files import WebFiles
+from p3dof.files import check_generated, together, write_generated
 from p3dof.tables import table_of
 
 TOLERANCE = 1e-9
@@ -39,6 +40,7 @@ TOLERANCE = 1e-9
     metavar="JOINT",
     help="Joint whose body has its inertial parameters as an argument, such as a payload.",
 )
+@WASM
 @CHECK
 @FORCE
 def codegen(
@@ -50,21 +52,26 @@ def codegen(
     external: tuple[str, ...],
     joint_forces: bool,
     inertias: tuple[str, ...],
+    wasm: bool,
     check: bool,
     force: bool,
 ) -> int:
     """Write the dynamics of a robot as C99, its loops solved, with a program that tests it."""
     chosen = None if functions is None else [name.strip() for name in functions.split(",")]
     code = loop_files(robot, prefix, chosen, external, joint_forces, inertias)
-    console = Console()
+    console, web = Console(), WebFiles(code.web) if wasm else None
+    texts = code.files | (web.texts() if web else {})
     if check:
-        differences = check_generated(code.files, out, TOLERANCE)
+        differences = check_generated(texts, out, TOLERANCE) + (web.check(out) if web else [])
         if not differences:
             print_plain(console, f"{out}: up to date")
         print_differences(console, differences)
         return 1 if differences else 0
-    protect(inputs, [out / name for name in code.files])
-    for path in write_generated(code.files, out, MARK, force):
+    protect(inputs, [out / name for name in (*texts, *(web.names if web else ()))])
+    with together():
+        written = write_generated(texts, out, MARK, force)
+        written += [web.write(out, texts, force)] if web else []
+    for path in written:
         print_plain(console, f"wrote {path}")
     rows = {name: [str(count)] for name, count in code.operations.items()}
     show(console, table_of("Operations of a call", ("function", "operations"), rows))

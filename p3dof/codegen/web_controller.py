@@ -1,0 +1,84 @@
+"""What the WebAssembly of the manipulator offers."""
+
+from __future__ import annotations
+
+from math import prod
+
+from p3dof.codegen.controller import NOTE, prototypes
+from p3dof.codegen.filling import fill
+from p3dof.codegen.friction import JOINTS
+from p3dof.codegen.routines import Argument
+from p3dof.codegen.webassembly import Exported, Rows, WebModule
+from p3dof.parameters import LINKS
+
+_PREFIX = "p3dof"
+_STATUSES = ("OK", "NOT_FINITE", "OUT_OF_REACH", "SINGULAR", "BAD_PARAMETERS", "NULL_POINTER")
+_BODY = 10
+_METHODS = """
+    /** The machine's numbers by \\u0060places\\u0060, in memory: change them, and prepare. */
+    get parameters() {
+        return new Float64Array(this.#exports.memory.buffer, this.#exports.parameters(), @count);
+    }
+
+    /** Makes the machine of the present parameters ready; returns a status. */
+    prepare() {
+        return this.#exports.prepare();
+    }
+
+    /** Fixes a payload to the platform: mass, mass centre (3), inertia (6); returns a status. */
+    carry(payload) {
+        return this.#exports.carry(this.#put(payload));
+    }
+"""
+
+
+def controller_module(bake: bool = False) -> WebModule:
+    """Return what the WebAssembly of a controller's C offers.
+
+    Parameters
+    ----------
+    bake : bool
+        Whether the machine's numbers are in the code.
+
+    Returns
+    -------
+    WebModule
+    """
+    first = "" if bake else "&model"
+    functions = [
+        Exported(name, [*map(_rows, inputs)], [*map(_rows, outputs)], first)
+        for name, inputs, outputs in prototypes()
+    ]
+    statuses = dict(enumerate(_STATUSES))
+    if bake:
+        return WebModule(_PREFIX, NOTE, functions, statuses)
+    places, count = _places()
+    return WebModule(
+        _PREFIX,
+        NOTE,
+        functions,
+        statuses,
+        state=fill("wasm_machine.in", prefix=_PREFIX, PREFIX=_PREFIX.upper()),
+        methods=_METHODS.replace("@count", str(count)).replace("\\u0060", "`"),
+        constructed="\n        exports.initialise();",
+        places=places,
+    )
+
+
+def _rows(argument: Argument) -> Rows:
+    columns = {3: "3"}.get(argument.shape[-1], "P3DOF_NUMBERS")
+    cast = f"(double (*)[{columns}])" if len(argument.shape) == 2 else ""
+    return Rows(argument.name, prod(argument.shape), cast, optional=argument.name == "wrench")
+
+
+def _places() -> tuple[dict[str, object], int]:
+    """Return where the parameters of `p3dof_parameters` are, in doubles, and how many there are."""
+    found: dict[str, object] = {name: place for place, name in enumerate(("r", "R", "L", "b", "gravity"))}
+    place = 7
+    found["bodies"] = {link: place + _BODY * i for i, link in enumerate(LINKS)}
+    place += _BODY * len(LINKS)
+    for kind in ("viscous", "coulomb"):
+        found[kind] = {joint: place + i for i, joint in enumerate(JOINTS)}
+        place += len(JOINTS)
+    found["smoothing"] = place
+    return found, place + 1
