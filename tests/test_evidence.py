@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import re
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from machines import drops
+from machines import drops, random_machine, random_states
 from scipy.integrate import solve_ivp
 
 import p3dof
 import p3dof.closed_loop.batch.dynamics as batch_dynamics
 from p3dof import PAPER, Friction, kinematics
 from p3dof.closed_loop.linear import Decomposition
-from p3dof.errors import DynamicsError
-from p3dof.methods import METHODS, pinocchio, with_evidence
+from p3dof.errors import DynamicsError, ReachError
+from p3dof.methods import METHODS, closed_form, pinocchio, with_evidence
 from p3dof.methods.pinocchio import PinocchioMethod
 from p3dof.methods.virtual_power import VirtualPowerMethod
 from p3dof.motion import states_over
@@ -30,6 +31,7 @@ MOTION = p3dof.paper_motion(41)
 GAPS = (5e-11, 2e-7)
 """Open loops that the batch takes, and that only the single sample does [m]."""
 HOME = np.zeros(3)
+COLUMNS = ("forces", "closure_error", "power", "power_residual", "dissipation", "actuation", "sliders")
 
 
 @pytest.fixture(scope="module")
@@ -417,3 +419,46 @@ def test_what_is_off_in_the_forward_dynamics_is_told(robot, monkeypatch):
     missing = missing - J.T @ np.linalg.lstsq(J.T, missing, rcond=1e-9)[0]
     told = [float(number) for number in re.findall(r"([\d.e+-]+) (?:N or|m/s²)", str(caught.value))]
     np.testing.assert_allclose(told, [np.abs(missing).max(), np.abs(J @ change).max()], rtol=5e-3)
+
+
+@pytest.mark.parametrize("method", ["compiled", "virtual-power"])
+def test_evidence_of_a_long_motion_takes_little_more_memory_than_the_result(method):
+    robot, count = p3dof.load(), 40_000
+    motion = p3dof.paper_motion(count)
+    robot.inverse_dynamics(p3dof.paper_motion(10), method=method)
+    tracemalloc.start()
+    try:
+        result = robot.inverse_dynamics(motion, method=method)
+        kept, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert result.possible
+    assert (peak - kept) / count < 700
+
+
+@pytest.mark.parametrize("method", ["compiled", "virtual-power"])
+def test_blocks_change_no_bit_and_no_word(method, monkeypatch):
+    machine = random_machine(4)
+    robot, states = p3dof.load(machine), random_states(machine, 4, 5000)
+    pose = states.pose.copy()
+    motion = p3dof.Motion(np.arange(5000.0), pose, states.velocity, states.acceleration, check=False)
+    pose[[3000, 4500]] = [9.0, 0, 0]
+    broken = p3dof.Motion(np.arange(5000.0), pose, states.velocity, states.acceleration, check=False)
+    table = [x.reshape(5, 1000, 3) for x in (pose, states.velocity, states.acceleration)]
+    found = []
+    for block in (10**6, 1000, 4999):
+        monkeypatch.setattr(closed_form, "_BLOCK", block)
+        results = [
+            robot.inverse_dynamics(one, method=method, on_invalid="nan", wrench=states.wrench)
+            for one in (motion, broken)
+        ]
+        assert np.isnan(results[1].forces[[3000, 4500]]).all()
+        with pytest.raises(ReachError, match=r"\(sample 3000, the first of 2 such of 5000\)"):
+            robot.inverse_dynamics(broken, method=method)
+        with pytest.raises(ReachError, match=r"\(sample \(3, 0\), the first of 2 such of 5000\)"):
+            robot.forces(*table, method=method)
+        found.append([getattr(result, name) for result in results for name in COLUMNS])
+        found[-1] += [result.joints.a for result in results]
+    for others in found[1:]:
+        for one, other in zip(found[0], others, strict=True):
+            np.testing.assert_array_equal(one, other)

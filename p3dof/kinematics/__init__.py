@@ -7,6 +7,7 @@ from p3dof.kinematics.bodies import BodyMotion, MechanismMotion, closure_error, 
 from p3dof.kinematics.forward import forward_kinematics
 from p3dof.kinematics.gate import Placed, holdable, reachable, reachable_poses
 from p3dof.kinematics.inverse import (
+    JOINTS,
     InverseKinematics,
     inverse_jacobian,
     inverse_kinematics,
@@ -17,6 +18,7 @@ from p3dof.kinematics.inverse import (
 from p3dof.kinematics.validity import Singularity
 
 __all__ = [
+    "JOINTS",
     "BodyMotion",
     "InverseKinematics",
     "MechanismMotion",

@@ -19,6 +19,20 @@ from p3dof.paper.formulas import Configuration, Lengths, configuration, jacobian
 from p3dof.parameters import Geometry
 from p3dof.samples import OnInvalid
 
+JOINTS = (
+    "slide_a",
+    "hinge_a",
+    "slide_b",
+    "hinge_b",
+    "slide_c",
+    "hinge_c",
+    "hinge_left",
+    "hinge_lower",
+    "hinge_platform",
+    "hinge_right",
+)
+"""The joints of the URDF, as `joint_coordinates` names them and in its order."""
+
 
 @dataclass(frozen=True, eq=False)
 class InverseKinematics:
@@ -177,18 +191,19 @@ def joint_coordinates(
     -------
     dict of str to ndarray, shape (...)
     """
-    return {
-        "slide_a": sliders[..., 0],
-        "hinge_a": phi21_a,
-        "slide_b": sliders[..., 1],
-        "hinge_b": -phi21_b,
-        "slide_c": sliders[..., 2],
-        "hinge_c": -phi21_c,
-        "hinge_left": phi32_c,
-        "hinge_lower": -phi32_c,
-        "hinge_platform": phi54_c,
-        "hinge_right": phi32_c,
-    }
+    values = (
+        sliders[..., 0],
+        phi21_a,
+        sliders[..., 1],
+        -phi21_b,
+        sliders[..., 2],
+        -phi21_c,
+        phi32_c,
+        -phi32_c,
+        phi54_c,
+        phi32_c,
+    )
+    return dict(zip(JOINTS, values, strict=True))
 
 
 def paper_angles(geometry: Geometry, x: Configuration, theta: FloatArray) -> dict[str, FloatArray]:

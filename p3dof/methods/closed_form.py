@@ -1,45 +1,103 @@
-"""What the closed forms know of a motion besides its forces: joints, and the evidence of a result."""
+"""What the closed forms know of a motion besides its forces: joints, and the evidence of a result.
+
+Samples are looked at block by block: what a block takes in between stays in the processor's cache, and of a
+long motion no more than the result is in memory.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import TypeAlias
 
 import numpy as np
 
 from p3dof import kinematics
 from p3dof.algebra import components
 from p3dof.checks import FloatArray
+from p3dof.errors import P3dofError
 from p3dof.kinematics import MechanismMotion, Placed
 from p3dof.methods.solution import JointStates, Solution
+from p3dof.motion.states import States
 from p3dof.paper.friction import losses_of, lost_power
 from p3dof.parameters import Parameters
 
+_BLOCK = 2048
+"""Most samples that are looked at at once; each takes about 3 kB."""
 
-def solution_with(forces: FloatArray, parameters: Parameters, placed: Placed) -> Solution:
+ForcesAt: TypeAlias = Callable[[Placed], FloatArray]
+"""Returns the forces (n, 3) at states that were looked at."""
+
+
+def solve_with(forces_at: ForcesAt, parameters: Parameters, states: States) -> Solution:
     """Return forces together with joints, closure error, energy rate, losses and angles from the singularity.
 
     Parameters
     ----------
-    forces : ndarray, shape (N, 3)
-        However they were found [N].
+    forces_at : callable
+        However they are found.
     parameters : Parameters
         The machine.
-    placed : Placed
-        The states, shape (N,), which were looked at.
+    states : States
+        What the user gave, shape (N,).
 
     Returns
     -------
     Solution
+
+    Raises
+    ------
+    ReachError, SingularityError, InputError
+        As `p3dof.kinematics.holdable` of all states.
     """
-    motion = kinematics.motion_at(parameters.geometry, placed)
-    return Solution(
-        forces=forces,
-        joints=JointStates.from_mappings(
-            tuple(motion.position), motion.position, motion.velocity, motion.acceleration
-        ),
-        closure_error=kinematics.closure_error(parameters.geometry, motion),
-        energy_rate=energy_rate(parameters, motion),
-        dissipation=_dissipation(parameters, placed),
-        actuation=placed.actuation,
-    )
+    count, geometry, names = len(states.pose), parameters.geometry, kinematics.JOINTS
+    forces, joints = np.empty((count, 3)), np.empty((3, count, len(names)))
+    evidence = np.empty((4, count))
+    for block, placed in placed_in_blocks(parameters, states):
+        motion = kinematics.motion_at(geometry, placed)
+        forces[block] = forces_at(placed)
+        for found, known in zip(joints, (motion.position, motion.velocity, motion.acceleration), strict=True):
+            for k, name in enumerate(names):
+                found[block, k] = known[name]
+        evidence[0, block] = kinematics.closure_error(geometry, motion)
+        evidence[1, block] = energy_rate(parameters, motion)
+        evidence[2, block] = _dissipation(parameters, placed)
+        evidence[3, block] = placed.actuation
+    return Solution(forces, JointStates(names, *joints), *evidence)
+
+
+def placed_in_blocks(parameters: Parameters, states: States) -> Iterator[tuple[slice, Placed]]:
+    """Look at states block by block: where they are, and their configuration.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine.
+    states : States
+        What the user gave, of any shape.
+
+    Yields
+    ------
+    block : slice
+        Rows of the states.
+    placed : Placed
+        These, of shape (n,).
+
+    Raises
+    ------
+    ReachError, SingularityError, InputError
+        As `p3dof.kinematics.holdable` of all states: naming the first bad one of all, and how many there are.
+    """
+    rows = states.rows()
+    count = len(rows.pose)
+    parts = max(1, -(-count // _BLOCK))
+    for part in range(parts):
+        block = slice(count * part // parts, count * (part + 1) // parts)
+        try:
+            placed = kinematics.holdable(parameters.geometry, rows.of_rows(block, states.on_invalid))
+        except P3dofError:
+            kinematics.holdable(parameters.geometry, states)
+            raise
+        yield block, placed
 
 
 def _dissipation(parameters: Parameters, placed: Placed) -> FloatArray:

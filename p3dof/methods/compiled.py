@@ -16,9 +16,9 @@ from p3dof.compiled.friction import loss_derivatives
 from p3dof.compiled.kernels import MachineKernels
 from p3dof.compiled.reduced import State
 from p3dof.errors import InputError
-from p3dof.kinematics import holdable, reachable
+from p3dof.kinematics import Placed, holdable, reachable
 from p3dof.methods import kernel_runs
-from p3dof.methods.closed_form import solution_with
+from p3dof.methods.closed_form import solve_with
 from p3dof.methods.kernel_runs import aligned, loads_on, run_kernel
 from p3dof.methods.one_sample import OneSample
 from p3dof.methods.solution import Solution
@@ -53,14 +53,16 @@ class CompiledMethod:
 
     def solve(self, states: States, progress: Progress | None = None) -> Solution:  # noqa: ARG002 - it is quick
         """Return forces by the kernels, joints and evidence by the closed forms, at N samples."""
-        parameters = self._kernels.parameters
-        placed = holdable(parameters.geometry, states)
-        looked_at = placed.states._replace(on_invalid="nan")
-        loads = loads_on(self._kernels, looked_at)
+        return solve_with(self._forces_at, self._kernels.parameters, states)
+
+    def _forces_at(self, placed: Placed) -> FloatArray:
+        """Return the forces (n, 3) at states that were looked at."""
+        states = placed.states._replace(on_invalid="nan")
+        loads = loads_on(self._kernels, states)
         name = "inverse_dynamics" if loads is None else "inverse_dynamics_loaded"
         forces = np.empty(states.pose.shape)
-        run_kernel(self._kernels, name, looked_at, kernel_runs.MOVING, loads, list(forces.T), None)
-        return solution_with(forces, parameters, placed)
+        run_kernel(self._kernels, name, states, kernel_runs.MOVING, loads, list(forces.T), None)
+        return forces
 
     def accelerate(self, states: States, out: FloatArray | None = None) -> FloatArray:
         """Return the acceleration (..., 3) of the platform under forces."""

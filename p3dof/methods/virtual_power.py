@@ -11,7 +11,7 @@ from p3dof.algebra import BLOCK, Namespace, components
 from p3dof.checks import FloatArray, Progress
 from p3dof.kinematics import Placed
 from p3dof.methods import equations_of_motion
-from p3dof.methods.closed_form import solution_with
+from p3dof.methods.closed_form import placed_in_blocks, solve_with
 from p3dof.methods.solution import Solution
 from p3dof.motion.states import States
 from p3dof.outputs import written
@@ -38,15 +38,17 @@ class VirtualPowerMethod:
 
     def forces(self, states: States, out: FloatArray | None = None) -> FloatArray:
         """Return the actuator forces (..., 3) [N]."""
-        found = forces_at(self._parameters, kinematics.holdable(self._parameters.geometry, states))
+        found = np.empty(states.pose.shape)
+        rows = found.reshape(-1, 3)
+        for block, placed in placed_in_blocks(self._parameters, states):
+            rows[block] = forces_at(self._parameters, placed)
         if states.on_invalid == "raise":
             raise_not_finite("forces", found)
         return written(found, out)
 
     def solve(self, states: States, progress: Progress | None = None) -> Solution:  # noqa: ARG002 - it is quick
         """Return forces, joints and evidence at N samples."""
-        placed = kinematics.holdable(self._parameters.geometry, states)
-        return solution_with(forces_at(self._parameters, placed), self._parameters, placed)
+        return solve_with(lambda placed: forces_at(self._parameters, placed), self._parameters, states)
 
     def accelerate(self, states: States, out: FloatArray | None = None) -> FloatArray:
         """Return the acceleration (..., 3) of the platform under forces."""

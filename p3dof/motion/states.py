@@ -99,8 +99,8 @@ class States(NamedTuple):
             wrench=None if self.wrench is None else self.wrench.reshape(-1, 6),
         )
 
-    def of_rows(self, which: NDArray[np.intp], on_invalid: OnInvalid) -> States:
-        """Return some of the rows, with another policy."""
+    def of_rows(self, which: NDArray[np.intp] | slice, on_invalid: OnInvalid) -> States:
+        """Return some of the rows, with a policy."""
         rows = self.rows()
         return States(
             rows.pose[which],
