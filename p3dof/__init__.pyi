@@ -21,6 +21,8 @@ from .description import Mechanism
 
 # What it does, and what acts on it
 from .motion import Curve, Motion, WrenchHistory, paper_motion
+from .tasks import Plan, Task, Waypoint, read_task, write_task
+from .manipulator import TaskForces, forces_of_task
 
 # Where it is
 from .kinematics import BodyMotion, InverseKinematics, MechanismMotion, Singularity
@@ -71,10 +73,11 @@ from .errors import (
     ReachError,
     SampleError,
     SingularityError,
+    TaskError,
 )
 
 # Rooms that are used by their own name: p3dof.viewer.save_animation, p3dof.engines.load, ...
-from . import closed_loop, codegen, engines, plots, report, simulation, viewer
+from . import closed_loop, codegen, engines, plots, report, simulation, tasks, viewer
 
 # The version
 from .version import __version__
@@ -134,6 +137,7 @@ __all__ = [
     "ParameterError",
     "Parameters",
     "Peak",
+    "Plan",
     "ReachError",
     "Reactions",
     "ReactionsComparison",
@@ -144,21 +148,29 @@ __all__ = [
     "SingularityError",
     "Springs",
     "Stop",
+    "Task",
+    "TaskError",
+    "TaskForces",
     "Utilisation",
+    "Waypoint",
     "WrenchHistory",
     "__version__",
     "closed_loop",
     "codegen",
     "engines",
+    "forces_of_task",
     "load",
     "load_robot",
     "of_solids",
     "paper_motion",
     "plots",
     "read_parameters",
+    "read_task",
     "report",
     "show_robot",
     "simulation",
+    "tasks",
     "viewer",
     "write_parameters",
+    "write_task",
 ]

@@ -43,6 +43,10 @@ class MotionError(P3dofError, ValueError):
         return type(self), (self.args[0], self.hint)
 
 
+class TaskError(P3dofError, ValueError):
+    """A task is malformed: its waypoints, times, payloads or blends do not fit each other."""
+
+
 class ModelError(P3dofError, ValueError):
     """A robot description (URDF or sidecar) is malformed or names something that does not exist."""
 

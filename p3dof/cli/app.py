@@ -38,6 +38,7 @@ COMMANDS = {
     "export": ("p3dof.cli.export", "Write the model for other tools, with its loops."),
     "forces": ("p3dof.cli.forces", "Compute the forces over a motion by one method."),
     "loop": ("p3dof.cli.loop", "Assemble, weigh and move any robot with closed loops."),
+    "plan": ("p3dof.cli.plan", "Plan the motion of a task, and say what it takes."),
     "plots": ("p3dof.cli.plots", "Draw all figures of a motion."),
     "reactions": ("p3dof.cli.reactions", "Compute forces and moments in all joints."),
     "report": ("p3dof.cli.report", "Write one page that tells all about a motion."),

@@ -3,6 +3,7 @@
 from p3dof.manipulator.comparison import Comparison, Opinion
 from p3dof.manipulator.facade import Manipulator, load
 from p3dof.manipulator.tables import agreement_table, opinions_table
+from p3dof.manipulator.tasks import TaskForces, forces_of_task
 from p3dof.methods import Exceedance, InverseDynamics, JointStates
 from p3dof.methods.registry import METHODS, Method
 
@@ -15,7 +16,9 @@ __all__ = [
     "Manipulator",
     "Method",
     "Opinion",
+    "TaskForces",
     "agreement_table",
+    "forces_of_task",
     "load",
     "opinions_table",
 ]

@@ -70,7 +70,7 @@ def read_parts(data: Any, source: str, any_size: bool) -> tuple[dict[str, Any], 
         If a field is missing, unknown, in a wrong unit or not physical, or the machine is too large or too
         small; the message names `source` and the field.
     """
-    data = _mapping(
+    data = read_fields(
         data,
         source,
         required=("geometry", "bodies"),
@@ -129,13 +129,31 @@ def _require_size(geometry: Geometry, where: str) -> None:
 def _bodies(data: Any, where: str) -> Bodies:
     kinds = isinstance(data, Mapping) and not set(data) - set(_KINDS)
     names = _KINDS if kinds else LINKS
-    data = _mapping(data, where, required=names)
-    bodies = {name: _body(data[name], f"{where}.{name}") for name in names}
+    data = read_fields(data, where, required=names)
+    bodies = {name: read_body(data[name], f"{where}.{name}") for name in names}
     return named(where, lambda: Bodies.alike(**bodies) if kinds else Bodies(**bodies))
 
 
-def _body(data: Any, where: str) -> Body:
-    data = _mapping(data, where, required=("mass", "com", "inertia"), optional=("about",))
+def read_body(data: Any, where: str) -> Body:
+    """Return a body from the fields mass, com, inertia and perhaps about.
+
+    Parameters
+    ----------
+    data : mapping
+        Plain data.
+    where : str
+        What to call it in an error.
+
+    Returns
+    -------
+    Body
+
+    Raises
+    ------
+    ParameterError
+        If a field is missing, unknown, in a wrong unit or not physical.
+    """
+    data = read_fields(data, where, required=("mass", "com", "inertia"), optional=("about",))
     values = {key: _BODY[key].read(value, f"{where}.{key}") for key, value in data.items()}
     point = values.pop("about", None)
     return named(where, lambda: Body(**values) if point is None else Body.about(point, **values))
@@ -144,12 +162,12 @@ def _body(data: Any, where: str) -> Body:
 def _payloads(data: Any, where: str) -> list[Body]:
     """Read one payload, or a list of them."""
     if isinstance(data, list):
-        return [_body(item, f"{where}[{i}]") for i, item in enumerate(data)]
-    return [_body(data, where)]
+        return [read_body(item, f"{where}[{i}]") for i, item in enumerate(data)]
+    return [read_body(data, where)]
 
 
 def _friction(data: Any, where: str) -> Friction:
-    data = _mapping(data, where, optional=("viscous", "coulomb", "smoothing"))
+    data = read_fields(data, where, optional=("viscous", "coulomb", "smoothing"))
     values: dict[str, Any] = {}
     for key, value in data.items():
         if isinstance(value, Mapping) and key in _FRICTION:
@@ -172,14 +190,34 @@ def _record(
 ) -> _T:
     """Make a flat dataclass from a mapping."""
     known = [item.name for item in fields(kind)]  # type: ignore[arg-type]
-    data = _mapping(data, where, required, known)
+    data = read_fields(data, where, required, known)
     values = {key: quantities[key].read(value, f"{where}.{key}") for key, value in data.items()}
     return named(where, lambda: kind(**values))
 
 
-def _mapping(
+def read_fields(
     data: Any, where: str, required: Iterable[str] = (), optional: Iterable[str] = ()
 ) -> Mapping[str, Any]:
+    """Return a mapping whose fields have been checked.
+
+    Parameters
+    ----------
+    data : mapping
+        Plain data.
+    where : str
+        What to call it in an error.
+    required, optional : iterable of str
+        Fields that there must be, and that there may be.
+
+    Returns
+    -------
+    mapping
+
+    Raises
+    ------
+    ParameterError
+        If it is something else, or a field is missing or unknown.
+    """
     required = list(required)
     known = [*required, *(name for name in optional if name not in required)]
     if not isinstance(data, Mapping):

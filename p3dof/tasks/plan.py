@@ -1,0 +1,237 @@
+"""`Plan`: a task in time: its motion, and what the platform carries and bears on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from p3dof.checks import FloatArray
+from p3dof.motion import Motion, WrenchHistory
+from p3dof.parameters import Body
+from p3dof.tasks.paths import Path
+from p3dof.tasks.profiles import Profile
+from p3dof.tasks.waypoints import Waypoint
+
+_JUMP = 1e-9
+"""Share of a plan within which the wrench of a history changes from one constant value to the next."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """A way from one stop to the next, and its time.
+
+    Parameters
+    ----------
+    path : Path
+        Where it goes.
+    first, last : int
+        The waypoints at its ends.
+    duration : float
+        How long it takes [s].
+    """
+
+    path: Path
+    first: int
+    last: int
+    duration: float
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A part of a plan over which load and payload stay.
+
+    Parameters
+    ----------
+    first, last : str
+        The waypoints at its ends; the same during a dwell.
+    motion : Motion
+        What the platform does, both ends included.
+    payload : Body or None
+        What it carries.
+    wrench : ndarray, shape (6,)
+        External force and moment on the platform at P, in the fixed frame [N, N m].
+    """
+
+    first: str
+    last: str
+    motion: Motion
+    payload: Body | None
+    wrench: FloatArray
+
+    @property
+    def dwells(self) -> bool:
+        """Whether the platform stays where it is."""
+        return self.first == self.last
+
+    @property
+    def name(self) -> str:
+        """What tables call it."""
+        return f"at {self.first}" if self.dwells else f"{self.first} → {self.last}"
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A task in time.
+
+    Parameters
+    ----------
+    name : str
+        Of the task.
+    motion : Motion
+        Of the platform, from 0.
+    pieces : tuple of Piece
+        The same in parts, from waypoint to waypoint, with what acts in each.
+    waypoints : tuple of str
+        Names of the waypoints.
+    times : ndarray, shape (K,)
+        When the platform gets to each waypoint; where it is passed by a blend, to the middle of that [s].
+    """
+
+    name: str
+    motion: Motion
+    pieces: tuple[Piece, ...]
+    waypoints: tuple[str, ...]
+    times: FloatArray
+
+    @property
+    def duration(self) -> float:
+        """How long it takes [s]."""
+        return self.motion.duration
+
+    @property
+    def wrench(self) -> WrenchHistory | None:
+        """The external wrench over time; None if there is none. Steps take a billionth of the duration."""
+        if not any(piece.wrench.any() for piece in self.pieces):
+            return None
+        step = _JUMP * self.duration
+        times, rows = [0.0], [self.pieces[0].wrench]
+        for former, latter in zip(self.pieces[:-1], self.pieces[1:], strict=True):
+            if (former.wrench != latter.wrench).any():
+                change = float(latter.motion.time[0])
+                times += [change, change + step]
+                rows += [former.wrench, latter.wrench]
+        if times[-1] < self.duration:
+            times.append(self.duration)
+            rows.append(self.pieces[-1].wrench)
+        return WrenchHistory(np.array(times), np.array(rows))
+
+
+@dataclass(frozen=True, eq=False)
+class _Span:
+    """A part of a plan before its samples are known."""
+
+    first: int
+    last: int
+    start: float
+    end: float
+    payload: Body | None
+    wrench: FloatArray
+
+
+def planned(
+    waypoints: Sequence[Waypoint],
+    names: Sequence[str],
+    carrying: Body | None,
+    stretches: Sequence[Stretch],
+    profile: Profile,
+    samples: int,
+    name: str,
+) -> Plan:
+    """Return a plan of ways whose durations are known.
+
+    Parameters
+    ----------
+    waypoints : sequence of Waypoint
+        All of them.
+    names : sequence of str
+        What they are called.
+    carrying : Body, optional
+        What the platform carries at the beginning.
+    stretches : sequence of Stretch
+        The ways between the stops.
+    profile : callable
+        How each is covered in time.
+    samples : int
+        Least number of samples.
+    name : str
+        Of the task.
+
+    Returns
+    -------
+    Plan
+    """
+    spans = list(_spans(waypoints, carrying, stretches, profile))
+    ends = np.array([0.0, *(span.end for span in spans)])
+    time = np.union1d(np.linspace(0.0, ends[-1], samples), ends)
+    time = time[np.append(True, np.diff(time) > 1e-12 * ends[-1]) | np.isin(time, ends)]
+    motion = _moved(waypoints, stretches, profile, time)
+    pieces = []
+    for span in spans:
+        begin, end = np.searchsorted(time, [span.start, span.end])
+        rows = slice(int(begin), int(end) + 1)
+        pieces.append(Piece(names[span.first], names[span.last], motion[rows], span.payload, span.wrench))
+    times = np.zeros(len(waypoints))
+    for span in reversed(spans):
+        if span.first != span.last:
+            times[span.last] = span.end
+    return Plan(name, motion, tuple(pieces), tuple(names), times)
+
+
+def _spans(
+    waypoints: Sequence[Waypoint], carrying: Body | None, stretches: Sequence[Stretch], profile: Profile
+) -> Iterator[_Span]:
+    """Go through a task: dwells at stops, and ways from waypoint to waypoint."""
+    none, time = np.zeros(6), 0.0
+    for stretch in (None, *stretches):
+        if stretch is not None:
+            passed = _passed(stretch, profile)
+            for k in range(stretch.first, stretch.last):
+                begin, end = time + passed[k - stretch.first : k - stretch.first + 2]
+                yield _Span(k, k + 1, float(begin), float(end), carrying, waypoints[k + 1].wrench)
+            time = float(time + passed[-1])
+        stop = 0 if stretch is None else stretch.last
+        point = waypoints[stop]
+        exchanged = point.put_down and point.pick_up is not None
+        carrying = None if exchanged else carrying
+        carrying = carrying if point.pick_up is None else point.pick_up
+        if point.dwell > 0:
+            yield _Span(stop, stop, time, time + point.dwell, carrying, none)
+            time += point.dwell
+        if point.put_down and not exchanged:
+            carrying = None
+
+
+def _passed(stretch: Stretch, profile: Profile) -> FloatArray:
+    """Return when the waypoints of a way are passed, after its beginning [s]."""
+    from scipy.optimize import brentq
+
+    def ahead(time: float, share: float) -> float:
+        return float(profile(np.array([time]))[0][0]) - share
+
+    shares = (stretch.path.at_waypoints / stretch.path.end).tolist()
+    passed = [brentq(ahead, 0.0, 1.0, args=(share,), xtol=1e-15) for share in shares[1:-1]]
+    return stretch.duration * np.array([0.0, *passed, 1.0])
+
+
+def _moved(
+    waypoints: Sequence[Waypoint], stretches: Sequence[Stretch], profile: Profile, time: FloatArray
+) -> Motion:
+    """Return the motion of the platform at times."""
+    pose = np.tile(waypoints[0].pose, (len(time), 1))
+    velocity, acceleration = np.zeros_like(pose), np.zeros_like(pose)
+    begin = waypoints[0].dwell
+    for stretch in stretches:
+        end = begin + stretch.duration
+        rows = (time > begin) & (time < end)
+        share, rate, change = profile((time[rows] - begin) / stretch.duration)
+        length, period = stretch.path.end, stretch.duration
+        place, slope, bend = stretch.path.at(length * share)
+        speed, growth = length * rate[:, None] / period, length * change[:, None] / period**2
+        pose[rows] = place
+        velocity[rows] = slope * speed
+        acceleration[rows] = bend * speed**2 + slope * growth
+        pose[time >= end] = waypoints[stretch.last].pose
+        begin = end + waypoints[stretch.last].dwell
+    return Motion(time, pose, velocity, acceleration, check=False)
