@@ -95,6 +95,7 @@ class MachineKernels:
         self.threads = _threads(threads)
         self.model = model_of(parameters)
         self.symmetric = is_symmetric(self.model)
+        self.has_friction = bool(parameters.friction)
         self._prepared: dict[str, tuple[Kernel, FloatArray]] = {}
         self._functions: dict[str, Callable[..., tuple[float, ...]]] = {}
 

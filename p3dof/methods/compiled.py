@@ -174,7 +174,7 @@ def _derivatives_in(room: ForceDerivatives, kernels: MachineKernels, states: Sta
     refused = np.isnan(forces[:, 0])
     for k in set(range(9)) - set(_BY_STATE):  # z and ż change no force, but through friction
         by[k // 3][:, :, k % 3] = np.where(refused, np.nan, 0.0)[:, None]
-    if kernels.parameters.friction:
+    if kernels.has_friction:
         lost = loss_derivatives(kernels.parameters, aligned(rows.pose), aligned(rows.velocity))
         by[0] += lost[..., :3]
         by[1] += lost[..., 3:]

@@ -129,7 +129,7 @@ def loads_on(kernels: MachineKernels, states: States) -> list[FloatArray] | None
     list of ndarray, shape (N,), or None
         [N, N, N m]
     """
-    friction = bool(kernels.parameters.friction)
+    friction = kernels.has_friction
     if states.wrench is None and not friction:
         return None
     rows = states.rows()

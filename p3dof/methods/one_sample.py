@@ -34,7 +34,7 @@ class OneSample:
     """
 
     def __init__(self, kernels: MachineKernels) -> None:
-        self._kernels, self._friction = kernels, bool(kernels.parameters.friction)
+        self._kernels, self._friction = kernels, kernels.has_friction
 
     def forces(self, out: Any, q: Any, v: Any, a: Any, wrench: Any, on_invalid: str) -> FloatArray | None:
         """Return the actuator forces (3,) [N] at a pose, velocity and acceleration."""
