@@ -53,6 +53,9 @@ from .simulation import (
 # Speed
 from .compiled import BoundInverseDynamics, MachineKernels
 
+# Many designs at once
+from .designs import DesignForces, DesignProblem, Designs, DesignStatus, forces_of_designs
+
 # Any robot with closed loops
 from .closed_loop import ClosedLoopModel, Closure, Coupling, FrameTarget, JointData, Sidecar, load_robot
 from .viewer import show_robot
@@ -99,6 +102,10 @@ __all__ = [
     "ControllerError",
     "Coupling",
     "Curve",
+    "DesignForces",
+    "DesignProblem",
+    "DesignStatus",
+    "Designs",
     "Dimensions",
     "DriveLoads",
     "DynamicsError",
@@ -158,6 +165,7 @@ __all__ = [
     "closed_loop",
     "codegen",
     "engines",
+    "forces_of_designs",
     "forces_of_task",
     "load",
     "load_robot",

@@ -82,6 +82,12 @@ class Kernel:
         return function_of(self.tape, given, self.constants)
 
     @cached_property
+    def prepare_columns(self) -> Callable[..., tuple[Any, ...]]:
+        """The constants of many machines, from columns of the numbers that `prepare` takes."""
+        given = [number for number in self.model if isinstance(number, Symbol)]
+        return function_of(self.tape, given, self.constants, np)
+
+    @cached_property
     def on_arrays(self) -> Callable[..., tuple[Any, ...]]:
         """The outputs on NumPy arrays, from the constants and the inputs."""
         return function_of(self.tape, (*self.constants, *self.symbols), self.results, np)
@@ -120,6 +126,27 @@ class Kernel:
         """
         pairs = zip(self.model, model.numbers, strict=True)
         return np.array(self.prepare(*(float(value) for name, value in pairs if isinstance(name, Symbol))))
+
+    def of_columns(self, numbers: Sequence[Any], count: int) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """Return the constants of many machines, (count, len(constants)); as `of`, bit for bit.
+
+        Parameters
+        ----------
+        numbers : sequence of float or ndarray, shape (count,)
+            Those of the machines, as `Model.numbers` has them.
+        count : int
+            How many machines.
+
+        Returns
+        -------
+        ndarray
+        """
+        pairs = zip(self.model, numbers, strict=True)
+        found = self.prepare_columns(*(value for name, value in pairs if isinstance(name, Symbol)))
+        table = np.empty((count, len(found)))
+        for column, values in zip(table.T, found, strict=True):
+            column[:] = values
+        return table
 
 
 def is_symmetric(model: Model) -> bool:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray
 from p3dof.methods import InverseDynamics
@@ -129,6 +130,74 @@ def integral(time: FloatArray, rates: FloatArray) -> Callable[[FloatArray], Floa
     if not smooth:
         curve = _antiderivative(local, known, 1)
     return lambda t: np.asarray(curve((t - time[0]) / unit)[:, :-1]) * unit
+
+
+def work_weights(time: FloatArray) -> FloatArray:
+    """Return what the powers at the samples contribute to the work over all: weights of `integral`.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        Increasing times [s].
+
+    Returns
+    -------
+    ndarray, shape (N,)
+        [s]
+    """
+    count = len(time)
+    if count == 1:
+        return np.zeros(1)
+    unit = (time[-1] - time[0]) / (count - 1)
+    local = (time - time[0]) / unit
+    weights = _spline_weights(local, min(_DEGREE, count - 1))
+    if not abs(weights.sum() - local[-1]) <= _ROUNDING * local[-1]:
+        weights = _spline_weights(local, 1)
+    return np.asarray(weights * unit)
+
+
+def _spline_weights(time: FloatArray, degree: int) -> FloatArray:
+    """Return the integrals of the splines that are one at a sample and zero at all others."""
+    from scipy.interpolate import BSpline, make_interp_spline
+    from scipy.sparse.linalg import spsolve
+
+    knots = np.repeat(time[[0, -1]], degree + 1) if len(time) == degree + 1 else None
+    try:
+        knots = make_interp_spline(time, np.ones(len(time)), k=degree, t=knots).t
+        table = BSpline.design_matrix(time, knots, degree)
+        whole = (knots[degree + 1 :] - knots[: -degree - 1]) / (degree + 1)  # integrals of the B-splines
+        return np.asarray(spsolve(table.T.tocsc(), whole))
+    except (np.linalg.LinAlgError, ValueError):
+        return np.full(len(time), np.nan)
+
+
+def step_weights(time: FloatArray, points: int) -> FloatArray:
+    """Return how the work of a power grows between samples, by the polynomial through those around.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        Increasing times [s].
+    points : int
+        Of each polynomial, at most N: as many samples, from `first_points` on.
+
+    Returns
+    -------
+    ndarray, shape (N - 1, points, points)
+        Coefficients: the work until the share s of step i is the sum over m of s**(m + 1) times row m on the
+        powers [s].
+    """
+    steps = np.diff(time)
+    nearby = first_points(len(time), points)[:, None] + np.arange(points)
+    places = (time[nearby] - time[:-1, None]) / steps[:, None]
+    powers = np.linalg.inv(places[:, :, None] ** np.arange(points))
+    weights: FloatArray = steps[:, None, None] * powers / np.arange(1, points + 1)[:, None]
+    return weights
+
+
+def first_points(count: int, points: int) -> NDArray[np.int_]:
+    """Return the first of the samples that integrate the step after each of `count` samples but the last."""
+    return np.clip(np.arange(count - 1) - (points // 2 - 1), 0, count - points)
 
 
 def _antiderivative(time: FloatArray, rates: FloatArray, degree: int) -> Any:

@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
-from p3dof.algebra import Matrix, Scalar, Vector
+from p3dof.algebra import Vector
 from p3dof.checks import FloatArray
 from p3dof.parameters import Bodies
+from p3dof.parameters.inertial import Inertial
 
-
-class Inertial(NamedTuple):
-    """Mass, mass centre and inertia about it, in the `Body` axes: numbers or symbols."""
-
-    mass: Scalar
-    com: Vector
-    inertia: Matrix
+__all__ = ["Inertial", "inertials", "numbers"]
 
 
 def inertials(bodies: Bodies) -> dict[str, Inertial]:

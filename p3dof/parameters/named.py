@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 
-from p3dof.checks import FloatArray
+from p3dof.checks import FloatArray, positive
 from p3dof.errors import ParameterError
 from p3dof.parameters.bodies import Bodies
 from p3dof.parameters.body import Body
 from p3dof.parameters.geometry import Geometry
+from p3dof.parameters.inertial import (
+    Inertial,
+    Scalar,
+    inertial_of_box,
+    inertial_of_cylinder,
+    inertial_of_plate,
+)
 from p3dof.parameters.limits import Limits
 from p3dof.parameters.machine import Parameters
-from p3dof.parameters.solids import STEEL_DENSITY, Dimensions, box, cylinder, rounded_plate
+from p3dof.parameters.solids import STEEL_DENSITY, Dimensions
 
 
 def of_solids(
@@ -51,14 +60,66 @@ def of_solids(
             raise ParameterError(f"{name}: expected {kind.__name__}, got {type(value).__name__}")
     geometry = geometry or Geometry()
     size = dimensions or Dimensions.scaled(geometry)
+    positive("density", density, ParameterError)
+    bodies = {
+        kind: Body(inertial.mass, np.array(inertial.com), np.array(inertial.inertia))
+        for kind, inertial in inertials_of_solids(geometry, size, density).items()
+    }
+    return Parameters(geometry, Bodies.alike(**bodies), limits or Limits())
+
+
+class _Lengths(Protocol):
+    """The lengths that solids depend on; `Geometry` has them, and so have columns of designs."""
+
+    @property
+    def r(self) -> Scalar: ...
+    @property
+    def L(self) -> Scalar: ...  # noqa: N802 - as of `Geometry`
+    @property
+    def b(self) -> Scalar: ...
+
+
+class _Sizes(Protocol):
+    """Sizes as of `Dimensions`."""
+
+    @property
+    def slider_edge(self) -> Scalar: ...
+    @property
+    def rod_radius(self) -> Scalar: ...
+    @property
+    def plate_thickness(self) -> Scalar: ...
+    @property
+    def corner_radius(self) -> Scalar: ...
+
+
+def inertials_of_solids(lengths: _Lengths, size: _Sizes, density: Scalar) -> dict[str, Inertial]:
+    """Return the inertial parameters of each kind of body from its solid, on numbers, arrays or symbols.
+
+    Parameters
+    ----------
+    lengths : Geometry or columns
+        Lengths of the mechanism [m].
+    size : Dimensions or columns
+        Sizes of the solids [m].
+    density : number, array or symbol
+        Of all solids [kg/m³].
+
+    Returns
+    -------
+    dict of str to Inertial
+        Slider, leg, crossbar and platform.
+    """
     edge = size.slider_edge
-    bodies = Bodies.alike(
-        slider=box((edge, edge, edge), density),
-        leg=cylinder(size.rod_radius, geometry.L, density=density),
-        crossbar=cylinder(size.rod_radius, 2 * geometry.b, axis=1, start=-geometry.b, density=density),
-        platform=rounded_plate(platform_corners(geometry), size.corner_radius, size.plate_thickness, density),
-    )
-    return Parameters(geometry, bodies, limits or Limits())
+    return {
+        "slider": inertial_of_box((edge, edge, edge), density),
+        "leg": inertial_of_cylinder(size.rod_radius, lengths.L, 0, 0, density),
+        "crossbar": inertial_of_cylinder(size.rod_radius, 2 * lengths.b, 1, -lengths.b, density),
+        "platform": inertial_of_plate(_CORNERS, lengths.r, size.corner_radius, size.plate_thickness, density),
+    }
+
+
+_CORNERS = np.array([[0.0, -1.0], [0.0, 1.0], [-1.0, 0.0]])
+"""A3, B3 and C5 of a platform of size one, counter-clockwise."""
 
 
 def platform_corners(geometry: Geometry) -> FloatArray:
@@ -74,8 +135,8 @@ def platform_corners(geometry: Geometry) -> FloatArray:
     ndarray, shape (3, 2)
         x and y of A3, B3 and C5 [m].
     """
-    r = geometry.r
-    return np.array([[0.0, -r], [0.0, r], [-r, 0.0]])
+    corners: FloatArray = geometry.r * _CORNERS + 0.0
+    return corners
 
 
 def _paper() -> Parameters:

@@ -22,6 +22,8 @@
 
 #include "sample.h"
 
+#include "designs.h"
+
 /* The module */
 
 static int add(PyObject *module, const char *name, PyObject *value)
@@ -64,6 +66,7 @@ static int fill_module(PyObject *module)
     if (add(module, "Call", PyType_FromModuleAndSpec(module, &Call_spec, NULL)) < 0 ||
         add(module, "Function", PyType_FromModuleAndSpec(module, &Function_spec, NULL)) < 0 ||
         add(module, "Sample", PyType_FromModuleAndSpec(module, &Sample_spec, NULL)) < 0 ||
+        add(module, "DesignLoop", PyType_FromModuleAndSpec(module, &DesignLoop_spec, NULL)) < 0 ||
         add(module, "levels", names_of_levels()) < 0 || add(module, "kernels", counts_of_kernels()) < 0)
         return -1;
     return 0;

@@ -57,3 +57,18 @@ class Sample:
         empty: Callable[[tuple[int, ...]], NDArray[np.float64]],
     ) -> Sample: ...
     def __call__(self, out: object, *rows: object) -> Any: ...
+
+@final
+class DesignLoop:
+    def __new__(
+        cls, kernel: str, level: str, asked: int, samples: int, points: int, motion: _Doubles
+    ) -> DesignLoop: ...
+    def __call__(
+        self,
+        constants: _Doubles,
+        turning: _Doubles | None,
+        lengths: _Doubles,
+        offsets: _Doubles | None,
+        results: _Doubles,
+        /,
+    ) -> None: ...

@@ -23,6 +23,7 @@
 #define P3DOF_ALIGNED
 #endif
 
+#include "design_motion.h"
 #include "generated/kernel_table.h"
 
 enum {
@@ -41,6 +42,7 @@ enum {
 #define P3DOF_TARGET
 #include "vector_math.h"
 #include "generated/batch_kernels.h"
+#include "design_figures.h"
 #undef P3DOF_NAME
 #undef P3DOF_TARGET
 
@@ -52,6 +54,7 @@ enum {
 #define P3DOF_TARGET __attribute__((target("avx2,fma")))
 #include "vector_math.h"
 #include "generated/batch_kernels.h"
+#include "design_figures.h"
 #undef P3DOF_NAME
 #undef P3DOF_TARGET
 
@@ -63,6 +66,7 @@ enum {
 #endif
 #include "vector_math.h"
 #include "generated/batch_kernels.h"
+#include "design_figures.h"
 #undef P3DOF_NAME
 #undef P3DOF_TARGET
 #endif
@@ -83,6 +87,7 @@ typedef struct {
     void (*gather_three)(ptrdiff_t, const double *restrict, double *restrict, ptrdiff_t);
     void (*scatter_three)(ptrdiff_t, const double *restrict, ptrdiff_t, double *restrict);
     void (*scatter_rows)(ptrdiff_t, const double *restrict, ptrdiff_t, int, double *restrict, ptrdiff_t);
+    const DesignReductions *reductions;
 } Level;
 
 #define ROW(name, constants, inputs, outputs) {#name, constants, inputs, outputs},
@@ -92,7 +97,7 @@ static const Kernel KERNELS[] = {P3DOF_KERNELS(ROW)};
 #define LEVEL(level)                                                                                          \
     {                                                                                                         \
         #level, RUNS_##level, all_positive_##level, gather_##level, scatter_##level, gather_three_##level, \
-            scatter_three_##level, scatter_rows_##level                                                       \
+            scatter_three_##level, scatter_rows_##level, &REDUCTIONS_##level                                  \
     }
 #define OF_BASELINE(name, constants, inputs, outputs) name##_baseline,
 static Run *const RUNS_baseline[] = {P3DOF_KERNELS(OF_BASELINE)};

@@ -51,6 +51,7 @@ from p3dof.compiled.reduced.constants import (
     fold,
     fold_moments,
     model_of,
+    moments_of,
 )
 from p3dof.compiled.reduced.dynamics import (
     State,
@@ -84,6 +85,7 @@ __all__ = [
     "margin",
     "mass_matrix",
     "model_of",
+    "moments_of",
     "shape",
     "sliders",
     "solve_about_z",

@@ -88,7 +88,7 @@ def fold(lengths: Lengths, bodies: Mapping[str, Inertial]) -> Reduced:
     -------
     Reduced
     """
-    return fold_moments(lengths, {name: _moments(body) for name, body in bodies.items()})
+    return fold_moments(lengths, {name: moments_of(body) for name, body in bodies.items()})
 
 
 def fold_moments(lengths: Lengths, bodies: Mapping[str, Moments]) -> Reduced:
@@ -161,7 +161,18 @@ def model_of(parameters: Parameters) -> Model:
     return Model(lengths.r, lengths.R, lengths.L, *numbers(parameters.gravity), folded)
 
 
-def _moments(body: Inertial) -> Moments:
+def moments_of(body: Inertial) -> Moments:
+    """Return the moments of a body about the origin of its axes, on numbers, arrays or symbols.
+
+    Parameters
+    ----------
+    body : Inertial
+        Mass, mass centre and inertia about it.
+
+    Returns
+    -------
+    Moments
+    """
     m, com, inertia = body
     return Moments(m, scale(m, com), matrix_sum(inertia, steiner(m, com)))
 

@@ -1,0 +1,130 @@
+"""The compiled loop over designs: constants by columns in, a row of figures a design out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from p3dof.checks import FloatArray
+from p3dof.compiled.formulas import MODEL, kernel
+from p3dof.compiled.kernels import NUMPY, MachineKernels, _extension
+from p3dof.compiled.reduced import SYMMETRIC_ZEROS
+
+WIDTH = 34
+"""Numbers in a row of results; `DesignLoop` tells which."""
+
+_ZEROS = tuple(MODEL.index(name) for name in ("gx", "gy", *SYMMETRIC_ZEROS))
+_LENGTHS = 3
+_SLIDERS = 2 | 4
+
+
+class DesignLoops:
+    """Figures of many designs over one motion; any number of threads may ask at once.
+
+    Each design is computed by the kernel that serves it as a machine of its own, so that its figures do not
+    depend on the designs beside it.
+
+    Parameters
+    ----------
+    packed : ndarray
+        The motion, as `DesignLoop` takes it.
+    samples, points : int
+        Of the motion, and of the polynomials that integrate powers.
+    loaded : bool
+        Whether the motion has an external wrench.
+    asked : int
+        Which figures.
+    level : str
+        Of the processor, as of `MachineKernels`; not ``"numpy"``.
+    """
+
+    def __init__(
+        self, packed: FloatArray, samples: int, points: int, loaded: bool, asked: int, level: str
+    ) -> None:
+        name = "inverse_dynamics_loaded" if loaded else "inverse_dynamics"
+        self._kernels = {symmetric: kernel(name, symmetric) for symmetric in (False, True)}
+        self._asked = asked
+        self._loops = {
+            symmetric: _extension().DesignLoop(used.name, level, asked, samples, points, packed)
+            for symmetric, used in self._kernels.items()
+        }
+
+    def rows(self, model: Sequence[Any], offsets: FloatArray | None, count: int) -> FloatArray:
+        """Return the figures of designs.
+
+        Parameters
+        ----------
+        model : sequence of float or ndarray, shape (D,)
+            The 27 numbers of the designs.
+        offsets : ndarray, shape (D, 3), optional
+            By how much the whole motion is moved.
+        count : int
+            D.
+
+        Returns
+        -------
+        ndarray, shape (D, 34)
+            As `DesignLoop` says.
+        """
+        symmetric = _symmetric(model, count)
+        found = np.empty((count, WIDTH))
+        for form in (True, False):
+            members: Any = np.flatnonzero(symmetric == form)
+            if len(members) == count:
+                self._run(form, model, offsets, found)
+            elif len(members):
+                part = np.empty((len(members), WIDTH))
+                some = [number[members] if _is_column(number) else number for number in model]
+                self._run(form, some, None if offsets is None else offsets[members], part)
+                found[members] = part
+        return found
+
+    def _run(self, form: bool, model: Sequence[Any], offsets: FloatArray | None, found: FloatArray) -> None:
+        count = len(found)
+        lengths = np.empty((count, _LENGTHS))
+        for column, number in zip(lengths.T, model[:_LENGTHS], strict=True):
+            column[:] = number
+        with np.errstate(all="ignore"):
+            constants = self._kernels[form].of_columns(model, count)
+            turning = kernel("kinematics").of_columns(model, count) if self._asked & _SLIDERS else None
+        moved = None if offsets is None else np.ascontiguousarray(offsets)
+        self._loops[form](constants, turning, lengths, moved, found)
+
+
+def compiled_level(level: str | None, threads: int | None) -> tuple[str | None, int]:
+    """Return at which level loops over designs run here, None on NumPy, and on how many threads.
+
+    Parameters
+    ----------
+    level, threads
+        As of `MachineKernels`.
+
+    Returns
+    -------
+    level : str or None
+    threads : int
+
+    Raises
+    ------
+    InputError
+        As `MachineKernels`.
+    """
+    from p3dof.parameters import PAPER
+
+    kernels = MachineKernels(PAPER, level, threads)
+    return None if kernels.level == NUMPY else kernels.level, kernels.threads
+
+
+def _is_column(number: Any) -> bool:
+    return isinstance(number, np.ndarray) and number.ndim > 0
+
+
+def _symmetric(model: Sequence[Any], count: int) -> NDArray[np.bool_]:
+    """Return which designs the smaller kernels serve (D,), as `is_symmetric`."""
+    found = np.ones(count, dtype=bool)
+    for place in _ZEROS:
+        found &= np.equal(model[place], 0)
+    return found

@@ -1,0 +1,161 @@
+"""The forces of any design at any sample as one traced formula on arrays, with its exact derivatives.
+
+The same reduced formulas as the kernels, with friction and with what powers and margins need beside the
+forces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from p3dof.algebra import Vector, subtract
+from p3dof.checks import FloatArray
+from p3dof.compiled import reduced
+from p3dof.compiled.formulas import ACCELERATION, MODEL, POSE, VELOCITY, WRENCH
+from p3dof.compiled.reduced import Model, State
+from p3dof.paper.formulas import Lengths
+from p3dof.paper.friction import Losses, generalized_losses
+from p3dof.tracing import Number, Symbol, Tape
+from p3dof.tracing.derivatives import tangent
+from p3dof.tracing.python import function_of
+
+INPUTS = (*POSE, *VELOCITY, *ACCELERATION, *WRENCH)
+_OUTPUTS = 10
+"""Three forces, slider positions and velocities, and the sine of the angle from the singularity."""
+
+
+class Outputs(NamedTuple):
+    """What a formula returns, or its derivative; arrays over designs and samples (D, N).
+
+    Parameters
+    ----------
+    forces, sliders, speeds : sequence of ndarray
+        Of A, B, C [N, m, m/s].
+    sine : ndarray
+        Of the angle from the actuation singularity.
+    """
+
+    forces: Sequence[FloatArray]
+    sliders: Sequence[FloatArray]
+    speeds: Sequence[FloatArray]
+    sine: FloatArray
+
+
+def outputs(
+    losses: Losses | None, numbers: Sequence[Any], inputs: Sequence[Any], namespace: Any = np
+) -> Outputs:
+    """Return forces and what goes with them.
+
+    Parameters
+    ----------
+    losses : Losses or None
+        Friction, by the places of its coefficients in `numbers`.
+    numbers : sequence
+        Of the designs, as `Folded.numbers`: each a number or an array that broadcasts, (D, 1).
+    inputs : sequence
+        As `INPUTS`, likewise (D, N).
+    namespace : module
+        Where functions come from.
+
+    Returns
+    -------
+    Outputs
+    """
+    return _grouped(_values(_key(losses), namespace)(*numbers, *inputs))
+
+
+def derivatives(
+    losses: Losses | None,
+    numbers: Sequence[Any],
+    inputs: Sequence[Any],
+    by_numbers: Sequence[Any],
+    by_pose: Sequence[Any],
+) -> Outputs:
+    """Return how they change along a direction.
+
+    Parameters
+    ----------
+    losses, numbers, inputs
+        As of `outputs`.
+    by_numbers : sequence
+        How the numbers change.
+    by_pose : sequence
+        How y, z and θ change.
+
+    Returns
+    -------
+    Outputs
+    """
+    return _grouped(_tangents(_key(losses))(*numbers, *inputs, *by_numbers, *by_pose))
+
+
+def _grouped(found: Sequence[Any]) -> Outputs:
+    return Outputs(found[:3], found[3:6], found[6:9], found[9])
+
+
+_Key = tuple[tuple[tuple[str, int, int], ...], int] | None
+
+
+def _key(losses: Losses | None) -> Any:
+    if losses is None:
+        return None
+    return tuple((name, *places) for name, places in losses.joints.items()), losses.smoothing
+
+
+class _Trace(NamedTuple):
+    tape: Tape
+    numbers: tuple[Symbol, ...]
+    inputs: tuple[Symbol, ...]
+    results: tuple[Number, ...]
+
+
+def _trace(key: Any) -> _Trace:
+    tape = Tape()
+    count = len(MODEL) if key is None else key[1] + 1
+    numbers = tape.symbols((f"n{i}" for i in range(count)), constant=True)
+    model = Model.of_numbers(numbers[: len(MODEL)])
+    inputs = tape.symbols(INPUTS)
+    rows = dict(zip(INPUTS, inputs, strict=True))
+    state = State(*(rows[name] for name in State._fields))
+    x = reduced.shape(model, state.y, state.theta, tape)
+    wrench: Vector = (rows[WRENCH[0]], rows[WRENCH[1]], rows[WRENCH[2]])
+    if key is not None:
+        wrench = subtract(wrench, _lost(key, model, numbers, rows, tape))
+    forces = reduced.actuator_forces(model, x, state, tape, wrench)
+    sliders = reduced.sliders(model, x, rows["z"], tape)
+    speeds = (
+        rows["vz"] - x.ta * state.vy,
+        rows["vz"] + x.tb * state.vy,
+        rows["vz"] - x.ty * state.vy + x.arm * state.vtheta,
+    )
+    sine = (x.arm * x.Sc) / (model.r * tape.sqrt(x.u2))
+    return _Trace(tape, numbers, inputs, (*forces, *sliders, *speeds, sine))
+
+
+def _lost(key: Any, model: Model, numbers: Sequence[Symbol], rows: dict[str, Symbol], tape: Tape) -> Vector:
+    joints, smoothing = key
+    known = {name: tuple(numbers[place] if place else 0 for place in places) for name, *places in joints}
+    width = model.R - model.r
+    h = tape.sqrt((model.L - width) * (model.L + width))
+    lengths = Lengths(model.r, model.R, model.L, 0, h)
+    pose, velocity = (tuple(rows[name] for name in names) for names in (POSE, VELOCITY))
+    return generalized_losses(lengths, pose, velocity, Losses(known, numbers[smoothing]), tape)  # type: ignore[arg-type]  # threes
+
+
+@lru_cache(maxsize=32)
+def _values(key: Any, namespace: Any) -> Callable[..., tuple[Any, ...]]:
+    trace = _trace(key)
+    return function_of(trace.tape, (*trace.numbers, *trace.inputs), trace.results, namespace)
+
+
+@lru_cache(maxsize=32)
+def _tangents(key: Any) -> Callable[..., tuple[Any, ...]]:
+    trace = _trace(key)
+    tape, moving = trace.tape, (*trace.numbers, *trace.inputs[:3])
+    seeds = tape.symbols(f"d{i}" for i in range(len(moving)))
+    moved = tangent(trace.results, {symbol.index: seed for symbol, seed in zip(moving, seeds, strict=True)})
+    return function_of(tape, (*trace.numbers, *trace.inputs, *seeds), moved, np)
