@@ -55,7 +55,7 @@ def extensions() -> list[Extension]:
     """Return the extension, unless it is not wanted."""
     if os.environ.get("P3DOF_NO_EXTENSION", "") not in {"", "0"}:
         return []
-    headers = [*KERNELS.glob("*.h"), *KERNELS.glob("generated/*.h"), Path("p3dof/tracing/sincos.h")]
+    headers = [*KERNELS.glob("*.h"), *KERNELS.glob("generated/*.h"), *Path("p3dof/tracing").glob("*.h")]
     headers += Path("p3dof/integrators").glob("*.h")
     return [
         Extension(

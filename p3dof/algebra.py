@@ -43,6 +43,9 @@ class Ordered(Namespace, Protocol):
     def minimum(self, a: Any, b: Any, /) -> Any:
         """Return the smaller of two numbers."""
 
+    def atan2(self, y: Any, x: Any, /) -> Any:
+        """Return the angle of the point (x, y)."""
+
 
 BLOCK = 4096
 """Samples that a formula computes at once: its intermediate arrays stay in the processor's cache."""

@@ -22,12 +22,12 @@ from p3dof import kinematics
 from p3dof.cli import main
 from p3dof.codegen import batch, controller, reference
 from p3dof.codegen.controller import controller_files, prototypes
-from p3dof.codegen.friction import JOINTS
 from p3dof.codegen.machine import machine_numbers, parameter_row
 from p3dof.codegen.printing import Printer, operation_counts
 from p3dof.codegen.routines import routines
 from p3dof.compiled.formulas import MODEL, kernel
 from p3dof.compiled.reduced import Reduced, model_of
+from p3dof.compiled.reduced.friction import JOINTS
 from p3dof.errors import FileError, P3dofError, ParameterError, ReachError, SingularityError
 from p3dof.files import check_generated, write_generated
 from p3dof.parameters import LINKS, PAPER, SOLIDS, Body, Parameters, write_parameters

@@ -472,3 +472,122 @@ def test_a_run_in_time_is_the_same(friction):
     fallen = robot.simulate(5.0, method="compiled")
     assert fallen.stop is not None
     assert fallen.stop.kind == robot.simulate(5.0, method="virtual-power").stop.kind
+
+
+@given(seed=SEEDS)
+@settings(max_examples=30, deadline=None)
+def test_friction_is_that_of_the_virtual_powers(seed):
+    rng = np.random.default_rng(seed)
+    machine = replace(machine_of(seed), friction=random_friction(rng))
+    states = random_states(machine, seed, 90)
+    motion, wrench = (states.pose, states.velocity, states.acceleration), states.wrench
+    robot = p3dof.load(machine)
+    close = conditioning(machine.geometry, states.pose)[:, None]
+    for load in (None, wrench):
+        expected = virtual_power_forces(machine, *motion, load)
+        moved = robot.forward_dynamics(*motion[:2], expected, wrench=load, method="virtual-power")
+        uncertain = (
+            close
+            * np.maximum(1, np.linalg.cond(robot.mass_matrix(states.pose, method="virtual-power")))[:, None]
+        )
+        for name in levels():
+            kernels = MachineKernels(machine, name)
+            assert kernels.prepared("inverse_dynamics_with_friction")[0].outputs[:3] == ("f_a", "f_b", "f_c")
+            found = dynamics.forces(kernels, *motion, load)
+            assert np.all(np.abs(found - expected) < 1e-12 * close * np.abs(expected).max())
+            found = dynamics.forward_dynamics(kernels, *motion[:2], expected, load)
+            assert np.all(np.abs(found - moved) < 1e-12 * uncertain * np.abs(moved).max())
+
+
+def test_one_sample_with_friction_is_answered_at_once(monkeypatch):
+    machine = replace(p3dof.PAPER, friction=random_friction(np.random.default_rng(3)))
+    robot, states = p3dof.load(machine), random_states(machine, 4, 1)
+    state = states.pose[0], states.velocity[0], states.acceleration[0]
+    expected = [robot.forces(*state, wrench=w, method="virtual-power") for w in (None, states.wrench[0])]
+    if levels()[-1] != "numpy":
+        monkeypatch.setattr("p3dof.methods.compiled.run_kernel", None)  # the way of batches
+    for w, forces in zip((None, states.wrench[0]), expected, strict=True):
+        np.testing.assert_allclose(robot.forces(*state, wrench=w, method="compiled"), forces, rtol=1e-11)
+
+
+@given(seed=SEEDS)
+@settings(max_examples=20, deadline=None)
+def test_coriolis_matrix_and_gravity_are_those_of_the_paper(seed):
+    machine = machine_of(seed)
+    states = random_states(machine, seed, 12)
+    full = p3dof.load(machine)
+    C = full.coriolis_matrix(states.pose, states.velocity)
+    g = full.gravity_forces(states.pose)
+    for name in levels():
+        full.kernels = MachineKernels(machine, name)
+        found = full.coriolis_matrix(states.pose, states.velocity, method="compiled")
+        np.testing.assert_allclose(found, C, rtol=0, atol=1e-12 * np.abs(C).max())
+        one = full.coriolis_matrix(states.pose[0], states.velocity[0], method="compiled")
+        np.testing.assert_allclose(one, C[0], rtol=0, atol=1e-12 * np.abs(C).max())
+        found = full.gravity_forces(states.pose, method="compiled")
+        np.testing.assert_allclose(found, g, rtol=0, atol=1e-12 * np.abs(g).max())
+
+
+def test_coriolis_matrix_and_gravity_refuse_what_the_paper_refuses(level):
+    robot = p3dof.load()
+    robot.kernels = MachineKernels(p3dof.PAPER, level)
+    poses = np.array([[0.1, 0, 0], [9.0, 0, 0], [0, np.nan, 0], [0, 0, 0.2]])
+    for ask in (
+        lambda **k: robot.coriolis_matrix(poses, np.ones((4, 3)), **k),
+        lambda **k: robot.gravity_forces(poses, **k),
+    ):
+        found, expected = (ask(method=m, on_invalid="nan") for m in ("compiled", "virtual-power"))
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.nanmax(np.abs(expected)))
+        with pytest.raises(InputError, match="sample 2"):
+            ask(method="compiled")
+        with pytest.raises(InputError, match="'virtual-power' or 'compiled', got 'pinocchio'"):
+            ask(method="pinocchio")
+        out = np.empty(expected.shape)
+        assert ask(method="compiled", on_invalid="nan", out=out) is out
+        np.testing.assert_array_equal(out, found)
+
+
+@given(seed=SEEDS)
+@settings(max_examples=20, deadline=None)
+def test_forward_kinematics_is_that_of_the_closed_form(seed):
+    machine = random_machine(seed)
+    poses = random_states(machine, seed, 60).pose
+    sliders = kinematics.inverse_kinematics(machine.geometry, poses).sliders
+    expected = kinematics.forward_kinematics(machine.geometry, sliders)
+    robot = p3dof.load(machine)
+    scale = (
+        np.array([machine.geometry.L, machine.geometry.L, 1]) * conditioning(machine.geometry, poses)[:, None]
+    )
+    for name in levels():
+        robot.kernels = MachineKernels(machine, name)
+        assert np.all(np.abs(robot.forward_kinematics(sliders) - expected) < 1e-14 * scale * 10)
+        assert np.all(np.abs(robot.forward_kinematics(sliders[0]) - expected[0]) < 1e-14 * scale[0] * 10)
+
+
+def test_forward_kinematics_refuses_what_the_closed_form_refuses(level):
+    robot, geometry = p3dof.load(), p3dof.PAPER.geometry
+    robot.kernels = MachineKernels(p3dof.PAPER, level)
+    rng = np.random.default_rng(8)
+    sliders = rng.uniform(-1, 1, (2000, 3))  # most do not assemble
+    sliders[5] = np.nan, 0, 0
+    sliders[6] = 0, np.inf, 0
+    sliders[7] = 1e308, -1e308, 0
+    sliders[8:11] = 0  # home
+    found = robot.forward_kinematics(sliders, on_invalid="nan")
+    expected = kinematics.forward_kinematics(geometry, sliders, on_invalid="nan")
+    assert 50 < np.isfinite(expected[:, 0]).sum() < 1900
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11)
+    good = np.isfinite(expected[:, 0])
+    np.testing.assert_allclose(robot.forward_kinematics(sliders[good]), expected[good], rtol=0, atol=1e-11)
+    for bad in (sliders, sliders[11:]):
+        with pytest.raises((ReachError, InputError)) as one:
+            robot.forward_kinematics(bad)
+        with pytest.raises((ReachError, InputError)) as other:
+            kinematics.forward_kinematics(geometry, bad)
+        assert str(one.value) == str(other.value)
+    out = np.empty_like(sliders)
+    assert robot.forward_kinematics(sliders, on_invalid="nan", out=out) is out
+    np.testing.assert_array_equal(out, found)
+    assert robot.forward_kinematics(np.empty((0, 3))).shape == (0, 3)
+    with pytest.raises(InputError, match="on_invalid"):
+        robot.forward_kinematics(sliders[8], on_invalid="skip")

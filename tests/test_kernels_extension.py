@@ -20,11 +20,14 @@ import mpmath
 import numpy as np
 import pytest
 from machines import conditioning, random_machine, random_states
+from test_friction import random_friction
 
 import p3dof
+from p3dof import kinematics
 from p3dof.codegen.batch import ONE_LOOP, kernel_code
-from p3dof.compiled.formulas import all_kernels, is_symmetric, kernel
+from p3dof.compiled.formulas import WITH_FRICTION, all_kernels, is_symmetric, kernel
 from p3dof.compiled.reduced import model_of
+from p3dof.compiled.reduced.friction import friction_numbers
 from p3dof.motion.wrenches import WRENCH_ROWS
 
 ROOT = Path(__file__).parents[1]
@@ -48,6 +51,12 @@ def machine_for(used):
     return p3dof.PAPER if used.name.endswith("_symmetric") else GENERAL
 
 
+def constants_of(used):
+    """The machine's numbers for a kernel, with some friction where it takes any."""
+    friction = friction_numbers(random_friction(np.random.default_rng(7)))
+    return used.of(model_of(machine_for(used)), friction if used.name.startswith(WITH_FRICTION) else ())
+
+
 def columns_for(used, count, seed=1):
     """The inputs of a kernel at random states, by column, and the conditioning of these."""
     machine = machine_for(used)
@@ -61,6 +70,7 @@ def columns_for(used, count, seed=1):
         "w_y w_z w_theta": w[:, WRENCH_ROWS],
     }
     rows["f_a f_b f_c"] = rng.normal(0, 100, q.shape)
+    rows["slide_a slide_b slide_c"] = kinematics.inverse_kinematics(machine.geometry, q).sliders
     named = {name: values[:, k] for names, values in rows.items() for k, name in enumerate(names.split())}
     repeated = np.arange(count) % max(1, len(q))
     condition = conditioning(machine.geometry, q)
@@ -71,7 +81,7 @@ def run(used, level, inputs, outputs=None):
     """The outputs of a kernel, margin included, and what the call returned."""
     if outputs is None:
         outputs = [np.full(len(inputs[0]), np.nan) for _ in used.outputs]
-    call = _compiled.Call(used.name, level, used.of(model_of(machine_for(used))), inputs, outputs)
+    call = _compiled.Call(used.name, level, constants_of(used), inputs, outputs)
     return outputs, call()
 
 
@@ -88,7 +98,7 @@ def test_every_kernel_gives_what_its_formula_gives_on_arrays(used, level):
     assert _compiled.kernels[used.name] == (len(used.constants), len(used.inputs), len(used.outputs))
     inputs, condition = columns_for(used, 1003)
     found, good = run(used, level, inputs)
-    expected = used.on_arrays(*used.of(model_of(machine_for(used))), *inputs)
+    expected = used.on_arrays(*constants_of(used), *inputs)
     assert good
     for one, other in zip(found, expected, strict=True):
         assert np.all(np.abs(one - other) <= 1e-14 * condition * np.abs(other).max())
@@ -399,7 +409,7 @@ def test_calls_keep_no_memory():
 @each_level
 @each_kernel
 def test_a_function_of_numbers_is_a_call_of_one_sample(used, level):
-    function = _compiled.Function(used.name, level, used.of(model_of(machine_for(used))))
+    function = _compiled.Function(used.name, level, constants_of(used))
     assert (function.kernel, function.level) == (used.name, level)
     inputs, _ = columns_for(used, 4)
     for sample in zip(*inputs, strict=True):
@@ -425,7 +435,7 @@ def test_a_function_refuses_what_it_does_not_take():
 def sample_of(used, level="baseline"):
     """A kernel as a `Sample`: rows of three inputs, the first three outputs."""
     rows = len(used.inputs) // 3
-    constants = used.of(model_of(machine_for(used)))
+    constants = constants_of(used)
     return _compiled.Sample(used.name, level, constants, rows * ((3, (0, 1, 2)),), (0, 1, 2), (3,), np.empty)
 
 
@@ -434,7 +444,7 @@ def sample_of(used, level="baseline"):
 def test_a_sample_in_arrays_is_one_in_numbers(used, level):
     sample = sample_of(used, level)
     assert (sample.kernel, sample.level) == (used.name, level)
-    function = _compiled.Function(used.name, level, used.of(model_of(machine_for(used))))
+    function = _compiled.Function(used.name, level, constants_of(used))
     inputs, _ = columns_for(used, 4)
     for numbers in zip(*inputs, strict=True):
         rows = np.array(numbers).reshape(-1, 3)
@@ -574,6 +584,18 @@ HARNESS = """
 #define P3DOF_TARGET {target}
 #define P3DOF_NAME(f) f##_here
 #include "vector_math.h"
+P3DOF_TARGET void tangents(ptrdiff_t n, const double *restrict x, double *restrict t)
+{{
+    _Pragma("omp simd")
+    for (ptrdiff_t i = 0; i < n; ++i)
+        t[i] = tanh_here(x[i]);
+}}
+P3DOF_TARGET void angles(ptrdiff_t n, const double *restrict y, const double *restrict x, double *restrict a)
+{{
+    _Pragma("omp simd")
+    for (ptrdiff_t i = 0; i < n; ++i)
+        a[i] = atan2_here(y[i], x[i]);
+}}
 P3DOF_TARGET void sines(ptrdiff_t n, const double *restrict x, double *restrict s, double *restrict c)
 {{
     _Pragma("omp simd")
@@ -601,18 +623,23 @@ def library_of(folder, source):
 
 
 @pytest.fixture(scope="module", params=_compiled.levels)
-def sines(request, tmp_path_factory):
+def functions(request, tmp_path_factory):
+    """The functions that the kernels have, compiled here."""
+    return library_of(tmp_path_factory.mktemp("functions"), HARNESS.format(target=TARGETS[request.param]))
+
+
+def computed(function, count, *inputs):
+    """So many results of a function of C, of arrays."""
+    found = [np.empty_like(inputs[0]) for _ in range(count)]
+    pointers = [ctypes.c_void_p(values.ctypes.data) for values in (*inputs, *found)]
+    function(ctypes.c_ssize_t(len(inputs[0])), *pointers)
+    return found
+
+
+@pytest.fixture
+def sines(functions):
     """Sine and cosine as the kernels have them, on arrays."""
-    source = HARNESS.format(target=TARGETS[request.param])
-    library = library_of(tmp_path_factory.mktemp("sines"), source)
-
-    def compute(x):
-        s, c = np.empty_like(x), np.empty_like(x)
-        pointers = [ctypes.c_void_p(values.ctypes.data) for values in (x, s, c)]
-        library.sines(ctypes.c_ssize_t(len(x)), *pointers)
-        return s, c
-
-    return compute
+    return lambda x: computed(functions.sines, 2, x)
 
 
 def near_quarters(rng, count):
@@ -649,6 +676,43 @@ def test_sine_and_cosine_are_nan_for_what_they_do_not_take(sines):
     assert np.isnan(c).all()
 
 
+def test_the_hyperbolic_tangent_is_right_to_the_last_bits(functions):
+    rng = np.random.default_rng(5)
+    x = np.concatenate([rng.uniform(-25, 25, 200_000), rng.uniform(-1, 1, 200_000)])
+    x = np.concatenate(
+        [x, 10 ** rng.uniform(-300, 2, 100_000), [20.0, -20.0, 1e308, np.inf, -np.inf, 0.0, -0.0]]
+    )
+    (found,) = computed(functions.tangents, 1, x)
+    exact = np.tanh(x.astype(np.longdouble if np.finfo(np.longdouble).eps < 1e-18 else float))
+    assert np.all(np.abs(found - exact) <= 4e-16 * np.abs(exact))
+    assert np.array_equal(np.signbit(found), np.signbit(x))
+    assert np.isnan(computed(functions.tangents, 1, np.array([np.nan, np.nan]))).all()
+
+
+def test_the_angle_of_a_point_is_right_to_the_last_bits(functions):
+    rng = np.random.default_rng(6)
+    y, x = rng.normal(size=(2, 300_000)) * 10 ** rng.uniform(-150, 150, (2, 300_000))
+    near = rng.normal(size=300_000)
+    y, x = np.concatenate([y, near]), np.concatenate([x, near * rng.uniform(-3, 3, 300_000)])
+    corners = [
+        (0.0, 1.0),
+        (0.0, -1.0),
+        (-0.0, -1.0),
+        (1.0, 0.0),
+        (-1.0, 0.0),
+        (0.0, 0.0),
+        (1.0, 1.0),
+        (-1.0, -1.0),
+    ]
+    y, x = (np.concatenate([values, [c[k] for c in corners]]) for k, values in enumerate((y, x)))
+    (found,) = computed(functions.angles, 1, y, x)
+    wide = np.longdouble if np.finfo(np.longdouble).eps < 1e-18 else float
+    exact = np.arctan2(y.astype(wide), x.astype(wide))
+    assert np.all(np.abs(found - exact) <= 4e-16 * np.abs(exact))
+    bad = np.array([np.nan, 1.0, np.nan, np.inf])
+    assert np.isnan(computed(functions.angles, 1, bad, np.array([1.0, np.nan, np.nan, np.inf]))).all()
+
+
 IN_ONE_LOOP = """
 {harness}
 #define P3DOF_SIMD _Pragma("omp simd")
@@ -658,6 +722,7 @@ CUT = [
     kernel("inverse_dynamics"),
     kernel("inverse_dynamics_loaded", symmetric=True),
     kernel("forward_dynamics_loaded"),
+    kernel("coriolis_matrix"),
     kernel("mass_matrix", symmetric=True),
 ]
 
@@ -671,7 +736,7 @@ def in_one_loop(request, tmp_path_factory):
     library = library_of(tmp_path_factory.mktemp("loops"), source)
 
     def compute(used, inputs):
-        constants = used.of(model_of(machine_for(used)))
+        constants = constants_of(used)
         outputs = [np.full(len(inputs[0]), np.nan) for _ in used.outputs]
         rows = [(ctypes.c_void_p * len(c))(*(x.ctypes.data for x in c)) for c in (inputs, outputs)]
         count, numbers = ctypes.c_ssize_t(len(inputs[0])), ctypes.c_void_p(constants.ctypes.data)

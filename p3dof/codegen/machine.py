@@ -6,22 +6,15 @@ import math
 from collections.abc import Sequence
 from functools import cache
 
-from p3dof.codegen.friction import JOINTS, TOGETHER, folded
 from p3dof.codegen.replay import replay
 from p3dof.compiled import reduced
 from p3dof.compiled.formulas import MODEL
+from p3dof.compiled.reduced.friction import FRICTION, JOINTS, folded
 from p3dof.errors import ParameterError
 from p3dof.paper.formulas import Lengths
 from p3dof.paper.inertials import Inertial
 from p3dof.parameters import LINKS, Parameters
 from p3dof.tracing import Number, Symbol, Tape
-
-FRICTION = (
-    *(f"viscous_{i}" for i in range(len(TOGETHER))),
-    *(f"coulomb_{i}" for i in range(len(TOGETHER))),
-    "steepness",
-)
-"""Coefficients of the nine rates in `p3dof.codegen.friction`, and one over the rate that smooths."""
 
 MACHINE = (*MODEL, *FRICTION)
 """The numbers of a machine."""

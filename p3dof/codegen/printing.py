@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from p3dof.codegen.machine import (
-    FRICTION,
     MACHINE,
     NOT_NUMBERS,
     finite_number,
@@ -20,6 +19,7 @@ from p3dof.codegen.replay import replay
 from p3dof.codegen.routines import LOAD, Routine, routines
 from p3dof.compiled.formulas import MODEL
 from p3dof.compiled.reduced import SYMMETRIC_ZEROS
+from p3dof.compiled.reduced.friction import FRICTION
 from p3dof.errors import ParameterError
 from p3dof.parameters import Parameters
 from p3dof.tracing import Number, Symbol, Tape

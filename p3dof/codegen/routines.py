@@ -12,11 +12,11 @@ from functools import cache
 from typing import TypeAlias
 
 from p3dof.algebra import Matrix, Vector
-from p3dof.codegen.friction import TOGETHER, generalized_friction
-from p3dof.codegen.machine import FRICTION, MACHINE
+from p3dof.codegen.machine import MACHINE
 from p3dof.compiled import reduced
 from p3dof.compiled.formulas import ACCELERATION, FORCES, MODEL, POSE, VELOCITY
 from p3dof.compiled.reduced import Model, Shape, State
+from p3dof.compiled.reduced.friction import FRICTION, TOGETHER, generalized_friction
 from p3dof.kinematics.validity import REACH_TOLERANCE
 from p3dof.samples import ACTUATION_TOLERANCE
 from p3dof.tracing import Number, Symbol, Tape, derivatives

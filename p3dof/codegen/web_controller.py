@@ -6,9 +6,9 @@ from math import prod
 
 from p3dof.codegen.controller import NOTE, prototypes
 from p3dof.codegen.filling import fill
-from p3dof.codegen.friction import JOINTS
 from p3dof.codegen.routines import Argument
 from p3dof.codegen.webassembly import Exported, Rows, WebModule
+from p3dof.compiled.reduced.friction import JOINTS
 from p3dof.parameters import LINKS
 
 _PREFIX = "p3dof"

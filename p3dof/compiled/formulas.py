@@ -17,6 +17,7 @@ import numpy as np
 
 from p3dof.compiled import reduced
 from p3dof.compiled.reduced import SYMMETRIC_ZEROS, Model, Reduced, State
+from p3dof.compiled.reduced.friction import FRICTION, generalized_friction
 from p3dof.tracing import Number, Symbol, Tape, derivatives
 from p3dof.tracing.divisions import in_pairs
 from p3dof.tracing.python import function_of
@@ -26,6 +27,7 @@ FORCES = ("f_a", "f_b", "f_c")
 POSE = ("y", "z", "theta")
 VELOCITY = ("vy", "vz", "vtheta")
 ACCELERATION = ("ay", "az", "atheta")
+SLIDERS = ("slide_a", "slide_b", "slide_c")
 MASSES = ("m_yy", "m_yz", "m_yt", "m_zt", "m_tt", "m_zz")
 GRAVITY = ("gx", "gy", "gz")
 
@@ -44,7 +46,8 @@ class Kernel:
     tape : Tape
         Its operations.
     model : tuple of Symbol or 0
-        The 27 numbers of a machine; zeros of symmetric bodies are the number 0.
+        The 27 numbers of a machine, and of its friction where there is; zeros of symmetric bodies are the
+        number 0.
     inputs, outputs : tuple of str
         What a sample has, and what comes out, by name.
     symbols : tuple of Symbol
@@ -112,19 +115,21 @@ class Kernel:
             if tape.operations[index].operands and not tape.constant[index]
         )
 
-    def of(self, model: Model) -> np.ndarray[Any, np.dtype[np.float64]]:
+    def of(self, model: Model, friction: Sequence[float] = ()) -> np.ndarray[Any, np.dtype[np.float64]]:
         """Return the constants of a machine, (len(constants),).
 
         Parameters
         ----------
         model : Model
             The machine; must be symmetric if the kernel is.
+        friction : sequence of float
+            Its friction, where the kernel has some: `p3dof.compiled.reduced.friction.friction_numbers`.
 
         Returns
         -------
         ndarray
         """
-        pairs = zip(self.model, model.numbers, strict=True)
+        pairs = zip(self.model, (*model.numbers, *friction), strict=True)
         return np.array(self.prepare(*(float(value) for name, value in pairs if isinstance(name, Symbol))))
 
     def of_columns(self, numbers: Sequence[Any], count: int) -> np.ndarray[Any, np.dtype[np.float64]]:
@@ -172,6 +177,46 @@ def _inverse(tape: Tape, model: Model, rows: dict[str, Symbol]) -> list[Number]:
     return [*forces, reduced.margin(model, x, tape, [*forces, rows["z"], rows["vz"]])]
 
 
+def _inverse_with_friction(tape: Tape, model: Model, rows: dict[str, Symbol]) -> list[Number]:
+    return _inverse(tape, model, rows | _less_friction(tape, model, rows))
+
+
+def _forward_with_friction(tape: Tape, model: Model, rows: dict[str, Symbol]) -> list[Number]:
+    return _forward(tape, model, rows | _less_friction(tape, model, rows))
+
+
+def _less_friction(tape: Tape, model: Model, rows: dict[str, Symbol]) -> dict[str, Symbol]:
+    """Return the wrench less what friction takes in y, z, θ."""
+    x = reduced.shape(model, rows["y"], rows["theta"], tape)
+    numbers = [rows[name] for name in FRICTION]
+    count = len(numbers) // 2
+    coefficients = numbers[:count], numbers[count : 2 * count], numbers[-1]
+    velocity = rows["vy"], rows["vz"], rows["vtheta"]
+    lost = generalized_friction(x, rows["y"], velocity, coefficients, tape)
+    return {name: rows[name] - force for name, force in zip(WRENCH, lost, strict=True)}
+
+
+def _gravity(tape: Tape, model: Model, rows: dict[str, Symbol]) -> list[Number]:
+    x = reduced.shape(model, rows["y"], rows["theta"], tape)
+    F, Q = reduced.loads(model, x, State(rows["y"], rows["theta"], 0, 0, 0, 0, 0), tape)
+    found = [f + q for f, q in zip(reduced.transposed(x, F), Q, strict=True)]
+    return [*found, reduced.margin(model, x, tape, [*found, rows["z"]], held=False)]
+
+
+def _coriolis(tape: Tape, model: Model, rows: dict[str, Symbol]) -> list[Number]:
+    x = reduced.shape(model, rows["y"], rows["theta"], tape)
+    M = reduced.mass_matrix(model, x, rows["y"], tape)
+    velocity = rows["vy"], rows["vz"], rows["vtheta"]
+    C = reduced.coriolis_matrix(M, (rows["y"], 0, rows["theta"]), velocity)
+    found = [entry for y, _, theta in C for entry in (y, theta)]
+    return [*found, reduced.margin(model, x, tape, [*found, rows["z"], rows["vz"]], held=False)]
+
+
+def _assembly(tape: Tape, model: Model, rows: dict[str, Symbol]) -> list[Number]:
+    pose, margin = reduced.assembled(model, (rows["slide_a"], rows["slide_b"], rows["slide_c"]), tape)
+    return [*pose, margin]
+
+
 def _derivatives(tape: Tape, model: Model, rows: dict[str, Symbol]) -> list[Number]:
     *forces, margin = _inverse(tape, model, rows)
     by_state = derivatives(forces, [rows[name] for name in State._fields])
@@ -200,6 +245,7 @@ def _kinematics(tape: Tape, model: Model, rows: dict[str, Symbol]) -> list[Numbe
 _Formula = Callable[[Tape, Model, dict[str, Symbol]], list[Number]]
 _MOTION = (*POSE, *VELOCITY, *ACCELERATION)
 _DRIVEN = (*POSE, *VELOCITY, *FORCES)
+CORIOLIS = ("c_yy", "c_yt", "c_zy", "c_zt", "c_ty", "c_tt")
 _BY_STATE = tuple(f"d{force}_d{name}" for force in FORCES for name in State._fields)
 _FORMULAS: dict[str, tuple[_Formula, tuple[str, ...], tuple[str, ...]]] = {
     "inverse_dynamics": (_inverse, _MOTION, FORCES),
@@ -207,16 +253,23 @@ _FORMULAS: dict[str, tuple[_Formula, tuple[str, ...], tuple[str, ...]]] = {
     "inverse_dynamics_derivatives": (_derivatives, (*_MOTION, *WRENCH), (*FORCES, *_BY_STATE)),
     "forward_dynamics": (_forward, _DRIVEN, ACCELERATION),
     "forward_dynamics_loaded": (_forward, (*_DRIVEN, *WRENCH), ACCELERATION),
+    "inverse_dynamics_with_friction": (_inverse_with_friction, (*_MOTION, *WRENCH), FORCES),
+    "forward_dynamics_with_friction": (_forward_with_friction, (*_DRIVEN, *WRENCH), ACCELERATION),
     "mass_matrix": (_masses, POSE, MASSES),
-    "kinematics": (
-        _kinematics,
-        POSE,
-        ("slide_a", "slide_b", "slide_c", "j_ay", "j_by", "j_cy", "j_ctheta"),
-    ),
+    "coriolis_matrix": (_coriolis, (*POSE, *VELOCITY), CORIOLIS),
+    "gravity_forces": (_gravity, POSE, ("g_y", "g_z", "g_theta")),
+    "kinematics": (_kinematics, POSE, (*SLIDERS, "j_ay", "j_by", "j_cy", "j_ctheta")),
+    "forward_kinematics": (_assembly, SLIDERS, POSE),
 }
 
 NAMES = tuple(_FORMULAS)
-"""The kernels; all but ``kinematics`` also exist as ``..._symmetric``."""
+"""The kernels; all but those of `OF_LENGTHS` also exist as ``..._symmetric``."""
+
+OF_LENGTHS = ("kinematics", "forward_kinematics")
+"""Kernels that no body matters to."""
+
+WITH_FRICTION = ("inverse_dynamics_with_friction", "forward_dynamics_with_friction")
+"""Kernels whose constants are also of the friction."""
 
 
 def all_kernels() -> list[Kernel]:
@@ -224,7 +277,7 @@ def all_kernels() -> list[Kernel]:
     found = []
     for name in NAMES:
         found.append(kernel(name))
-        if name != "kinematics":
+        if name not in OF_LENGTHS:
             found.append(kernel(name, symmetric=True))
     return found
 
@@ -238,21 +291,23 @@ def kernel(name: str, symmetric: bool = False) -> Kernel:
     name : str
         One of `NAMES`.
     symmetric : bool
-        For symmetric bodies and gravity along z0; ``kinematics`` does not depend on it.
+        For symmetric bodies and gravity along z0; those of `OF_LENGTHS` do not depend on it.
 
     Returns
     -------
     Kernel
     """
     formula, inputs, outputs = _FORMULAS[name]
-    symmetric = symmetric and name != "kinematics"
+    symmetric = symmetric and name not in OF_LENGTHS
     zeros: Sequence[str] = ("gx", "gy", *SYMMETRIC_ZEROS) if symmetric else ()
     tape = Tape()
     model = tuple(0 if number in zeros else tape.symbol(number, constant=True) for number in MODEL)
+    friction = tape.symbols(FRICTION, constant=True) if name in WITH_FRICTION else ()
     symbols = tape.symbols(inputs)
-    results = in_pairs(tape, formula(tape, Model.of_numbers(model), dict(zip(inputs, symbols, strict=True))))
+    rows = dict(zip((*inputs, *FRICTION), (*symbols, *friction), strict=False))
+    results = in_pairs(tape, formula(tape, Model.of_numbers(model), rows))
     full_name = f"{name}_symmetric" if symmetric else name
-    return Kernel(full_name, tape, model, inputs, (*outputs, "margin"), symbols, tuple(results))
+    return Kernel(full_name, tape, (*model, *friction), inputs, (*outputs, "margin"), symbols, tuple(results))
 
 
 def _state(rows: dict[str, Symbol]) -> State:

@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike
 
 from p3dof.algebra import BLOCK
 from p3dof.checks import FloatArray, as_floats, shown
-from p3dof.compiled.formulas import NAMES, Kernel, is_symmetric, kernel
-from p3dof.compiled.friction import losses_of_state
+from p3dof.compiled.formulas import NAMES, WITH_FRICTION, Kernel, is_symmetric, kernel
 from p3dof.compiled.reduced import model_of
+from p3dof.compiled.reduced.friction import friction_numbers
 from p3dof.errors import InputError
 from p3dof.motion.wrenches import WRENCH_ROWS
 from p3dof.parameters import Parameters
@@ -127,7 +127,8 @@ class MachineKernels:
             if name not in NAMES:
                 raise InputError(f"kernel: expected one of {', '.join(NAMES)}, got {shown(name)}")
             found = kernel(name, self.symmetric)
-            self._prepared[name] = found, found.of(self.model)
+            friction = friction_numbers(self.parameters.friction) if name in WITH_FRICTION else ()
+            self._prepared[name] = found, found.of(self.model, friction)
         return self._prepared[name]
 
     def run(self, name: str, inputs: Sequence[FloatArray], outputs: Sequence[FloatArray | None]) -> bool:
@@ -242,17 +243,16 @@ class BoundInverseDynamics:
     Attributes
     ----------
     call : callable
-        What `run` calls where the machine has no friction: without its protection, and half as long. It
-        returns False for a bad state and leaves whatever came out in `forces`.
+        What `run` calls: without its protection, and half as long. It returns False for a bad state and
+        leaves whatever came out in `forces`.
     """
 
     def __init__(self, kernels: MachineKernels) -> None:
         self._state, self._wrench, self._forces = np.zeros((3, 3)), np.zeros(6), np.zeros(3)
-        self._losses = losses_of_state(kernels.parameters) if kernels.parameters.friction else None
-        self._load = np.zeros(6) if self._losses else self._wrench  # what the kernel reads
-        columns = [*self._state.reshape(9, 1), *(self._load[row : row + 1] for row in WRENCH_ROWS)]
+        columns = [*self._state.reshape(9, 1), *(self._wrench[row : row + 1] for row in WRENCH_ROWS)]
         results = [*self._forces.reshape(3, 1), None]
-        used, constants = kernels.prepared("inverse_dynamics_loaded")
+        kind = "with_friction" if kernels.parameters.friction else "loaded"
+        used, constants = kernels.prepared(f"inverse_dynamics_{kind}")
         compiled = _extension()
         self.call: Callable[[], bool]
         if kernels.level == NUMPY or compiled is None:
@@ -285,10 +285,6 @@ class BoundInverseDynamics:
             reach, within 2e-6 rad of det J = 0 or beyond 1e5 rad, `Manipulator.forces` may still have an
             answer.
         """
-        if self._losses is not None:
-            lost = self._losses(*self._state[0].tolist(), *self._state[1].tolist())
-            self._load[:] = self._wrench
-            self._load[list(WRENCH_ROWS)] -= lost
         if self.call():
             return True
         self._forces.fill(np.nan)

@@ -23,6 +23,7 @@ from p3dof.methods import (
     DEFAULT_METHOD,
     InverseDynamics,
     Method,
+    assembly,
     compiled,
     equations_of_motion,
     regressor,
@@ -30,6 +31,7 @@ from p3dof.methods import (
     without_crossings,
 )
 from p3dof.methods.compiled import ForceDerivatives
+from p3dof.methods.registry import check_closed_form
 from p3dof.methods.regressor import ForceRegressor
 from p3dof.motion import Motion, WrenchHistory, WrenchOverTime, states_of, states_over
 from p3dof.outputs import result_in
@@ -213,14 +215,18 @@ class Manipulator:
         With `all_modes`, all four assembly modes (..., 4, 3), the working one first, NaN where one does not
         exist.
         """
+        one = None if all_modes else self._model.methods["compiled"].one
+        if one is not None and (pose := one.poses(out, sliders, on_invalid)) is not None:
+            return pose
         positions = batch_of("sliders", sliders, 3)
         shape = (*positions.shape[:-1], 4, 3) if all_modes else positions.shape
         geometry = self.parameters.geometry
 
-        def poses(_: FloatArray | None) -> FloatArray:
+        def modes(_: FloatArray | None) -> FloatArray:
             return kinematics.forward_kinematics(geometry, positions, all_modes, on_invalid)
 
-        return result_in(out, shape, [positions], poses)
+        poses = partial(assembly.poses, self.kernels, positions, on_invalid)
+        return result_in(out, shape, [positions], modes if all_modes else poses)
 
     def sliders(
         self, pose: ArrayLike, *, on_invalid: OnInvalid = "raise", out: FloatArray | None = None
@@ -335,22 +341,38 @@ class Manipulator:
         velocity: ArrayLike,
         *,
         on_invalid: OnInvalid = "raise",
+        method: Method = "virtual-power",
         out: FloatArray | None = None,
     ) -> FloatArray:
         """Return the Coriolis matrix C in y, z, θ, (..., 3, 3), with Ṁ - 2C skew.
 
-        C times the pose's velocity are forces [N, N, N m].
+        C times the pose's velocity are forces [N, N, N m]. By the paper's formulas and complex steps, or
+        ``"compiled"``.
         """
+        of_kernels = check_closed_form(method) == "compiled"
         states = states_of(pose, velocity, on_invalid=on_invalid)
         matrix = partial(equations_of_motion.coriolis_matrix, self.parameters, states)
+        if of_kernels:
+            matrix = partial(compiled.coriolis_matrix, self.kernels, states)
         return result_in(out, (*states.shape, 3, 3), states, matrix, row=2)
 
     def gravity_forces(
-        self, pose: ArrayLike, *, on_invalid: OnInvalid = "raise", out: FloatArray | None = None
+        self,
+        pose: ArrayLike,
+        *,
+        on_invalid: OnInvalid = "raise",
+        method: Method = "virtual-power",
+        out: FloatArray | None = None,
     ) -> FloatArray:
-        """Return the gradient of the potential energy by y, z, θ, (..., 3) [N, N, N m]."""
+        """Return the gradient of the potential energy by y, z, θ, (..., 3) [N, N, N m].
+
+        By the paper's formulas, or ``"compiled"``.
+        """
+        of_kernels = check_closed_form(method) == "compiled"
         states = states_of(pose, on_invalid=on_invalid)
         forces = partial(equations_of_motion.gravity_forces, self.parameters, states)
+        if of_kernels:
+            forces = partial(compiled.gravity_forces, self.kernels, states)
         return result_in(out, states.pose.shape, states, forces)
 
     def force_derivatives(

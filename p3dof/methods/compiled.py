@@ -19,7 +19,7 @@ from p3dof.errors import InputError
 from p3dof.kinematics import Placed, holdable, reachable
 from p3dof.methods import kernel_runs
 from p3dof.methods.closed_form import solve_with
-from p3dof.methods.kernel_runs import aligned, loads_on, run_kernel
+from p3dof.methods.kernel_runs import aligned, driven, loads_on, run_kernel
 from p3dof.methods.one_sample import OneSample
 from p3dof.methods.solution import Solution
 from p3dof.motion.states import States
@@ -44,8 +44,7 @@ class CompiledMethod:
 
     def forces(self, states: States, out: FloatArray | None = None) -> FloatArray:
         """Return the actuator forces (..., 3) [N]."""
-        loads = loads_on(self._kernels, states)
-        name = "inverse_dynamics" if loads is None else "inverse_dynamics_loaded"
+        name, loads = driven(self._kernels, "inverse_dynamics", states)
         found = np.empty(states.pose.shape) if out is None else out
         columns = list(found.reshape(-1, 3).T)
         run_kernel(self._kernels, name, states, kernel_runs.MOVING, loads, columns, holdable)
@@ -58,16 +57,14 @@ class CompiledMethod:
     def _forces_at(self, placed: Placed) -> FloatArray:
         """Return the forces (n, 3) at states that were looked at."""
         states = placed.states._replace(on_invalid="nan")
-        loads = loads_on(self._kernels, states)
-        name = "inverse_dynamics" if loads is None else "inverse_dynamics_loaded"
+        name, loads = driven(self._kernels, "inverse_dynamics", states)
         forces = np.empty(states.pose.shape)
         run_kernel(self._kernels, name, states, kernel_runs.MOVING, loads, list(forces.T), None)
         return forces
 
     def accelerate(self, states: States, out: FloatArray | None = None) -> FloatArray:
         """Return the acceleration (..., 3) of the platform under forces."""
-        loads = loads_on(self._kernels, states)
-        name = "forward_dynamics" if loads is None else "forward_dynamics_loaded"
+        name, loads = driven(self._kernels, "forward_dynamics", states)
         found = np.empty(states.pose.shape) if out is None else out
         columns = list(found.reshape(-1, 3).T)
         run_kernel(self._kernels, name, states, kernel_runs.DRIVEN, loads, columns, reachable)
@@ -201,4 +198,51 @@ def sliders(kernels: MachineKernels, states: States, out: FloatArray | None = No
     found = np.empty(states.pose.shape) if out is None else out
     columns = [*found.reshape(-1, 3).T, *np.empty((4, found.size // 3))]
     run_kernel(kernels, "kinematics", states, kernel_runs.POSE, None, columns, reachable)
+    return found
+
+
+def coriolis_matrix(kernels: MachineKernels, states: States, out: FloatArray | None = None) -> FloatArray:
+    """Return the matrix of centrifugal and Coriolis forces; see `equations_of_motion.coriolis_matrix`.
+
+    Parameters
+    ----------
+    kernels : MachineKernels
+        Of the machine.
+    states : States
+        Poses and velocities.
+    out : ndarray, shape (..., 3, 3), optional
+        Where to write.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+    """
+    found = np.empty((*states.shape, 3, 3)) if out is None else out
+    entries = found.reshape(-1, 3, 3)
+    columns = [entries[:, i, j] for i in range(3) for j in (0, 2)]
+    run_kernel(kernels, "coriolis_matrix", states, kernel_runs.TURNING, None, columns, reachable)
+    entries[:, :, 1] = np.where(np.isnan(columns[0]), np.nan, 0.0)[:, None]
+    return found
+
+
+def gravity_forces(kernels: MachineKernels, states: States, out: FloatArray | None = None) -> FloatArray:
+    """Return the gradient of the potential energy; see `equations_of_motion.gravity_forces`.
+
+    Parameters
+    ----------
+    kernels : MachineKernels
+        Of the machine.
+    states : States
+        Poses.
+    out : ndarray, shape (..., 3), optional
+        Where to write.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        [N, N, N m]
+    """
+    found = np.empty(states.pose.shape) if out is None else out
+    columns = list(found.reshape(-1, 3).T)
+    run_kernel(kernels, "gravity_forces", states, kernel_runs.POSE, None, columns, reachable)
     return found

@@ -18,6 +18,7 @@ from p3dof.samples import raise_not_finite
 
 MOVING = ("pose", "velocity", "acceleration")
 DRIVEN = ("pose", "velocity", "forces")
+TURNING = ("pose", "velocity")
 POSE = ("pose",)
 """What of the states a kernel reads, before the loads."""
 
@@ -27,7 +28,11 @@ _RESULT = {
     "inverse_dynamics_derivatives": "forces and derivatives",
     "forward_dynamics": "acceleration",
     "forward_dynamics_loaded": "acceleration",
+    "inverse_dynamics_with_friction": "forces",
+    "forward_dynamics_with_friction": "acceleration",
     "mass_matrix": "mass matrix",
+    "coriolis_matrix": "Coriolis matrix",
+    "gravity_forces": "gravity forces",
     "kinematics": "sliders",
 }
 """What to call the first three outputs of a kernel."""
@@ -112,6 +117,37 @@ def _do_again(
 def aligned(array: FloatArray) -> FloatArray:
     """Return an array that a kernel can read: fields of records need not be."""
     return array if array.flags.aligned and array.size else array.copy()
+
+
+def driven(kernels: MachineKernels, kind: str, states: States) -> tuple[str, list[FloatArray] | None]:
+    """Return the kernel for a machine and its states, and the loads that it takes.
+
+    Parameters
+    ----------
+    kernels : MachineKernels
+        Of the machine.
+    kind : str
+        ``"inverse_dynamics"`` or ``"forward_dynamics"``.
+    states : States
+        The states.
+
+    Returns
+    -------
+    name : str
+        Of the kernel.
+    loads : list of ndarray, shape (N,), or None
+        The wrench on y, z and θ [N, N, N m].
+    """
+    friction = bool(kernels.parameters.friction)
+    given = states.rows().wrench
+    if given is None and not friction:
+        return kind, None
+    if given is None:
+        loads = [np.broadcast_to(0.0, states.pose.size // 3)] * 3
+    else:
+        wrench = aligned(given)
+        loads = [wrench[:, row] for row in WRENCH_ROWS]
+    return f"{kind}_{'with_friction' if friction else 'loaded'}", loads
 
 
 def loads_on(kernels: MachineKernels, states: States) -> list[FloatArray] | None:

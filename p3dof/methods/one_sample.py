@@ -12,6 +12,7 @@ from p3dof.samples import POLICIES
 
 _ROW = (3, (0, 1, 2))
 _WRENCH = (6, WRENCH_ROWS)
+_NO_WRENCH = (0.0,) * 6
 _SLOPE_A, _SLOPE_B, _SLOPE_C, _ARM = 3, 4, 5, 6
 _JACOBIAN = (_SLOPE_A, 1.0, 0.0, _SLOPE_B, 1.0, 0.0, _SLOPE_C, 1.0, _ARM)
 _YY, _YZ, _YT, _ZT, _TT, _ZZ = range(6)
@@ -24,8 +25,7 @@ class OneSample:
 
     Every door takes what the user gave, `out` first, and returns the result; or None, and has written
     nothing, where somebody must look closer: a batch, what is no array, list or tuple of doubles, a number
-    that is not finite, a state that is not clearly good, an `out` that does not fit, and machines with
-    friction.
+    that is not finite, a state that is not clearly good, and an `out` that does not fit.
 
     Parameters
     ----------
@@ -62,13 +62,17 @@ class OneSample:
         """Return the slider positions (3,) [m]."""
         return self._sliders(out, pose) if on_invalid in POLICIES else None
 
+    def poses(self, out: Any, sliders: Any, on_invalid: str) -> FloatArray | None:
+        """Return the pose (3,) in the working mode at slider positions."""
+        return self._poses(out, sliders) if on_invalid in POLICIES else None
+
     @cached_property
     def _forces(self) -> SampleFunction:
         return self._driven("inverse_dynamics")
 
     @cached_property
     def _loaded_forces(self) -> SampleFunction:
-        return self._driven("inverse_dynamics_loaded", _WRENCH)
+        return self._loaded("inverse_dynamics")
 
     @cached_property
     def _acceleration(self) -> SampleFunction:
@@ -76,7 +80,7 @@ class OneSample:
 
     @cached_property
     def _loaded_acceleration(self) -> SampleFunction:
-        return self._driven("forward_dynamics_loaded", _WRENCH)
+        return self._loaded("forward_dynamics")
 
     @cached_property
     def _jacobian(self) -> SampleFunction:
@@ -90,11 +94,16 @@ class OneSample:
     def _sliders(self) -> SampleFunction:
         return self._kernels.sample("kinematics", (_ROW,), (0, 1, 2), (3,))
 
-    def _driven(self, name: str, *more: tuple[int, tuple[int, ...]]) -> SampleFunction:
+    @cached_property
+    def _poses(self) -> SampleFunction:
+        return self._kernels.sample("forward_kinematics", (_ROW,), (0, 1, 2), (3,))
+
+    def _driven(self, kind: str) -> SampleFunction:
         if self._friction:
-            return _nothing
-        return self._kernels.sample(name, (_ROW, _ROW, _ROW, *more), (0, 1, 2), (3,))
+            loaded = self._loaded(kind)
+            return lambda out, q, v, a: loaded(out, q, v, a, _NO_WRENCH)
+        return self._kernels.sample(kind, (_ROW, _ROW, _ROW), (0, 1, 2), (3,))
 
-
-def _nothing(out: Any, *rows: Any) -> None:  # noqa: ARG001 - as `SampleFunction`
-    return None
+    def _loaded(self, kind: str) -> SampleFunction:
+        name = f"{kind}_{'with_friction' if self._friction else 'loaded'}"
+        return self._kernels.sample(name, (_ROW, _ROW, _ROW, _WRENCH), (0, 1, 2), (3,))

@@ -69,6 +69,13 @@ def check_method(method: str) -> str:
     return method
 
 
+def check_closed_form(method: str) -> str:
+    """Return the name of a method if it is one of the paper's closed forms, else raise `InputError`."""
+    if method not in ("virtual-power", "compiled"):
+        raise InputError(f"method: expected 'virtual-power' or 'compiled', got {shown(method)}")
+    return method
+
+
 class Methods:
     """The ways to the forces of one machine, each made when it is first asked for.
 

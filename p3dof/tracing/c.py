@@ -17,6 +17,7 @@ def statements(
     labels: Mapping[int, str] | None = None,
     real: str = "double",
     suffix: str = "",
+    functions: Mapping[str, str] | None = None,
 ) -> list[str]:
     """Return one declaration for every operation.
 
@@ -37,6 +38,8 @@ def statements(
     suffix : str
         What the names of functions end in; with one there is a function for the minimum, too, and a
         ``zero`` of the type.
+    functions : mapping of str to str, optional
+        Functions that take the place of others, by the name on the tape.
 
     Returns
     -------
@@ -62,6 +65,7 @@ def statements(
                     known if isinstance(operand, Symbol) else f"zero + {known}"
                     for operand, known in zip(operation.operands, operands, strict=True)
                 ]
+            function = (functions or {}).get(function, function)
             expression = f"{function}{suffix}({', '.join(operands)})"
         names[index] = labels.get(index, f"t{index}")
         lines.append(f"const {real} {names[index]} = {expression};")

@@ -33,7 +33,12 @@ BESIDE = {
     "inverse_dynamics_loaded": "forces under a wrench",
     "inverse_dynamics_derivatives": "forces and their derivatives",
     "forward_dynamics": "forward dynamics",
+    "inverse_dynamics_with_friction": "forces with friction",
+    "forward_dynamics_with_friction": "forward dynamics with friction",
     "mass_matrix": "mass matrix",
+    "coriolis_matrix": "Coriolis matrix",
+    "gravity_forces": "gravity forces",
+    "forward_kinematics": "forward kinematics",
     "kinematics": "sliders and Jacobian",
 }
 SIDE_BY_SIDE = f"columns, {BEST}, threads side by side: {{}}"

@@ -9,7 +9,7 @@ import numpy as np
 
 import p3dof
 from p3dof.compiled import MachineKernels
-from p3dof.compiled.formulas import ACCELERATION, FORCES, POSE, VELOCITY, WRENCH
+from p3dof.compiled.formulas import ACCELERATION, FORCES, POSE, SLIDERS, VELOCITY, WRENCH
 from p3dof.parameters import LINKS, Bodies, Body, Parameters
 
 CACHED = 1000
@@ -22,6 +22,7 @@ SPREAD = {
     **dict.fromkeys(VELOCITY, 0.5),
     **dict.fromkeys(ACCELERATION, 5.0),
     **dict.fromkeys((*WRENCH, *FORCES), 20.0),
+    **dict.fromkeys(SLIDERS, 0.02),
 }
 """Largest size of every number of a sample, in SI units."""
 

@@ -43,6 +43,7 @@ J. García de Jalón, E. Bayo, Kinematic and Dynamic Simulation of Multibody Sys
 Serial Robots, IEEE Trans. Robotics and Automation 6 (1990).
 """
 
+from p3dof.compiled.reduced.assembly import assembled
 from p3dof.compiled.reduced.constants import (
     SYMMETRIC_ZEROS,
     Model,
@@ -56,6 +57,7 @@ from p3dof.compiled.reduced.constants import (
 from p3dof.compiled.reduced.dynamics import (
     State,
     actuator_forces,
+    coriolis_matrix,
     forward_dynamics,
     loads,
     mass_matrix,
@@ -78,6 +80,8 @@ __all__ = [
     "Shape",
     "State",
     "actuator_forces",
+    "assembled",
+    "coriolis_matrix",
     "fold",
     "fold_moments",
     "forward_dynamics",

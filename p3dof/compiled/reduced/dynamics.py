@@ -7,6 +7,7 @@ from typing import NamedTuple
 from p3dof.algebra import Matrix, Namespace, Scalar, Vector, add
 from p3dof.compiled.reduced.constants import Model
 from p3dof.compiled.reduced.shapes import Shape, bar_of
+from p3dof.tracing import Number, derivatives
 
 
 class State(NamedTuple):
@@ -215,6 +216,37 @@ def forward_dynamics(
     acting = transposed(x, (forces[0] - F[0], forces[1] - F[1], forces[2] - F[2]))
     M = mass_matrix(model, x, state.y, xp)
     return solve_about_z(M, (acting[0] - Q[0], acting[1] - Q[1], acting[2] - Q[2]))
+
+
+def coriolis_matrix(M: Matrix, coordinates: Vector, velocity: Vector) -> list[list[Number]]:
+    """Return the matrix C of centrifugal and Coriolis forces, by Christoffel's symbols.
+
+    Its column z is zero: the momentum along z is the rate of the first moment Σ m z of all bodies, so that
+    M_zi = ∂(Σ m z)/∂x_i and ∂M_zi/∂x_j = ∂M_zj/∂x_i, and nothing depends on z.
+
+    Parameters
+    ----------
+    M : tuple
+        Mass matrix in y, z, θ, on a tape.
+    coordinates : tuple
+        y, z, θ; M does not depend on what is 0 here.
+    velocity : tuple
+        ẏ, ż, θ̇.
+
+    Returns
+    -------
+    list of list
+        3 × 3; C times the velocity are forces, Ṁ - 2C is skew.
+    """
+    D = [derivatives(row, coordinates) for row in M]  # D[i][j][k] = ∂M_ij/∂x_k
+    half, axes = [0.5 * rate for rate in velocity], range(3)
+
+    def entry(i: int, j: int) -> Number:
+        terms = [(D[i][j][k] + D[i][k][j] - D[j][k][i]) * half[k] for k in axes]
+        total: Number = terms[0] + terms[1] + terms[2]
+        return total
+
+    return [[entry(i, 0), 0, entry(i, 2)] for i in axes]
 
 
 def solve_about_z(M: Matrix, b: Vector) -> Vector:

@@ -11,6 +11,15 @@
     X(forward_dynamics_symmetric, 29, 9, 4) \
     X(forward_dynamics_loaded, 53, 12, 4) \
     X(forward_dynamics_loaded_symmetric, 29, 12, 4) \
+    X(inverse_dynamics_with_friction, 62, 12, 4) \
+    X(inverse_dynamics_with_friction_symmetric, 44, 12, 4) \
+    X(forward_dynamics_with_friction, 72, 12, 4) \
+    X(forward_dynamics_with_friction_symmetric, 48, 12, 4) \
     X(mass_matrix, 31, 3, 7) \
     X(mass_matrix_symmetric, 20, 3, 7) \
-    X(kinematics, 8, 3, 8)
+    X(coriolis_matrix, 28, 6, 7) \
+    X(coriolis_matrix_symmetric, 17, 6, 7) \
+    X(gravity_forces, 21, 3, 4) \
+    X(gravity_forces_symmetric, 13, 3, 4) \
+    X(kinematics, 8, 3, 8) \
+    X(forward_kinematics, 10, 3, 4)

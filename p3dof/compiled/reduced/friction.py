@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from p3dof.algebra import Namespace, Scalar, Vector, dot, plus, times
-from p3dof.compiled.reduced import Shape
-from p3dof.parameters import PASSIVE, SLIDES
+from p3dof.compiled.reduced.shapes import Shape
+from p3dof.parameters import PASSIVE, SLIDES, Friction
 
 JOINTS = (*SLIDES, *PASSIVE)
 """All joints that can have friction."""
@@ -23,6 +23,29 @@ TOGETHER = (
     ("universal_a", "universal_b"),
 )
 """Which joints move at the rates of `gradients`; the axes of a universal joint are in two of them."""
+
+FRICTION = (
+    *(f"viscous_{i}" for i in range(len(TOGETHER))),
+    *(f"coulomb_{i}" for i in range(len(TOGETHER))),
+    "steepness",
+)
+"""Coefficients of the nine rates, and one over the rate that smooths."""
+
+
+def friction_numbers(friction: Friction) -> list[float]:
+    """Return the coefficients of a machine in the order of `FRICTION`.
+
+    Parameters
+    ----------
+    friction : Friction
+        What the joints lose.
+
+    Returns
+    -------
+    list of float
+    """
+    found = [*folded(friction.viscous), *folded(friction.coulomb), 1 / friction.smoothing]
+    return [float(number) for number in found]
 
 
 def folded(coefficients: Mapping[str, Scalar]) -> list[Scalar]:
