@@ -1,9 +1,11 @@
 """What the pages of the documentation say runs, and what they point to is there."""
 
+import re
 import shutil
 import subprocess
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from documents import ROOT, blocks, commands, run
 
@@ -68,6 +70,45 @@ def test_the_c_of_a_controller_compiles(tmp_path, monkeypatch, page, folder):
     command.insert(4, "-Wno-maybe-uninitialized")
     done = subprocess.run(command, input=source, text=True, capture_output=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_the_controllers_of_any_robot_hold_it(tmp_path, monkeypatch):
+    """Whole programs: errors vanish, and forces are those of the robot with what it carries."""
+    monkeypatch.chdir(tmp_path)
+    page = DOCS / "how-to/control-any-robot-from-c.md"
+    need_tools(page, "cc")
+    run(page, tmp_path)
+    told = {}
+    for block in blocks(page):
+        if block.language != "c":
+            continue
+        (program,) = re.match(r"/\* (\w+)\.c: ", block.text).groups()
+        robot = program.removesuffix("_control")
+        (tmp_path / f"{program}.c").write_text(block.text, encoding="utf-8")
+        warnings = ["-std=c99", "-O0", "-Wall", "-Wextra", "-Werror", "-pedantic"]
+        sources = [f"-Iout/{robot}", f"{program}.c", f"out/{robot}/{robot}.c", "-o", program, "-lm"]
+        done = subprocess.run(["cc", *warnings, *sources], capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        done = subprocess.run([tmp_path / program], capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stdout
+        lines = done.stdout.splitlines()
+        numbers = [re.findall(r"-?\d+\.\d+(?:e[-+]\d+)?", line) for line in lines]
+        told[robot] = np.array(numbers, dtype=float)
+    time, error = told["five_bar"][:, :2].T
+    np.testing.assert_array_equal(time, [0, 0.25, 0.5, 0.75, 1])
+    assert error[0] == 0.05
+    assert error[1] < 1e-3
+    assert error[2:].max() < 1e-4
+    assert told["stewart"][:, 1].max() < 3e-5
+    robot = p3dof.load_robot("gallery/stewart.urdf")
+    robot.model.inertias[robot.model.getJointId("platform_free")] += pin.Inertia(
+        10.0, np.array([0, 0, 0.05]), np.zeros((3, 3))
+    )
+    w = 2 * np.pi * 2  # half a second is a whole period: the legs are at home, at rest, and accelerate
+    push = 0.02 * np.cos(np.arange(6)) * w**2
+    state = robot.complete(np.full(6, 0.585), np.zeros(6), push, robot.assemble().q)
+    forces = robot.inverse_dynamics(state.q, state.v, state.a).tau
+    np.testing.assert_allclose(told["stewart"][2, -2:], forces[:2], rtol=0, atol=1.0)
 
 
 @pytest.mark.parametrize("page", ["how-to/controller-in-c.md", "how-to/compile-any-robot.md"])

@@ -24,6 +24,7 @@ from typing import Any
 import click
 import numpy as np
 import pinocchio as pin
+from cpp_rival import NotHereError, rival
 from rich.table import Table
 from robots import GALLERY, motion
 from rounds import Contender, Timing, calling, described, load_average, measure, wide_console
@@ -42,6 +43,8 @@ INVERSE, FORWARD = "inverse_dynamics", "forward_dynamics"
 C, BOUND, ROWS_OF, CALL, BATCH = "C, one sample", "bound call", "rows", "ClosedLoopModel", "its batch"
 LANES = {"avx512": "SIMD8", "avx2": "SIMD4"}
 MUJOCO, CASADI = "MuJoCo, open tree, C", "CasADi's C"
+ROBOTS = ("five_bar", "leg", "delta", "stewart")
+MOTION, RIVAL = "motion", "Pinocchio C++, RNEA + LU"
 DRIVER = """\
 #include <stddef.h>
 #include <string.h>
@@ -76,6 +79,8 @@ PROMISES = (
     ("C / ClosedLoopModel", INVERSE, C, CALL, 300.0),
     ("C / MuJoCo's open tree, C", INVERSE, C, MUJOCO, 4.0),
     ("C / CasADi's C", INVERSE, C, CASADI, None),
+    ("C / Pinocchio C++", INVERSE, C, RIVAL, None),
+    ("C / Pinocchio C++", MOTION, C, RIVAL, None),
     ("SIMD8 / C", INVERSE, "SIMD8", C, 4.0),
     ("SIMD4 / C", INVERSE, "SIMD4", C, 2.5),
     ("rows from Python / batch", INVERSE, ROWS_OF, BATCH, 100.0),
@@ -292,6 +297,7 @@ def contenders(
             yield Contender(INVERSE, MUJOCO, name, OpenTree(driver, loop, file, few[:3]))
         except (AssertionError, ValueError, KeyError) as error:
             sys.stdout.write(f"{name}: not in MuJoCo: {error}\n")
+    yield from in_cpp(name, loop, few[:3], folder, driver)
     if find_spec("casadi") is not None:
         samples = np.hstack(few[:3])
         call = FromC(
@@ -301,6 +307,40 @@ def contenders(
         forces = loop.inverse_dynamics(few[0][0], few[1][0], few[2][0]).tau
         np.testing.assert_allclose(call.out[: len(forces)], forces, rtol=0, atol=1e-9 * np.abs(forces).max())
         yield Contender(INVERSE, CASADI, name, call)
+
+
+def in_cpp(
+    name: str, loop: ClosedLoopModel, rows: Sequence[np.ndarray], folder: Path, driver: ctypes.CDLL
+) -> Iterator[Contender]:
+    """Return an expert's C++, and beside it our code for what else it does: v and a from independent ones."""
+    motors = len(loop.actuated)
+    try:
+        other, free = rival(loop, rows[0][0], folder, name)
+    except NotHereError as error:
+        sys.stdout.write(f"{name}: no rival in C++: {error}\n")
+        return
+    compiled = loop.compile(threads=1)
+    traced = compiled.function(MOTION)
+    (made,) = build.libraries([lanes_source([traced])])
+    place = list(compiled.independent_places)
+    q, v, a = rows
+    jobs = {
+        (INVERSE, RIVAL): (other.inverse_dynamics_bound, np.hstack(rows), motors, 0),
+        (MOTION, RIVAL): (other.motion_bound, np.hstack([q, v[:, free], a[:, free]]), motors, 0),
+        (MOTION, C): (
+            made.motion_bound,
+            np.hstack([q, v[:, place], a[:, place]]),
+            len(traced.results),
+            2 * loop.model.nv,
+        ),
+    }
+    forces = loop.inverse_dynamics(*(column[0] for column in rows)).tau
+    for (what, words), (call, samples, results, start) in jobs.items():
+        contender = FromC(driver, call, samples, results)
+        contender(1)
+        found = contender.out[start : start + motors]
+        np.testing.assert_allclose(found, forces, rtol=0, atol=1e-9 * np.abs(forces).max())
+        yield Contender(what, words, name, contender)
 
 
 def preparation(loop: ClosedLoopModel) -> tuple[float, float]:
@@ -360,7 +400,9 @@ def ratios_table(found: dict[tuple[str, str, str], Timing], names: Sequence[str]
 
 
 @click.command()
-@click.option("--only", multiple=True, default=("five_bar", "stewart"), help="Robots of the gallery.")
+@click.option(
+    "--only", multiple=True, default=("five_bar", "leg", "delta", "stewart"), help="Robots of the gallery."
+)
 @click.argument("files", nargs=-1, type=click.Path(path_type=Path, exists=True))
 def main(only: Sequence[str], files: Sequence[Path]) -> None:
     """Measure and print; FILES are more robots, with their sidecars beside them."""
