@@ -242,10 +242,20 @@ def _kinematics(tape: Tape, model: Model, rows: dict[str, Symbol]) -> list[Numbe
     return [*sliders, -x.ta, x.tb, -x.ty, x.arm, reduced.margin(model, x, tape, sliders, held=False)]
 
 
+def _limits(tape: Tape, model: Model, rows: dict[str, Symbol]) -> list[Number]:
+    x = reduced.shape(model, rows["y"], rows["theta"], tape)
+    velocity = rows["vy"], rows["vz"], rows["vtheta"]
+    sliders = reduced.sliders(model, x, rows["z"], tape)
+    cosines, rates = reduced.limit_cosines(model, x, rows["y"], velocity, tape)
+    found = [*sliders, *cosines, *reduced.slider_rates(x, velocity), *rates]
+    return [*found, reduced.margin(model, x, tape, found, held=False)]
+
+
 _Formula = Callable[[Tape, Model, dict[str, Symbol]], list[Number]]
 _MOTION = (*POSE, *VELOCITY, *ACCELERATION)
 _DRIVEN = (*POSE, *VELOCITY, *FORCES)
 CORIOLIS = ("c_yy", "c_yt", "c_zy", "c_zt", "c_ty", "c_tt")
+_WATCHED = (*SLIDERS, "cos_a", "cos_b", "cos_c", "cos_54")
 _BY_STATE = tuple(f"d{force}_d{name}" for force in FORCES for name in State._fields)
 _FORMULAS: dict[str, tuple[_Formula, tuple[str, ...], tuple[str, ...]]] = {
     "inverse_dynamics": (_inverse, _MOTION, FORCES),
@@ -260,12 +270,13 @@ _FORMULAS: dict[str, tuple[_Formula, tuple[str, ...], tuple[str, ...]]] = {
     "gravity_forces": (_gravity, POSE, ("g_y", "g_z", "g_theta")),
     "kinematics": (_kinematics, POSE, (*SLIDERS, "j_ay", "j_by", "j_cy", "j_ctheta")),
     "forward_kinematics": (_assembly, SLIDERS, POSE),
+    "limits": (_limits, (*POSE, *VELOCITY), (*_WATCHED, *(f"d{name}" for name in _WATCHED))),
 }
 
 NAMES = tuple(_FORMULAS)
 """The kernels; all but those of `OF_LENGTHS` also exist as ``..._symmetric``."""
 
-OF_LENGTHS = ("kinematics", "forward_kinematics")
+OF_LENGTHS = ("kinematics", "forward_kinematics", "limits")
 """Kernels that no body matters to."""
 
 WITH_FRICTION = ("inverse_dynamics_with_friction", "forward_dynamics_with_friction")

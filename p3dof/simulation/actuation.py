@@ -65,7 +65,7 @@ class Actuation:
         if isinstance(controller, type):
             raise InputError(f"controller: expected an object, got the class {controller.__name__}")
         self._controller = controller if callable(controller) else _constant(controller, self.size)
-        self._period, self._limits = period, limits
+        self._period, self.limits = period, limits
         self._encoders = encoders
         self._saturated = np.zeros(self.size, dtype=bool)
         reset = getattr(controller, "reset", None)
@@ -89,7 +89,7 @@ class Actuation:
             positions, velocities = self._encoders.read(positions, velocities)
         measured = self._measure(time, self._period, positions, velocities, self._saturated)
         asked = _checked(self._controller(measured), self.size)
-        forces = np.clip(asked, -self._limits, self._limits)
+        forces = np.clip(asked, -self.limits, self.limits)
         self._saturated = forces != asked
         return forces, asked
 

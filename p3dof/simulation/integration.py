@@ -20,12 +20,12 @@ from p3dof.simulation.fixed_steps import RungeKutta4
 from p3dof.simulation.margins import Margins, Stop
 from p3dof.simulation.plants import Plant
 
-_FAILED = "no step is small enough for the tolerances; the forces may be too large or change too fast"
+FAILED = "no step is small enough for the tolerances; the forces may be too large or change too fast"
 
 _EDGE = 1e-9
 """Share of a hold below which a rest of it is rounding."""
 
-_NEAR = 1e-6
+NEAR = 1e-6
 """A run that cannot go on this near a limit has got there [m, rad, or share of a leg's length]."""
 
 _TINY, _PATIENCE = 1e-13, 1000
@@ -34,7 +34,7 @@ _TINY, _PATIENCE = 1e-13, 1000
 _CRAWLING = 300
 """So many steps that are shorter than a run's own shortest one are enough."""
 
-_BEYOND = 0.1 * LARGEST
+BEYOND = 0.1 * LARGEST
 """States and rates that are larger are no motion any more [SI]."""
 
 
@@ -289,10 +289,10 @@ class Integrator:
         """End the run where the integrator cannot go on."""
         margins = self._margins(time, state)
         near = int(np.argmin(margins))
-        if margins[near] < _NEAR:  # what keeps it from going on is a limit, beyond which nothing is defined
+        if margins[near] < NEAR:  # what keeps it from going on is a limit, beyond which nothing is defined
             self.recording.stop = self._margins.stop(near, time)
         else:
-            self.recording.stop = Stop("accuracy", time, _FAILED)
+            self.recording.stop = Stop("accuracy", time, FAILED)
         self._record_end(time, state)
         return time, state
 
@@ -327,7 +327,7 @@ class Integrator:
         load = self._load(time)
         with np.errstate(all="ignore"):
             rate = self._plant.rate(state, forces, load)
-        if not (np.abs([state, rate]) <= _BEYOND).all():  # where the integrator could not go on either
+        if not (np.abs([state, rate]) <= BEYOND).all():  # where the integrator could not go on either
             return
         if self._drives is not None:
             forces = self._drives.delivered(state, forces)

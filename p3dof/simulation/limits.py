@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from p3dof.checks import FloatArray, shown
 from p3dof.errors import InputError
 from p3dof.kinematics.validity import reach_margins
 from p3dof.paper.formulas import Lengths, configuration
-from p3dof.parameters import LEGS, Parameters
+from p3dof.parameters import LEGS, Geometry, Parameters
 from p3dof.simulation.margins import Stop
 from p3dof.tracing import Tape, straight_line
 
@@ -52,9 +53,8 @@ class Limiter:
         if unknown or isinstance(stop_at, str):
             raise InputError(f"stop_at: expected a list of {', '.join(KINDS)}, got {shown(stop_at)}")
         self._geometry = parameters.geometry
-        self._lengths = Lengths.of(parameters.geometry)
         limits = parameters.limits
-        self._values = straight_line(self._formula, 3)
+        self._values = _values(parameters.geometry)
         low, high = limits.travel
         down, up = limits.tilt
         names = [("slider stop", f"slider {leg} at its lower end, {low:g} m") for leg in LEGS]
@@ -89,11 +89,24 @@ class Limiter:
             values[_REACH] = drops
         return np.asarray(self._sign * (values - self._bounds) + self._offset)
 
+    @property
+    def watched(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Bounds, signs and whether they count, shape (12,): margins are sign (value - bound)."""
+        return self._bounds, self._sign, (self._offset == 0).astype(float)
+
     def stop(self, index: int, time: float) -> Stop:
         """Return why a run ends at a margin."""
         kind, reason = self._names[index]
         return Stop(kind, time, reason)
 
-    def _formula(self, tape: Tape, *pose: Scalar) -> list[Scalar]:
-        x = configuration(self._lengths, (pose[0], pose[1], pose[2]), tape)
+
+@lru_cache(maxsize=64)
+def _values(geometry: Geometry) -> Callable[..., tuple[float, ...]]:
+    """Return what has limits, of a pose."""
+    lengths = Lengths.of(geometry)
+
+    def formula(tape: Tape, *pose: Scalar) -> list[Scalar]:
+        x = configuration(lengths, (pose[0], pose[1], pose[2]), tape)
         return [*x.sliders, *x.sliders, pose[2], pose[2], x.cos_a, x.cos_b, x.cos_c, x.cos_54]
+
+    return straight_line(formula, 3)

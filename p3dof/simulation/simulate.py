@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -17,8 +16,8 @@ from p3dof.methods import DEFAULT_METHOD, Machine, Method, check_method
 from p3dof.motion import Load, Motion, WrenchHistory, WrenchOverTime
 from p3dof.motion.times import evenly, sample_count
 from p3dof.parameters import Parameters
-from p3dof.simulation.actuation import Actuation
-from p3dof.simulation.control import ControllerLike, Measurement
+from p3dof.simulation.compiled_machine import pace, serves, simulate_compiled
+from p3dof.simulation.control import ControllerLike
 from p3dof.simulation.crossings import CHECKED
 from p3dof.simulation.drives import DrivenPlant
 from p3dof.simulation.equations import CompiledEquations, Equations
@@ -28,6 +27,7 @@ from p3dof.simulation.machine_plants import MachineJoints, MachineMargins, Machi
 from p3dof.simulation.reference import Reference
 from p3dof.simulation.run import Simulation
 from p3dof.simulation.settings import ControlLoop, InitialState, Integration
+from p3dof.simulation.task import Task
 from p3dof.simulation.work import estimate, require_affordable
 
 AT_HOME, CONTINUOUS, PRECISE = InitialState(), ControlLoop(), Integration()
@@ -103,6 +103,67 @@ def simulate(
         If an argument does not fit, the run would take too long, or it starts beyond a limit or with open
         loops.
     """
+    given = start, controller, control, reference, wrench, method, samples, stop_at, integration, progress
+    task = task_of(machine, duration, *given)
+    return simulate_compiled(task) if serves(task) else simulate_in_python(task)
+
+
+def simulate_in_python(task: Task) -> Simulation:
+    """Run a machine by the integrator in Python, which serves whatever is asked for.
+
+    Parameters
+    ----------
+    task : Task
+        What is asked for.
+
+    Returns
+    -------
+    Simulation
+
+    Raises
+    ------
+    ReachError, InputError, ControllerError, DynamicsError
+        As `simulate`.
+    """
+    machine, control, integration, wrench = task.machine, task.control, task.integration, task.wrench
+    acting = _wrench(wrench)
+    plant = _PLANTS[task.method](machine, integration)
+    state = _state(plant, machine.parameters, task.begin)
+    limiter = Limiter(machine.parameters, task.stop_at, plant.pose(state)[0], plant.drops(state))
+    margins = MachineMargins(plant, limiter)
+    actuation, followed = task.actuation(), task.followed()
+    drives = control.drives()
+    kinks = wrench.time if isinstance(wrench, WrenchHistory) else np.zeros(0)
+    schedule = Schedule(task.times, control.period, kinks, control.lateness)
+    tolerances = Tolerances(integration.rtol, integration.atol, task.longest, integration.scheme)
+    moved = plant if drives is None else DrivenPlant(plant, drives)
+    integrator = Integrator(moved, actuation, acting, margins, schedule, tolerances, task.progress)
+    try:
+        recording = integrator.run(state)
+    except ControllerError as error:
+        if integrator.recording.times:
+            error.run = _result(task.method, plant, integrator.recording, followed)
+        raise
+    if not recording.times:
+        raise DynamicsError(f"the run cannot start: {recording.stop}")
+    return _result(task.method, plant, recording, followed)
+
+
+def task_of(
+    machine: Machine,
+    duration: float,
+    start: ArrayLike | InitialState = AT_HOME,
+    controller: ControllerLike = None,
+    control: ControlLoop = CONTINUOUS,
+    reference: Motion | None = None,
+    wrench: WrenchOverTime = None,
+    method: Method = DEFAULT_METHOD,
+    samples: int | ArrayLike = 1001,
+    stop_at: Sequence[str] = KINDS,
+    integration: Integration = PRECISE,
+    progress: Progress | None = None,
+) -> Task:
+    """Return what is asked for, checked; arguments as of `simulate`."""
     check_method(method)
     begin = start if isinstance(start, InitialState) else InitialState(start)
     control = _group("control", control, ControlLoop)
@@ -110,34 +171,14 @@ def simulate(
     times = _times(duration, samples)
     _check_continuous(control, controller)
     longest = integration.longest_step(_careful_step(control, controller, wrench))
-    work = estimate(method, float(times[-1]), len(times), control.changes, min(longest, control.quickest))
+    given = controller, control, reference, wrench, stop_at, integration, progress
+    task = Task(machine, method, times, longest, begin, *given)
+    changes, shortest = control.changes, min(longest, control.quickest)
+    work = estimate(pace(task), float(times[-1]), len(times), changes, shortest)
     require_affordable(work, len(times), integration.time_limit, "time_limit")
     if progress is not None and not callable(progress):
         raise InputError(f"progress: expected a function, got {shown(progress)}")
-    acting = _wrench(wrench)
-    plant = _PLANTS[method](machine, integration)
-    state = _state(plant, machine.parameters, begin)
-    limiter = Limiter(machine.parameters, stop_at, plant.pose(state)[0], plant.drops(state))
-    margins = MachineMargins(plant, limiter)
-    limits = control.largest_forces(machine.parameters.limits.force)
-    measure = partial(Measurement, geometry=machine.parameters.geometry)
-    actuation = Actuation(measure, controller, control.period, limits, control.encoders())
-    drives = control.drives()
-    followed = _reference(controller) if reference is None else Reference(reference)
-    kinks = wrench.time if isinstance(wrench, WrenchHistory) else np.zeros(0)
-    schedule = Schedule(times, control.period, kinks, control.lateness)
-    tolerances = Tolerances(integration.rtol, integration.atol, longest, integration.scheme)
-    moved = plant if drives is None else DrivenPlant(plant, drives)
-    integrator = Integrator(moved, actuation, acting, margins, schedule, tolerances, progress)
-    try:
-        recording = integrator.run(state)
-    except ControllerError as error:
-        if integrator.recording.times:
-            error.run = _result(method, plant, integrator.recording, followed)
-        raise
-    if not recording.times:
-        raise DynamicsError(f"the run cannot start: {recording.stop}")
-    return _result(method, plant, recording, followed)
+    return task
 
 
 def _group(name: str, value: Any, kind: type[_Group]) -> _Group:
@@ -224,8 +265,3 @@ def _wrench(wrench: WrenchOverTime) -> Callable[[float], FloatArray]:
         return load.at
     held = load.at(0.0)
     return lambda _: held
-
-
-def _reference(controller: ControllerLike) -> Reference | None:
-    motion = getattr(controller, "motion", None)
-    return Reference(motion) if isinstance(motion, Motion) else None

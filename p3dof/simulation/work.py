@@ -14,6 +14,7 @@ MAX_SAMPLES = 1_000_000
 """Most samples of a run: each takes about 4 kB."""
 
 _EVALUATION = {"virtual-power": 4e-5, "compiled": 1.5e-5, "pinocchio": 3e-4}
+_EVALUATION |= {"C": 2e-7, "C and Python": 1e-6}
 """Time of an evaluation of the equations of motion with a controller, by method, on one core [s]."""
 
 _PER_STEP, _PER_SAMPLE = 14, 3
@@ -46,7 +47,8 @@ def estimate(
     Parameters
     ----------
     method : str
-        ``"virtual-power"``, ``"compiled"`` or ``"pinocchio"``.
+        ``"virtual-power"``, ``"compiled"``, ``"pinocchio"``; ``"C"`` for runs in C, ``"C and Python"``
+        where a controller from Python acts in them.
     duration : float
         How long the run is [s].
     samples : int

@@ -1,5 +1,5 @@
 /* The generated batch kernels as a Python extension: `Call` runs a kernel on columns of doubles, `Function` on numbers,
- * `Sample` on small arrays.
+ * `Sample` on small arrays; `MachineRun` runs a machine in time over them.
  *
  * Every kernel is compiled for several levels of the instruction set; the CPU decides at run time which of them
  * there are. Nothing here knows what a kernel computes. The module has no state but its constants.
@@ -23,6 +23,8 @@
 #include "sample.h"
 
 #include "designs.h"
+
+#include "runs.h"
 
 /* The module */
 
@@ -67,6 +69,7 @@ static int fill_module(PyObject *module)
         add(module, "Function", PyType_FromModuleAndSpec(module, &Function_spec, NULL)) < 0 ||
         add(module, "Sample", PyType_FromModuleAndSpec(module, &Sample_spec, NULL)) < 0 ||
         add(module, "DesignLoop", PyType_FromModuleAndSpec(module, &DesignLoop_spec, NULL)) < 0 ||
+        add(module, "MachineRun", PyType_FromModuleAndSpec(module, &Run_spec, NULL)) < 0 ||
         add(module, "levels", names_of_levels()) < 0 || add(module, "kernels", counts_of_kernels()) < 0)
         return -1;
     return 0;

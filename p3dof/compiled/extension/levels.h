@@ -36,6 +36,8 @@ enum {
     LINE = BLOCK + CACHE_LINE,
 };
 
+#include "machine.h"
+
 /* The levels: the same code compiled again for each. */
 
 #define P3DOF_NAME(f) f##_baseline
@@ -43,6 +45,7 @@ enum {
 #include "vector_math.h"
 #include "generated/batch_kernels.h"
 #include "design_figures.h"
+#include "machine_run.h"
 #undef P3DOF_NAME
 #undef P3DOF_TARGET
 
@@ -55,6 +58,7 @@ enum {
 #include "vector_math.h"
 #include "generated/batch_kernels.h"
 #include "design_figures.h"
+#include "machine_run.h"
 #undef P3DOF_NAME
 #undef P3DOF_TARGET
 
@@ -67,11 +71,10 @@ enum {
 #include "vector_math.h"
 #include "generated/batch_kernels.h"
 #include "design_figures.h"
+#include "machine_run.h"
 #undef P3DOF_NAME
 #undef P3DOF_TARGET
 #endif
-
-typedef void Run(ptrdiff_t, const double *, const double *const *, double *const *);
 
 typedef struct {
     const char *name;
@@ -88,6 +91,8 @@ typedef struct {
     void (*scatter_three)(ptrdiff_t, const double *restrict, ptrdiff_t, double *restrict);
     void (*scatter_rows)(ptrdiff_t, const double *restrict, ptrdiff_t, int, double *restrict, ptrdiff_t);
     const DesignReductions *reductions;
+    int (*advance)(MachineRun *);
+    void (*place_sliders)(const MachineRun *, const double *, double *);
 } Level;
 
 #define ROW(name, constants, inputs, outputs) {#name, constants, inputs, outputs},
@@ -97,7 +102,8 @@ static const Kernel KERNELS[] = {P3DOF_KERNELS(ROW)};
 #define LEVEL(level)                                                                                          \
     {                                                                                                         \
         #level, RUNS_##level, all_positive_##level, gather_##level, scatter_##level, gather_three_##level, \
-            scatter_three_##level, scatter_rows_##level, &REDUCTIONS_##level                                  \
+            scatter_three_##level, scatter_rows_##level, &REDUCTIONS_##level, advance_##level,                \
+            place_sliders_##level                                                                             \
     }
 #define OF_BASELINE(name, constants, inputs, outputs) name##_baseline,
 static Run *const RUNS_baseline[] = {P3DOF_KERNELS(OF_BASELINE)};

@@ -67,8 +67,10 @@ from p3dof.compiled.reduced.dynamics import (
 )
 from p3dof.compiled.reduced.shapes import (
     Shape,
+    limit_cosines,
     margin,
     shape,
+    slider_rates,
     sliders,
 )
 
@@ -85,12 +87,14 @@ __all__ = [
     "fold",
     "fold_moments",
     "forward_dynamics",
+    "limit_cosines",
     "loads",
     "margin",
     "mass_matrix",
     "model_of",
     "moments_of",
     "shape",
+    "slider_rates",
     "sliders",
     "solve_about_z",
     "solve_transposed",

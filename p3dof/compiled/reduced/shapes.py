@@ -168,6 +168,62 @@ def sliders(model: Model, x: Shape, z: Scalar, xp: Namespace) -> Vector:
     return height + x.Sa, height + x.Sb, height + x.p + x.Sc
 
 
+def slider_rates(x: Shape, velocity: Vector) -> Vector:
+    """Return the slider velocities.
+
+    Parameters
+    ----------
+    x : Shape
+        Where the mechanism is.
+    velocity : tuple
+        Of the platform.
+
+    Returns
+    -------
+    tuple
+        Of A, B, C [m/s].
+    """
+    vy, vz, vtheta = velocity
+    return vz - x.ta * vy, vz + x.tb * vy, vz - x.ty * vy + x.arm * vtheta
+
+
+def limit_cosines(
+    model: Model, x: Shape, y: Scalar, velocity: Vector, xp: Namespace
+) -> tuple[tuple[Scalar, ...], tuple[Scalar, ...]]:
+    """Return what is zero at the border of reach and where the sliders lose hold, and how fast it changes.
+
+    Parameters
+    ----------
+    model : Model
+        The machine.
+    x : Shape
+        Where it is.
+    y : number, array or symbol
+        Of the pose [m].
+    velocity : tuple
+        Of the platform.
+    xp : Namespace
+        Where sqrt comes from.
+
+    Returns
+    -------
+    cosines, rates : tuple
+        Drops of the legs A, B, C by their lengths, for C in the plane of its rods, and cos(φ54 + α); [1/s].
+    """
+    vy, _, vtheta = velocity
+    iu2 = 1 / x.u2
+    iu = xp.sqrt(x.u2) * iu2
+    iL, lean = 1 / model.L, y * iu2 * vy  # of u the rate is -lean u
+    cos_c = x.Sc * iu
+    drop_c = -(x.ty * vy + x.tc * x.p * vtheta)
+    scale = iu * (1 / model.r)
+    turn = x.p * x.ic * vtheta + x.tc * lean  # of leg C in the plane of its rods
+    sin_54 = (x.p * x.Sc + x.q * x.wc) * scale
+    cosines = x.Sa * iL, x.Sb * iL, cos_c, (x.arm * x.Sc) * scale
+    rates = -(x.ta * vy) * iL, x.tb * vy * iL, drop_c * iu + cos_c * lean, -sin_54 * (vtheta + turn)
+    return cosines, rates
+
+
 def margin(model: Model, x: Shape, xp: Ordered, results: Sequence[Scalar], held: bool = True) -> Scalar:
     """Return what is positive where a state is clearly good; see `kinematics.validity` for what is not.
 

@@ -22,4 +22,5 @@
     X(gravity_forces, 21, 3, 4) \
     X(gravity_forces_symmetric, 13, 3, 4) \
     X(kinematics, 8, 3, 8) \
-    X(forward_kinematics, 10, 3, 4)
+    X(forward_kinematics, 10, 3, 4) \
+    X(limits, 10, 6, 15)

@@ -1,0 +1,298 @@
+/* `MachineRun`: a run of one machine in time, without Python between its steps. */
+
+enum { TABLES = 10, NUMBERS = 18, LIVE = 13 };
+
+typedef struct {
+    PyObject_HEAD
+    MachineRun run;
+    const Level *level;
+    double *tables[TABLES];
+    PyThreadState *saved;
+    PyObject *told; /* what `poll` calls; borrowed from the caller of `advance` */
+    int busy;
+} RunObject;
+
+/* Copy a buffer of doubles, of a length or (-1) of any; for PyMem_Free. */
+static double *copy_doubles(PyObject *object, const char *what, Py_ssize_t expected, Py_ssize_t *length)
+{
+    Py_buffer view;
+    double *copy = NULL;
+
+    if (take_buffer(object, &view, 0, what, 0) < 0)
+        return NULL;
+    *length = view.shape[0];
+    if (expected >= 0 && *length != expected)
+        PyErr_Format(PyExc_ValueError, "%s must have %zd numbers, not %zd", what, expected, *length);
+    else if (!(copy = PyMem_Malloc((size_t)(*length + 1) * sizeof(double))))
+        PyErr_NoMemory();
+    for (Py_ssize_t k = 0; copy && k < *length; ++k)
+        copy[k] = *(const double *)((const char *)view.buf + k * view.strides[0]);
+    PyBuffer_Release(&view);
+    return copy;
+}
+
+static int poll_python(MachineRun *run)
+{
+    RunObject *self = (RunObject *)((char *)run - offsetof(RunObject, run));
+    PyEval_RestoreThread(self->saved);
+    int stop = PyErr_CheckSignals() < 0;
+    if (!stop && self->told) {
+        PyObject *found = PyObject_CallFunction(self->told, "n", (Py_ssize_t)run->next);
+        stop = !found;
+        Py_XDECREF(found);
+    }
+    self->saved = PyEval_SaveThread();
+    return stop;
+}
+
+static PyObject *Run_advance(PyObject *object, PyObject *told)
+{
+    RunObject *self = (RunObject *)object;
+    if (self->busy) {
+        PyErr_SetString(PyExc_RuntimeError, "this run is already going on");
+        return NULL;
+    }
+    self->busy = 1;
+    self->told = told == Py_None ? NULL : told;
+    self->saved = PyEval_SaveThread();
+    const int status = self->level->advance(&self->run);
+    PyEval_RestoreThread(self->saved);
+    self->busy = 0;
+    return status == RUN_INTERRUPTED ? NULL : PyLong_FromLong(status);
+}
+
+/* Take a writable buffer of doubles of a length. */
+static int take_room(PyObject *object, Py_buffer *view, Py_ssize_t expected)
+{
+    if (take_buffer(object, view, 1, "the buffer, argument", 1) < 0)
+        return -1;
+    if (view->shape[0] == expected && view->strides[0] == (Py_ssize_t)sizeof(double))
+        return 0;
+    PyErr_Format(PyExc_ValueError, "expected a row of %zd doubles", expected);
+    PyBuffer_Release(view);
+    return -1;
+}
+
+static PyObject *Run_live(PyObject *object, PyObject *into)
+{
+    const RunObject *self = (RunObject *)object;
+    Py_buffer view;
+    if (take_room(into, &view, LIVE) < 0)
+        return NULL;
+    double *to = view.buf;
+    to[0] = self->run.t;
+    memcpy(to + 1, self->run.y, sizeof self->run.y);
+    self->level->place_sliders(&self->run, self->run.y, to + 7);
+    PyBuffer_Release(&view);
+    Py_RETURN_NONE;
+}
+
+static PyObject *Run_samples(PyObject *object, PyObject *into)
+{
+    const RunObject *self = (RunObject *)object;
+    Py_buffer view;
+    if (take_room(into, &view, ROW * self->run.count) < 0)
+        return NULL;
+    memcpy(view.buf, self->run.out, (size_t)(ROW * self->run.count) * sizeof(double));
+    PyBuffer_Release(&view);
+    Py_RETURN_NONE;
+}
+
+static PyObject *Run_hold(PyObject *object, PyObject *forces)
+{
+    RunObject *self = (RunObject *)object;
+    Py_ssize_t length;
+    double *found = copy_doubles(forces, "the forces, argument", 6, &length);
+    if (!found)
+        return NULL;
+    memcpy(self->run.held, found, 6 * sizeof *found);
+    PyMem_Free(found);
+    Py_RETURN_NONE;
+}
+
+/* Put the tables where the run looks for them: see `Run_doc`. */
+static int set_tables(RunObject *self, const Py_ssize_t *lengths)
+{
+    MachineRun *m = &self->run;
+    double **tables = self->tables;
+
+    m->forward.constants = tables[0];
+    m->kinematics.constants = tables[1];
+    m->limits.constants = tables[2];
+    memcpy(m->viscous, tables[3], sizeof m->viscous);
+    memcpy(m->coulomb, tables[3] + FRICTIONS, sizeof m->coulomb);
+    for (int k = 0; k < 2 * FRICTIONS; ++k)
+        m->friction |= tables[3][k] != 0.0;
+    memcpy(m->bound, tables[4], sizeof m->bound);
+    memcpy(m->sign, tables[4] + LIMITS, sizeof m->sign);
+    for (int k = 0; k < LIMITS; ++k)
+        m->counted[k] = tables[4][2 * LIMITS + k] != 0.0;
+    m->drive = lengths[5] ? DRIVE_SPRINGS : DRIVE_HELD;
+    if (m->drive == DRIVE_SPRINGS) {
+        memcpy(m->stiffness, tables[5], sizeof m->stiffness);
+        memcpy(m->rest, tables[5] + 3, sizeof m->rest);
+        memcpy(m->damping, tables[5] + 6, sizeof m->damping);
+        memcpy(m->preload, tables[5] + 9, sizeof m->preload);
+    }
+    m->load_time = tables[6];
+    m->load = tables[7];
+    m->loads = lengths[6];
+    m->kinks = tables[8];
+    m->kink_count = lengths[8];
+    m->times = tables[9];
+    m->samples = lengths[9];
+    if (m->loads < 1 || lengths[7] != 3 * m->loads || m->samples < 1 || (lengths[5] && lengths[5] != 12)) {
+        PyErr_SetString(PyExc_ValueError, "tables: a load, its times, springs or the samples do not fit");
+        return -1;
+    }
+    return 0;
+}
+
+static void set_numbers(MachineRun *m, const double *numbers)
+{
+    m->r = numbers[0];
+    m->R = numbers[1];
+    m->L = numbers[2];
+    m->smoothing = numbers[3];
+    m->period = numbers[4];
+    m->rtol = numbers[5];
+    m->atol = numbers[6];
+    m->longest = numbers[7];
+    memcpy(m->cut, numbers + 8, sizeof m->cut);
+    m->outside = numbers[11] != 0.0;
+    memcpy(m->y, numbers + 12, sizeof m->y);
+}
+
+static Bound bound_kernel(const Level *level, const Kernel *kernel)
+{
+    const Bound found = {level->runs[kernel - KERNELS], NULL};
+    return found;
+}
+
+static const Kernel *own_kernel(const char *name)
+{
+    int k = 0;
+    while (strcmp(KERNELS[k].name, name) != 0)
+        ++k;
+    return &KERNELS[k];
+}
+
+static int fill_run(RunObject *self, const Kernel *forward, PyObject *tables, PyObject *numbers)
+{
+    const Kernel *kinematics = own_kernel("kinematics"), *limits = own_kernel("limits");
+    const Py_ssize_t expected[TABLES] = {forward->constants, kinematics->constants, limits->constants,
+                                         2 * FRICTIONS, 3 * LIMITS, -1, -1, -1, -1, -1};
+    Py_ssize_t lengths[TABLES], count;
+
+    if (!PyTuple_Check(tables) || PyTuple_GET_SIZE(tables) != TABLES || forward->inputs != 12 || forward->outputs != 4) {
+        PyErr_SetString(PyExc_ValueError, "expected forward dynamics with a load, and a tuple of ten tables");
+        return -1;
+    }
+    for (int k = 0; k < TABLES; ++k) {
+        self->tables[k] = copy_doubles(PyTuple_GET_ITEM(tables, k), "tables: one", expected[k], &lengths[k]);
+        if (!self->tables[k])
+            return -1;
+    }
+    self->run.forward = bound_kernel(self->level, forward);
+    self->run.kinematics = bound_kernel(self->level, kinematics);
+    self->run.limits = bound_kernel(self->level, limits);
+    if (set_tables(self, lengths) < 0)
+        return -1;
+    double *found = copy_doubles(numbers, "numbers", NUMBERS, &count);
+    if (!found)
+        return -1;
+    set_numbers(&self->run, found);
+    PyMem_Free(found);
+    self->run.poll = poll_python;
+    self->run.out = PyMem_Malloc((size_t)(self->run.samples + 1) * ROW * sizeof(double));
+    if (!self->run.out)
+        PyErr_NoMemory();
+    return self->run.out ? 0 : -1;
+}
+
+static PyObject *Run_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
+{
+    static char *names[] = {"kernel", "level", "tables", "numbers", NULL};
+    PyObject *kernel_name, *level_name, *tables, *numbers;
+
+    if (!PyArg_ParseTupleAndKeywords(args, keywords, "UUOO:MachineRun", names, &kernel_name, &level_name, &tables,
+                                     &numbers))
+        return NULL;
+    const Kernel *kernel = kernel_named(kernel_name);
+    const Level *level = kernel ? level_named(level_name) : NULL;
+    RunObject *self = level ? (RunObject *)type->tp_alloc(type, 0) : NULL;
+    if (!self)
+        return NULL;
+    self->level = level;
+    if (fill_run(self, kernel, tables, numbers) < 0)
+        Py_CLEAR(self);
+    return (PyObject *)self;
+}
+
+static void Run_dealloc(PyObject *object)
+{
+    RunObject *self = (RunObject *)object;
+    PyTypeObject *type = Py_TYPE(object);
+    for (int k = 0; k < TABLES; ++k)
+        PyMem_Free(self->tables[k]);
+    PyMem_Free(self->run.out);
+    type->tp_free(object);
+    Py_DECREF(type);
+}
+
+PyDoc_STRVAR(Run_doc,
+             "MachineRun(kernel, level, tables, numbers)\n--\n\n"
+             "A run of one machine in time.\n\n"
+             "Parameters\n----------\n"
+             "kernel : str\n    Of forward dynamics with a load.\n"
+             "level : str\n    One of `levels`.\n"
+             "tables : tuple of ten buffers of doubles\n"
+             "    Constants of that kernel, of kinematics and of limits; friction by rates of joints, viscous 9 and\n"
+             "    Coulomb 9; limits: bounds 12, signs 12, whether they count 12; springs: stiffness 3, rest 3, damping 3,\n"
+             "    preload 3, or nothing; times of the load, its rows of F_y, F_z, M_y; kinks; times of the samples.\n"
+             "numbers : buffer of 18 doubles\n"
+             "    r, R, L, smoothing of friction, period, rtol, atol, longest step, largest forces 3, whether a\n"
+             "    controller from outside acts at every tick, pose 3, velocity 3.\n\n"
+             "Raises\n------\n"
+             "TypeError\n    If something is not a buffer of doubles.\n"
+             "ValueError\n    If a name is unknown, or a buffer does not fit.");
+
+PyDoc_STRVAR(advance_doc, "advance(told, /)\n--\n\n"
+                          "Go on; return 0 at the end, 1 where forces are to be held, 2 at a limit, 3 where no step is "
+                          "small enough. `told`, or None, is called with the number of samples every now and then.");
+PyDoc_STRVAR(hold_doc, "hold(forces, /)\n--\n\nTake the forces of A, B, C, and those asked for, 6.");
+PyDoc_STRVAR(live_doc, "live(into, /)\n--\n\nWrite time, pose 3, velocity 3, sliders 3 and their velocities 3.");
+PyDoc_STRVAR(samples_doc,
+             "samples(into, /)\n--\n\nWrite `count` rows of 13: time, pose, velocity, forces, forces asked for.");
+
+static PyMethodDef Run_methods[] = {
+    {"advance", Run_advance, METH_O, advance_doc},
+    {"hold", Run_hold, METH_O, hold_doc},
+    {"live", Run_live, METH_O, live_doc},
+    {"samples", Run_samples, METH_O, samples_doc},
+    {NULL, NULL, 0, NULL},
+};
+
+static PyMemberDef Run_members[] = {
+    {"time", T_DOUBLE, offsetof(RunObject, run.t), READONLY, "Where the run is [s]."},
+    {"evaluations", T_LONGLONG, offsetof(RunObject, run.evaluations), READONLY, "Of the equations of motion."},
+    {"count", T_PYSSIZET, offsetof(RunObject, run.count), READONLY, "How many samples there are."},
+    {"index", T_INT, offsetof(RunObject, run.index), READONLY, "Which limit ended the run."},
+    {NULL, 0, 0, 0, NULL},
+};
+
+static PyType_Slot Run_slots[] = {
+    {Py_tp_doc, (void *)Run_doc},
+    {Py_tp_new, (void *)Run_new},
+    {Py_tp_methods, Run_methods},
+    {Py_tp_members, Run_members},
+    {Py_tp_dealloc, (void *)Run_dealloc},
+    {0, NULL},
+};
+
+static PyType_Spec Run_spec = {
+    .name = "p3dof.compiled.extension._compiled.MachineRun",
+    .basicsize = sizeof(RunObject),
+    .flags = Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE,
+    .slots = Run_slots,
+};

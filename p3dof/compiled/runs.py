@@ -1,0 +1,316 @@
+"""A run of one machine in C: what `MachineRun` of the extension is given, and what comes out of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from p3dof.checks import FloatArray
+from p3dof.compiled.friction import losses
+from p3dof.compiled.kernels import NUMPY, MachineKernels
+from p3dof.motion.wrenches import WRENCH_ROWS
+from p3dof.paper.formulas import Rates
+from p3dof.paper.friction import joint_rates, losses_of
+from p3dof.parameters import Friction, Parameters
+
+FINISHED, TICK, CROSSED, FAILED = range(4)
+"""Why a run came back: at its end, for forces to hold, at a limit, or where no step is small enough."""
+
+_RATES = 9
+_SHARED = joint_rates(Rates(sliders=(0, 1, 2), w21a=3, w21b=4, w21c=5, w32c=6, w54c=7), (0, 0, 8))
+"""Which of the rates that differ each joint has, by its name."""
+
+_ROW = 13
+
+
+class Load(NamedTuple):
+    """Wrenches on the platform, linear in between; one stays.
+
+    Parameters
+    ----------
+    time : ndarray, shape (K,)
+        [s]
+    wrench : ndarray, shape (K, 6)
+        [N, N m]
+    kinks : ndarray, shape (M,)
+        Where a step must end, rising, within the run [s].
+    """
+
+    time: FloatArray
+    wrench: FloatArray
+    kinks: FloatArray
+
+
+class Watched(NamedTuple):
+    """Limits: twelve margins, sign (value - bound), see `p3dof.simulation.limits`.
+
+    Parameters
+    ----------
+    bounds, signs, counted : ndarray, shape (12,)
+        Those that are not counted do not end a run.
+    """
+
+    bounds: FloatArray
+    signs: FloatArray
+    counted: FloatArray
+
+
+class Forces(NamedTuple):
+    """What drives a run: forces that stay or are held, or springs.
+
+    Parameters
+    ----------
+    held : ndarray, shape (6,)
+        Forces of A, B, C, and those asked for [N].
+    springs : ndarray, shape (12,) or (0,)
+        Stiffness, rest, damping and preload; empty for none.
+    largest : ndarray, shape (3,)
+        Where forces are cut off [N].
+    outside : bool
+        Whether `held` is given anew at every tick.
+    """
+
+    held: FloatArray
+    springs: FloatArray
+    largest: FloatArray
+    outside: bool
+
+
+class Timing(NamedTuple):
+    """When something happens, and how exactly it is integrated.
+
+    Parameters
+    ----------
+    times : ndarray, shape (N,)
+        Of the samples [s].
+    period : float
+        How long forces are held [s]; zero for continuously acting ones.
+    rtol, atol, longest : float
+        Tolerances and the longest step [s].
+    """
+
+    times: FloatArray
+    period: float
+    rtol: float
+    atol: float
+    longest: float
+
+
+class Samples(NamedTuple):
+    """What a run left.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        [s]
+    pose, velocity : ndarray, shape (N, 3)
+        Of the platform.
+    forces, asked : ndarray, shape (N, 3)
+        Of A, B, C [N].
+    """
+
+    time: FloatArray
+    pose: FloatArray
+    velocity: FloatArray
+    forces: FloatArray
+    asked: FloatArray
+
+
+def available(kernels: MachineKernels) -> bool:
+    """Return whether runs in C are possible here.
+
+    Parameters
+    ----------
+    kernels : MachineKernels
+        Of a machine.
+
+    Returns
+    -------
+    bool
+    """
+    return kernels.level != NUMPY
+
+
+class CompiledRun:
+    """One run of one machine, without Python between its steps; not for several threads at once.
+
+    Parameters
+    ----------
+    kernels : MachineKernels
+        Of the machine; `available`.
+    state : ndarray, shape (6,)
+        Pose and velocity at the start.
+    forces : Forces
+        What drives it.
+    load : Load
+        What pushes the platform.
+    limits : Watched
+        What ends it.
+    timing : Timing
+        When, and how exactly.
+    """
+
+    def __init__(
+        self,
+        kernels: MachineKernels,
+        state: FloatArray,
+        forces: Forces,
+        load: Load,
+        limits: Watched,
+        timing: Timing,
+    ) -> None:
+        from p3dof.compiled.extension import _compiled
+
+        parameters, (forward, constants) = kernels.parameters, kernels.prepared("forward_dynamics_loaded")
+        g = parameters.geometry
+        tables = (
+            constants,
+            kernels.prepared("kinematics")[1],
+            kernels.prepared("limits")[1],
+            _friction(parameters.friction),
+            np.concatenate(limits),
+            forces.springs,
+            load.time,
+            np.ravel(load.wrench[:, WRENCH_ROWS]),
+            load.kinks,
+            timing.times,
+        )
+        lengths = g.r, g.R, g.L, parameters.friction.smoothing
+        tolerances = timing.period, timing.rtol, timing.atol, timing.longest
+        numbers = np.array([*lengths, *tolerances, *forces.largest, forces.outside, *state], dtype=float)
+        self._run = _compiled.MachineRun(forward.name, kernels.level, tables, numbers)
+        self._run.hold(forces.held)
+        self._live, self._held = np.empty(_ROW), np.empty(6)
+
+    def advance(self, told: Callable[[int], object] | None = None) -> int:
+        """Go on until the run ends or forces are to be held.
+
+        Parameters
+        ----------
+        told : callable, optional
+            Called with the number of samples so far, some times a second.
+
+        Returns
+        -------
+        int
+            One of `FINISHED`, `TICK`, `CROSSED`, `FAILED`.
+        """
+        return int(self._run.advance(told))
+
+    def actuated(self) -> tuple[float, FloatArray, FloatArray]:
+        """Return the time [s], and positions and velocities of the sliders, (3,) each [m, m/s]."""
+        live = self._live
+        self._run.live(live)
+        return float(live[0]), live[7:10].copy(), live[10:13].copy()
+
+    def state(self) -> FloatArray:
+        """Return pose and velocity, (6,)."""
+        self._run.live(self._live)
+        return self._live[1:7].copy()
+
+    def hold(self, forces: Sequence[float] | FloatArray, asked: Sequence[float] | FloatArray) -> None:
+        """Hold forces (3,) from now on [N], where others (3,) may have been asked for."""
+        self._held[:3] = forces
+        self._held[3:] = asked
+        self._run.hold(self._held)
+
+    @property
+    def time(self) -> float:
+        """Where the run is [s]."""
+        return float(self._run.time)
+
+    @property
+    def index(self) -> int:
+        """Which limit ended the run."""
+        return int(self._run.index)
+
+    @property
+    def count(self) -> int:
+        """How many samples there are so far."""
+        return int(self._run.count)
+
+    @property
+    def evaluations(self) -> int:
+        """Of the equations of motion."""
+        return int(self._run.evaluations)
+
+    def samples(self) -> Samples:
+        """Return the samples so far."""
+        rows = np.empty((self._run.count, _ROW))
+        self._run.samples(rows.reshape(-1))
+        return Samples(rows[:, 0], rows[:, 1:4], rows[:, 4:7], rows[:, 7:10], rows[:, 10:13])
+
+
+def accelerations(
+    kernels: MachineKernels, samples: Samples, wrench: FloatArray, losses: FloatArray | None
+) -> FloatArray:
+    """Return the accelerations of the platform at samples, (N, 3).
+
+    Parameters
+    ----------
+    kernels : MachineKernels
+        Of the machine.
+    samples : Samples
+        Of a run.
+    wrench : ndarray, shape (N, 6)
+        On the platform [N, N m].
+    losses : ndarray, shape (N, 3), optional
+        What friction takes.
+
+    Returns
+    -------
+    ndarray, shape (N, 3)
+    """
+    acting = wrench[:, WRENCH_ROWS]
+    acting = acting if losses is None else acting - losses
+    found = np.empty((len(samples.time), 3))
+    parts = samples.pose, samples.velocity, samples.forces, acting
+    kernels.run("forward_dynamics_loaded", [column for part in parts for column in part.T], [*found.T, None])
+    return found
+
+
+def sliders(kernels: MachineKernels, samples: Samples) -> tuple[FloatArray, FloatArray]:
+    """Return positions and velocities of the sliders at samples, (N, 3) each [m, m/s].
+
+    Parameters
+    ----------
+    kernels : MachineKernels
+        Of the machine.
+    samples : Samples
+        Of a run.
+
+    Returns
+    -------
+    positions, velocities : ndarray, shape (N, 3)
+    """
+    found = np.empty((len(samples.time), 14))
+    kernels.run("limits", [*samples.pose.T, *samples.velocity.T], [*found.T, None])
+    return found[:, :3].copy(), found[:, 7:10].copy()
+
+
+def _friction(friction: Friction) -> FloatArray:
+    """Return viscous and Coulomb coefficients by rates, (18,): joints of equal rates are one."""
+    found = np.zeros((2, _RATES))
+    for name, coefficients in losses_of(friction).joints.items():
+        for rate in _SHARED[name]:
+            found[:, rate] += coefficients
+    return np.ravel(found)
+
+
+def losses_at(parameters: Parameters, samples: Samples) -> FloatArray | None:
+    """Return what friction takes at samples, (N, 3); None for a machine without.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine.
+    samples : Samples
+        Of a run.
+
+    Returns
+    -------
+    ndarray, shape (N, 3), or None
+    """
+    return losses(parameters, samples.pose, samples.velocity) if parameters.friction else None

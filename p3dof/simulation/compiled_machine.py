@@ -1,0 +1,266 @@
+"""Runs of the manipulator in C, where everything that is asked for has a compiled form.
+
+What has none: loads that are functions of Python, controllers that are and act continuously, forces that come
+late, drives that lag, equal steps, and machines without the extension. `p3dof.simulation.integration` serves
+these, and is what the runs in C are compared with.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from p3dof import kinematics
+from p3dof.checks import FloatArray
+from p3dof.compiled import runs
+from p3dof.compiled.runs import CompiledRun, Forces, Samples, Timing, Watched
+from p3dof.errors import ControllerError, DynamicsError
+from p3dof.kinematics import reachable_poses
+from p3dof.methods import JointStates
+from p3dof.motion import Load, Motion, WrenchHistory
+from p3dof.parameters import Geometry
+from p3dof.simulation.controllers import Springs
+from p3dof.simulation.integration import BEYOND, FAILED, NEAR
+from p3dof.simulation.limits import Limiter
+from p3dof.simulation.margins import Stop
+from p3dof.simulation.run import Simulation
+from p3dof.simulation.task import Task
+
+
+def serves(task: Task) -> bool:
+    """Return whether a run can be in C.
+
+    Parameters
+    ----------
+    task : Task
+        What is asked for.
+
+    Returns
+    -------
+    bool
+    """
+    if task.method != "compiled" or not runs.available(task.machine.kernels) or task.begin.joints is not None:
+        return False
+    control, wrench = task.control, task.wrench
+    late = control.delay > 0 or control.drives() is not None
+    return (
+        not late
+        and task.integration.scheme == "dop853"
+        and (not callable(wrench) or type(wrench) is WrenchHistory)
+        and (bool(control.rate) or not callable(task.controller) or type(task.controller) is Springs)
+    )
+
+
+def pace(task: Task) -> str:
+    """Return by what a run is integrated, as `p3dof.simulation.work.estimate` takes it.
+
+    Parameters
+    ----------
+    task : Task
+        What is asked for.
+
+    Returns
+    -------
+    str
+    """
+    if not serves(task):
+        return task.method
+    return "C and Python" if _from_python(task) else "C"
+
+
+def _from_python(task: Task) -> bool:
+    """Return whether a controller in Python acts at every tick."""
+    springs = type(task.controller) is Springs and task.control.encoders() is None
+    return callable(task.controller) and not springs
+
+
+def simulate_compiled(task: Task) -> Simulation:
+    """Run a machine in C.
+
+    Parameters
+    ----------
+    task : Task
+        What is asked for; it `serves`.
+
+    Returns
+    -------
+    Simulation
+
+    Raises
+    ------
+    ReachError, InputError, ControllerError, DynamicsError
+        As `p3dof.simulation.simulate`.
+    """
+    return _Runner(task).result()
+
+
+class _Later(Simulation):
+    """A run whose joints and closure errors are computed when they are first asked for.
+
+    They take a hundred times as long as the run itself.
+    """
+
+    @classmethod
+    def of(cls, geometry: Geometry, **known: Any) -> Simulation:
+        """Return a run from the lengths of its machine and all that is known of it."""
+        run = object.__new__(cls)
+        for name, value in {**known, "_geometry": geometry}.items():
+            object.__setattr__(run, name, value)
+        return run
+
+    def __reduce__(self) -> tuple[type[Simulation], tuple[Any, ...]]:
+        return Simulation, tuple(getattr(self, field.name) for field in fields(Simulation))
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in {"joints", "closure_error"}:
+            raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
+        motion, geometry = self.motion, self._geometry
+        found = kinematics.mechanism_motion(
+            geometry, motion.pose, motion.velocity, motion.acceleration, "nan"
+        )
+        parts = found.position, found.velocity, found.acceleration
+        joints = JointStates.from_mappings(tuple(found.position), *parts)
+        object.__setattr__(self, "joints", joints)
+        object.__setattr__(self, "closure_error", kinematics.closure_error(geometry, found))
+        return self.__dict__[name]
+
+
+class _Runner:
+    """One run in C, and what it leaves."""
+
+    def __init__(self, task: Task) -> None:
+        self._task = task
+        parameters, begin, times = task.machine.parameters, task.begin, task.times
+        pose = reachable_poses(parameters.geometry, np.asarray(begin.pose), "raise")
+        self._limiter = Limiter(parameters, task.stop_at, pose, None)
+        self._actuation = task.actuation()
+        self._followed = task.followed()
+        self._run = CompiledRun(
+            task.machine.kernels,
+            np.concatenate([pose, np.asarray(begin.velocity)]),
+            self._forces(),
+            _load(task),
+            Watched(*self._limiter.watched),
+            Timing(times, task.control.period, task.integration.rtol, task.integration.atol, task.longest),
+        )
+        self._stop: Stop | None = None
+        self._seconds = 0.0
+
+    def _forces(self) -> Forces:
+        """Return what drives the run; a controller from Python acts at its rate."""
+        task, largest = self._task, self._actuation.limits
+        controller, held = task.controller, np.zeros(6)
+        springs: FloatArray = np.zeros(0)
+        outside = _from_python(task)
+        if isinstance(controller, Springs) and not outside:
+            parts = controller.stiffness, controller.rest, controller.damping, controller.preload
+            springs = np.concatenate(parts)
+        elif controller is not None and not outside:
+            asked = np.asarray(controller, dtype=float)
+            held = np.concatenate([np.clip(asked, -largest, largest), asked])
+        return Forces(held, springs, largest, outside)
+
+    def result(self) -> Simulation:
+        """Integrate, and return what the run left."""
+        begun = clock.perf_counter()
+        try:
+            status = self._integrate()
+        except ControllerError as error:
+            self._stop = Stop("controller", error.time, str(error.__cause__))
+            error.run = self._simulation()
+            raise
+        finally:
+            self._seconds = clock.perf_counter() - begun
+        self._stop = self._reason(status)
+        found = self._simulation()
+        if found is None:
+            raise DynamicsError(f"the run cannot start: {self._stop}")
+        return found
+
+    def _integrate(self) -> int:
+        """Go on to the end of the run; return why it ended."""
+        progress, total = self._task.progress, len(self._task.times)
+        told = None if progress is None else lambda done: progress(done, total)
+        advance, hold, actuated = self._run.advance, self._run.hold, self._run.actuated
+        while True:
+            status = advance(told)
+            if status != runs.TICK:
+                break
+            time, positions, velocities = actuated()
+            try:
+                forces, asked = self._actuation(time, positions, velocities)
+            except Exception as error:
+                failed = f"the controller failed at t = {time:.6g} s: {error}"
+                raise ControllerError(failed, time) from error
+            hold(forces, asked)
+        if progress is not None:
+            progress(min(self._run.count, total), total)
+        return status
+
+    def _reason(self, status: int) -> Stop | None:
+        """Return why the run ended before its time; None if it did not."""
+        time = self._run.time
+        if status == runs.CROSSED:
+            return self._limiter.stop(self._run.index, time)
+        if status != runs.FAILED:
+            return None
+        margins = self._limiter(self._run.state()[:3], None)
+        near = int(np.argmin(margins))
+        if margins[near] < NEAR:  # what keeps it from going on is a limit, beyond which nothing is defined
+            return self._limiter.stop(near, time)
+        return Stop("accuracy", time, FAILED)
+
+    def _simulation(self) -> Simulation | None:
+        """Return the samples so far with all that belongs to them; None if there are none."""
+        machine = self._task.machine
+        samples, wrench, acceleration = self._recorded()
+        if not len(samples.time):
+            return None
+        geometry, reference = machine.parameters.geometry, self._followed
+        sliders, speeds = runs.sliders(machine.kernels, samples)
+        return _Later.of(
+            geometry,
+            method="compiled",
+            motion=Motion(samples.time, samples.pose, samples.velocity, acceleration, check=False),
+            forces=samples.forces,
+            asked=samples.asked,
+            sliders=sliders,
+            slider_velocities=speeds,
+            wrench=wrench,
+            reference=None if reference is None else reference.poses(samples.time),
+            stop=self._stop,
+            evaluations=self._run.evaluations,
+            seconds=self._seconds,
+        )
+
+    def _recorded(self) -> tuple[Samples, FloatArray, FloatArray]:
+        """Return samples, wrenches and accelerations; without samples where no integrator could go on."""
+        machine = self._task.machine
+        samples = self._run.samples()
+        wrench = _wrenches(self._task, samples.time)
+        losses = runs.losses_at(machine.parameters, samples)
+        acceleration = runs.accelerations(machine.kernels, samples, wrench, losses)
+        parts = samples.pose, samples.velocity, acceleration
+        good = np.all([(np.abs(part) <= BEYOND).all(axis=1) for part in parts], axis=0)
+        if good.all():
+            return samples, wrench, acceleration
+        return Samples(*(part[good] for part in samples)), wrench[good], acceleration[good]
+
+
+def _load(task: Task) -> runs.Load:
+    """Return what pushes the platform, as a table."""
+    wrench, end = task.wrench, task.times[-1]
+    if isinstance(wrench, WrenchHistory):
+        kinks = wrench.time[(wrench.time > 0) & (wrench.time < end)]
+        return runs.Load(wrench.time, wrench.wrench, kinks)
+    return runs.Load(np.zeros(1), _wrenches(task, np.zeros(1)), np.zeros(0))
+
+
+def _wrenches(task: Task, times: FloatArray) -> FloatArray:
+    """Return the wrenches at times (N,), shape (N, 6)."""
+    if isinstance(task.wrench, WrenchHistory):
+        return task.wrench(times)
+    return np.repeat(Load(task.wrench).at(0.0)[None], len(times), axis=0)

@@ -1,0 +1,121 @@
+"""Random runs of random machines, in C and by the integrator in Python: one against the other."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from machines import random_machine, random_states
+
+import p3dof
+from p3dof import ControlLoop, Integration, Springs, WrenchHistory
+from p3dof.errors import InputError
+from p3dof.parameters import Friction, Limits
+from p3dof.parameters.names import PASSIVE, SLIDES
+from p3dof.simulation import KINDS, InitialState, Noise
+from p3dof.simulation.simulate import simulate_in_python, task_of
+
+
+class Follower:
+    """A PD controller written in Python, which remembers nothing."""
+
+    def __init__(self, stiffness, damping, rest):
+        self.stiffness, self.damping, self.rest = stiffness, damping, rest
+
+    def __call__(self, measured):
+        error = self.rest + 0.02 * np.sin(9 * measured.time) - measured.sliders
+        return self.stiffness * error - self.damping * measured.slider_velocities
+
+
+def random_run(seed):
+    """Return a machine, and the arguments of a run of it, from a seed."""
+    rng = np.random.default_rng([seed, 14])
+    parameters = random_machine(seed)
+    states = random_states(parameters, seed, 1)
+    pose, g = states.pose[0], parameters.geometry
+    if rng.random() < 0.5:
+        names = rng.choice([*SLIDES, *PASSIVE], 4, replace=False)
+        viscous, coulomb = (dict(zip(names[k : k + 3], rng.uniform(0, 3, 3), strict=False)) for k in (0, 1))
+        parameters = replace(parameters, friction=Friction(viscous, coulomb, smoothing=0.05))
+    sliders = p3dof.Manipulator(parameters).inverse_kinematics(pose).sliders
+    room = g.L * rng.uniform(0.02, 0.5)
+    travel = min(sliders.min(), 0) - room, max(sliders.max(), 0) + g.L * rng.uniform(0.02, 0.5)
+    tilt = min(pose[2], 0) - rng.uniform(0.05, 1), max(pose[2], 0) + rng.uniform(0.05, 1)
+    parameters = replace(parameters, limits=Limits(travel=travel, tilt=tilt, force=rng.uniform(5, 200)))
+    mass = parameters.bodies.mass
+    rate = rng.choice([None, 50.0, 200.0, 1000.0])
+    stiffness, damping = mass * rng.uniform(1, 300), mass * rng.uniform(0, 5)
+    drive = rng.integers(5)
+    controller = [
+        None,
+        rng.normal(0, 3 * mass, 3),
+        Springs(stiffness, sliders, damping * rng.integers(2), rng.normal(0, 3 * mass, 3)),
+        Springs(stiffness * np.array([1, 2, 3]), sliders, damping),
+        Follower(stiffness, damping, sliders),
+    ][drive]
+    if drive == 4:
+        rate = rate or 100.0
+    noise = Noise(1e-6, 1e-4, seed) if rate and rng.random() < 0.3 else None
+    time = np.sort(rng.uniform(0, 0.4, 4))
+    wrench = [None, rng.normal(0, mass, 6), WrenchHistory(time, rng.normal(0, mass, (4, 6)))][rng.integers(3)]
+    counted = [kind for kind in KINDS if rng.random() < 0.8]
+    saturation = [False, True, 30.0][rng.integers(3)]
+    run = {
+        "start": InitialState(pose, states.velocity[0] * rng.uniform(0, 0.5)),
+        "controller": controller,
+        "control": ControlLoop(rate, saturation=saturation, noise=noise),
+        "wrench": wrench,
+        "stop_at": counted,
+        "samples": int(rng.integers(2, 40)),
+        "integration": Integration(rtol=1e-12, atol=1e-14, max_step=rng.choice([None, 0.003])),
+    }
+    return p3dof.Manipulator(parameters), 0.4, run
+
+
+def in_python(machine, duration, **run):
+    """Run by the integrator in Python."""
+    return simulate_in_python(task_of(machine, duration, method="compiled", **run))
+
+
+def both(seed):
+    """Return a random run in C and in Python, or the message of what both refuse."""
+    machine, duration, run = random_run(seed)
+    return _result(machine.simulate, duration, method="compiled", **run), _result(
+        in_python, machine, duration, **run
+    )
+
+
+def _result(way, *arguments, **run):
+    try:
+        return way(*arguments, **run)
+    except InputError as error:
+        return str(error)
+
+
+def difference(one, other):
+    """Return what is wrong with two runs that should be equal, in words; nothing if they are."""
+    if isinstance(one, str) or isinstance(other, str):
+        return "" if one == other else f"{one} against {other}"
+    return _other_end(one, other) or _other_samples(one, other)
+
+
+def _other_end(one, other):
+    stops = [None if run.stop is None else (run.stop.kind, run.stop.reason) for run in (one, other)]
+    if stops[0] != stops[1]:
+        return f"stopped by {stops[0]} against {stops[1]}"
+    if one.stop is not None and abs(one.stop.time - other.stop.time) > 1e-9:
+        return f"stopped at {one.stop.time!r} against {other.stop.time!r}"
+    return ""
+
+
+def _other_samples(one, other):
+    if len(one) != len(other):
+        return f"{len(one)} against {len(other)} samples"
+    if abs(one.evaluations - other.evaluations) > 0.25 * other.evaluations:  # much is rounding, see the tests
+        return f"{one.evaluations} against {other.evaluations} evaluations"
+    for name in ("time", "pose", "velocity", "forces", "asked", "sliders", "slider_velocities", "wrench"):
+        a, b = getattr(one, name), getattr(other, name)
+        error = float(np.abs(a - b).max() / max(1.0, np.abs(b).max()))
+        if not error <= 1e-7:
+            return f"{name} differs by {error:.2g} of it"
+    return ""

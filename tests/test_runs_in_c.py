@@ -1,0 +1,414 @@
+"""Runs of the machine in C against the integrator in Python: events, samples, errors, sanitizers."""
+
+import pickle
+import shutil
+import signal
+import subprocess
+import threading
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from runs_in_c import both, difference, in_python, random_run
+
+import p3dof
+from p3dof import ControlLoop, Integration, Springs
+from p3dof.compiled import levels
+from p3dof.errors import ControllerError, DynamicsError, InputError, ReachError
+from p3dof.simulation.compiled_machine import pace, serves
+from p3dof.simulation.limits import Limiter
+from p3dof.simulation.simulate import task_of
+
+pytestmark = pytest.mark.skipif(levels()[-1] == "numpy", reason="the extension was not built")
+
+HOME = np.zeros(3)
+
+
+def both_ways(robot):
+    """Return what runs a machine in C, and what does in Python."""
+    return partial(robot.simulate, method="compiled"), partial(in_python, robot)
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_random_runs_are_those_of_the_integrator_in_python(seed):
+    assert difference(*both(seed)) == ""
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_evaluations_are_those_of_the_integrator_in_python(seed):
+    """Within 3 %, at a tolerance where the error of a step, from which the next follows, is not rounding."""
+    machine, duration, run = random_run(seed)
+    run["integration"] = Integration(rtol=1e-8, atol=1e-10)
+    one = machine.simulate(duration, method="compiled", **run)
+    other = in_python(machine, duration, **run)
+    assert one.evaluations == pytest.approx(other.evaluations, rel=0.03)
+
+
+@pytest.mark.fuzz
+@pytest.mark.parametrize("hundred", range(10))
+def test_a_thousand_random_runs_are_those_of_the_integrator_in_python(hundred, request):
+    begin = request.config.getoption("--hypothesis-seed")
+    first = 1000 + 1000 * (int(begin) % 2**32 if begin else 0) + 100 * hundred
+    wrong = {seed: difference(*both(seed)) for seed in range(first, first + 100)}
+    assert {seed: what for seed, what in wrong.items() if what} == {}
+
+
+def test_the_random_runs_end_in_every_way():
+    """What is compared must not be free falls only."""
+    ends, drives = set(), set()
+    for seed in range(60):
+        machine, duration, run = random_run(seed)
+        task = task_of(machine, duration, method="compiled", **run)
+        drives.add((pace(task), type(run["controller"]).__name__, bool(run["control"].rate)))
+        found = machine.simulate(duration, method="compiled", **run)
+        ends.add(found.stop and found.stop.kind)
+    assert ends >= {None, "slider stop", "tilt limit", "reach limit", "singular pose"}
+    assert len(drives) >= 7
+    assert {drive[0] for drive in drives} == {"C", "C and Python"}
+
+
+def test_a_wrong_limit_is_noticed(monkeypatch):
+    watched = Limiter.watched.fget
+
+    def wrong(limiter):
+        bounds, signs, counted = watched(limiter)
+        return bounds + 1e-7, signs, counted
+
+    monkeypatch.setattr(Limiter, "watched", property(wrong))
+    assert any(difference(*both(seed)) for seed in range(6))
+
+
+def test_a_wrong_friction_is_noticed(monkeypatch):
+    from p3dof.compiled import runs
+
+    right = runs._friction
+    monkeypatch.setattr(runs, "_friction", lambda friction: right(friction) * 1.0001)
+    assert any(difference(*both(seed)) for seed in range(12))
+
+
+@pytest.mark.parametrize("level", levels()[1:])
+def test_every_level_falls_alike(level, monkeypatch):
+    monkeypatch.setenv("P3DOF_LEVEL", level)
+    robot = p3dof.load()
+    assert robot.kernels.level == level
+    run = robot.simulate(0.5, start=[0, 0, 0.3], stop_at=[], method="compiled", samples=51)
+    other = in_python(robot, 0.5, start=[0, 0, 0.3], stop_at=[], samples=51)
+    assert difference(run, other) == ""
+    assert run.evaluations == pytest.approx(other.evaluations, rel=0.03)
+
+
+def test_a_free_fall_is_exact():
+    robot = p3dof.load()
+    how = {"start": [0, 0, 0.3], "stop_at": [], "samples": 51, "method": "compiled"}
+    run = robot.simulate(0.5, **how)
+    exact = robot.simulate(0.5, integration=Integration(rtol=1e-12, atol=1e-15), **how)
+    assert np.abs(run.pose - exact.pose).max() < 5e-12
+
+
+def test_what_has_no_compiled_form_is_done_in_python(monkeypatch):
+    robot = p3dof.load()
+
+    def asked(**how):
+        return serves(task_of(robot, 0.1, **{"method": "compiled", **how}))
+
+    assert asked()
+    assert asked(controller=[1, 2, 3], wrench=np.ones(6), control=ControlLoop(100, saturation=True))
+    assert asked(controller=lambda _: HOME, control=ControlLoop(100))
+    assert asked(controller=lambda _: HOME, control=ControlLoop(100, resolution=1e-6, differencing=True))
+    assert asked(controller=Springs(100))
+    assert not asked(method="virtual-power")
+    assert not asked(controller=lambda _: HOME)
+    assert not asked(wrench=lambda t: np.full(6, t))
+    assert not asked(control=ControlLoop(100, delay=0.01))
+    assert not asked(control=ControlLoop(100, bandwidth=50))
+    assert not asked(integration=Integration(scheme="rk4"))
+
+    class Stiffer(Springs):
+        def __call__(self, measured):
+            return 2 * super().__call__(measured)
+
+    assert not asked(controller=Stiffer(100))
+    monkeypatch.setenv("P3DOF_LEVEL", "numpy")
+    assert not serves(task_of(p3dof.load(), 0.1, method="compiled"))
+
+
+def test_what_a_run_leaves_is_that_of_the_integrator_in_python(tmp_path):
+    machine, duration, run = random_run(3)
+    one, other = machine.simulate(duration, method="compiled", **run), in_python(machine, duration, **run)
+    for name in ("q", "v", "a"):
+        np.testing.assert_allclose(
+            getattr(one.joints, name), getattr(other.joints, name), rtol=1e-5, atol=1e-5
+        )
+    assert one.joints.names == other.joints.names
+    assert one.closure_error.max() < 1e-12
+    again = pickle.loads(pickle.dumps(one))  # noqa: S301 - our own
+    np.testing.assert_array_equal(again.joints.q, one.joints.q)
+    one.save(tmp_path / "run.npz")
+    np.testing.assert_array_equal(p3dof.Simulation.load(tmp_path / "run.npz").forces, one.forces)
+    with pytest.raises(AttributeError, match="has no attribute 'joint'"):
+        _ = one.joint
+
+
+def test_a_controller_is_called_at_its_rate_only():
+    asked = []
+
+    def controller(measured):
+        asked.append(measured.time)
+        return HOME
+
+    p3dof.load().simulate(0.1, controller=controller, control=ControlLoop(1000), method="compiled")
+    np.testing.assert_allclose(asked, np.arange(100) / 1000, atol=1e-15)
+
+
+@pytest.mark.parametrize("answer", [lambda: 1 / 0, lambda: [0, 0, np.nan], lambda: None, lambda: [1, 2]])
+def test_a_controller_that_fails_keeps_the_run_until_there(answer):
+    robot = p3dof.load()
+    hold = robot.forces(HOME, HOME, HOME)
+    how = {"controller": lambda m: hold if m.time < 0.05 else answer(), "control": ControlLoop(1000)}
+    errors = []
+    for run in both_ways(robot):
+        with pytest.raises(ControllerError) as caught:
+            run(0.1, **how)
+        errors.append(caught.value)
+    one, other = errors
+    assert str(one) == str(other)
+    assert (one.time, one.run.stop) == (pytest.approx(other.time, abs=1e-12), other.run.stop)
+    np.testing.assert_allclose(one.run.time, other.run.time, atol=1e-12)
+    np.testing.assert_allclose(one.run.pose, other.run.pose, atol=1e-9)
+
+
+def test_bad_starts_are_refused_as_in_python():
+    robot = p3dof.load()
+    for how, error in (
+        ({"start": [5, 0, 0]}, ReachError),
+        ({"start": [0, 0.3, 0]}, InputError),
+        ({"controller": [1e300, 0, 0]}, InputError),
+        ({"stop_at": ["wall"]}, InputError),
+        ({"start": p3dof.InitialState(joints=(np.zeros(10), np.zeros(10)))}, InputError),
+    ):
+        messages = []
+        for run in both_ways(robot):
+            with pytest.raises(error) as caught:
+                run(0.1, **how)
+            messages.append(str(caught.value))
+        assert messages[0] == messages[1]
+
+
+def test_forces_beyond_all_measure_end_the_run_as_in_python():
+    robot = p3dof.load()
+    for size in (1e12, 1e20):
+        one, other = (ending(run, 0.1, controller=[size, 0, 0]) for run in both_ways(robot))
+        assert one == other
+
+
+def ending(run, *arguments, **how):
+    """Return what ended a run, or why it could not begin."""
+    try:
+        ended = run(*arguments, **how)
+    except DynamicsError as error:
+        return str(error)
+    return ended.stop.kind, len(ended) > 0
+
+
+def test_an_interrupt_ends_a_run_in_c():
+    """The main thread is deep in C when the signal comes."""
+    robot = p3dof.load()
+    springs = Springs(2000.0, preload=robot.forces(HOME, HOME, HOME))
+    going = threading.Event()
+
+    def progress(done, total):
+        assert 0 <= done <= total == 2
+        going.set()
+
+    def interrupt():
+        going.wait(60)
+        signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
+
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    with pytest.raises(KeyboardInterrupt):
+        robot.simulate(
+            1e5, start=[0.02, 0.03, 0.15], controller=springs, method="compiled", samples=2, progress=progress
+        )
+    thread.join()
+
+
+def test_other_threads_go_on_while_a_run_is_in_c():
+    robot = p3dof.load()
+    springs = Springs(2000.0, preload=robot.forces(HOME, HOME, HOME))
+    how = {"start": [0.02, 0.03, 0.15], "controller": springs, "method": "compiled", "samples": 21}
+    alone = robot.simulate(50, **how)
+    found = [None] * 4
+
+    def run(k):
+        found[k] = robot.simulate(50, **how)
+
+    threads = [threading.Thread(target=run, args=(k,)) for k in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for one in found:
+        np.testing.assert_array_equal(one.pose, alone.pose)
+
+
+def test_what_the_extension_refuses():
+    from p3dof.compiled.extension._compiled import MachineRun
+
+    robot = p3dof.load()
+    forward, constants = robot.kernels.prepared("forward_dynamics_loaded")
+    tables = [constants, *(robot.kernels.prepared(name)[1] for name in ("kinematics", "limits"))]
+    tables += [np.zeros(18), np.zeros(36), np.zeros(0), np.zeros(1), np.zeros(3), np.zeros(0), np.ones(1)]
+    level, numbers = robot.kernels.level, np.zeros(18)
+    run = MachineRun(forward.name, level, tuple(tables), numbers)
+    with pytest.raises(ValueError, match="expected a row of 13 doubles"):
+        run.live(np.zeros(12))
+    with pytest.raises(ValueError, match="expected a row of 0 doubles"):
+        run.samples(np.zeros(13))
+    with pytest.raises(ValueError, match="must have 6 numbers, not 3"):
+        run.hold(np.zeros(3))
+    with pytest.raises(ValueError, match="tuple of ten tables"):
+        MachineRun(forward.name, level, tuple(tables[:9]), numbers)
+    with pytest.raises(ValueError, match="tuple of ten tables"):
+        MachineRun("kinematics", level, tuple(tables), numbers)
+    with pytest.raises(ValueError, match="no kernel 'magic'"):
+        MachineRun("magic", level, tuple(tables), numbers)
+    with pytest.raises(ValueError, match="numbers must have 18 numbers, not 17"):
+        MachineRun(forward.name, level, tuple(tables), numbers[:17])
+    for place, size in ((0, 2), (3, 17), (7, 4), (9, 0), (5, 3)):
+        wrong = np.zeros(size)
+        broken = [*tables[:place], wrong, *tables[place + 1 :]]
+        with pytest.raises(ValueError, match=r"must have|do not fit"):
+            MachineRun(forward.name, level, tuple(broken), numbers)
+    with pytest.raises(TypeError, match="must be a buffer of doubles"):
+        MachineRun(forward.name, level, (*tables[:9], None), numbers)
+
+
+DRIVER = r"""
+#include <float.h>
+#include <math.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+#define P3DOF_INLINE inline
+#define P3DOF_SIMD
+#define P3DOF_ALIGNED
+#define P3DOF_TARGET
+enum { CACHE_LINE = 8, BLOCK = 80, LINE = 88 };
+#define P3DOF_NAME(f) f##_here
+#include "p3dof/compiled/extension/machine.h"
+#include "p3dof/compiled/extension/vector_math.h"
+#include "p3dof/compiled/extension/generated/batch_kernels.h"
+#include "p3dof/compiled/extension/machine_run.h"
+@TABLES@
+
+static int polls;
+static int poll(MachineRun *m)
+{
+    (void)m;
+    return ++polls > 3;
+}
+
+static int run(int drive, double period, double size, int friction, double end, double room)
+{
+    static double out[ROW * 32];
+    const double load_time[3] = {0.01, 0.02, 0.03}, load[9] = {1, 2, 3, -1, 0, 2, 5, 5, 5};
+    double times[31];
+    MachineRun m = {0};
+    for (int k = 0; k < 31; ++k)
+        times[k] = end * k / 30;
+    m.forward.run = forward_dynamics_loaded_here;
+    m.kinematics.run = kinematics_here;
+    m.limits.run = limits_here;
+    m.forward.constants = forward;
+    m.kinematics.constants = kinematics;
+    m.limits.constants = limits;
+    m.r = lengths[0];
+    m.R = lengths[1];
+    m.L = lengths[2];
+    m.friction = friction;
+    m.smoothing = 1e-3;
+    for (int k = 0; k < FRICTIONS; ++k)
+        m.viscous[k] = m.coulomb[k] = friction;
+    for (int k = 0; k < LIMITS; ++k) {
+        m.bound[k] = bounds[k] - room * signs[k];
+        m.sign[k] = signs[k];
+        m.counted[k] = 1;
+    }
+    m.drive = drive;
+    for (int k = 0; k < 3; ++k) {
+        m.stiffness[k] = 500 * size;
+        m.preload[k] = m.held[k] = m.held[3 + k] = size * (k + 1);
+        m.cut[k] = INFINITY;
+    }
+    m.load_time = load_time;
+    m.load = load;
+    m.loads = friction ? 3 : 1;
+    m.kinks = load_time;
+    m.kink_count = friction ? 3 : 0;
+    m.times = times;
+    m.samples = 31;
+    m.period = period;
+    m.outside = period > 0.0 && drive == DRIVE_HELD;
+    m.rtol = 1e-11;
+    m.atol = 1e-13;
+    m.longest = INFINITY;
+    m.poll = poll;
+    m.out = out;
+    int status;
+    do {
+        status = advance_here(&m);
+    } while (status == RUN_TICK);
+    printf("%d ", status);
+    return status;
+}
+
+int main(void)
+{
+    run(DRIVE_HELD, 0.0, 0.0, 0, 0.5, 0.0);
+    run(DRIVE_HELD, 0.0, 0.0, 0, 0.5, 9.0);
+    run(DRIVE_SPRINGS, 0.0, 9.0, 1, 0.5, 0.0);
+    run(DRIVE_SPRINGS, 1e-3, 9.0, 1, 0.1, 9.0);
+    run(DRIVE_HELD, 1e-3, 1.0, 0, 0.1, 9.0);
+    run(DRIVE_HELD, 0.0, 1e300, 0, 0.5, 0.0);
+    run(DRIVE_HELD, 0.0, NAN, 0, 0.5, 0.0);
+    polls = 0;
+    run(DRIVE_SPRINGS, 0.0, 9.0, 0, 5000.0, 9.0);
+    return 0;
+}
+"""
+
+
+def test_sanitizers_find_nothing(tmp_path):
+    compiler = shutil.which("gcc")
+    if compiler is None:
+        pytest.skip("no gcc here")
+    parameters = random_run(3)[0].parameters  # general bodies
+    parameters = replace(p3dof.load().parameters, bodies=parameters.bodies)
+    kernels, g = p3dof.Manipulator(parameters).kernels, parameters.geometry
+    bounds, signs, _ = Limiter(parameters, [], HOME, None).watched
+    tables = {
+        "forward": kernels.prepared("forward_dynamics_loaded")[1],
+        "kinematics": kernels.prepared("kinematics")[1],
+        "limits": kernels.prepared("limits")[1],
+        "lengths": (g.r, g.R, g.L),
+        "bounds": bounds,
+        "signs": signs,
+    }
+    assert not kernels.symmetric
+    lines = [
+        f"static const double {name}[] = {{{', '.join(map(repr, map(float, row)))}}};"
+        for name, row in tables.items()
+    ]
+    source = tmp_path / "driver.c"
+    source.write_text(DRIVER.replace("@TABLES@", "\n".join(lines)))
+    root = Path(p3dof.__file__).parents[1]
+    flags = ["-std=c11", "-O0", "-g", "-Wall", "-Wextra", "-Wno-unused-function", "-Werror"]
+    flags += ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", f"-I{root}"]
+    program = tmp_path / "driver"
+    subprocess.run([compiler, *flags, "-o", program, source, "-lm"], check=True)
+    ran = subprocess.run([program], check=True, capture_output=True, text=True)
+    assert set(ran.stdout.split()) == {"0", "2", "3", "4"}
