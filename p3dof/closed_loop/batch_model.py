@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from p3dof.checks import FloatArray, as_floats, frozen_array
 from p3dof.closed_loop.batch.dynamics import BatchDynamics
 from p3dof.closed_loop.batch.energy import BodyEnergies, body_energies
-from p3dof.closed_loop.batch.linear import IndexArray
+from p3dof.closed_loop.batch.linear import IndexArray, blocks
 from p3dof.closed_loop.batch.results import BatchForwardDynamics, BatchInverseDynamics
 from p3dof.closed_loop.batch.states import BatchAssembler, BatchStates
 from p3dof.closed_loop.batch.targets import FrameTargets, Targets
@@ -239,6 +239,30 @@ class BatchModel(MarginsModel):
             If an argument has the wrong shape or is not finite.
         """
         return self._batch_dynamics.power(*self._states(q, v, a))
+
+    def closure_gaps(self, q: ArrayLike) -> FloatArray:
+        """Return how far each closure, then coupling, is open, at one configuration or at N.
+
+        Parameters
+        ----------
+        q : (nq,) or (N, nq) array
+            One configuration, or N of them.
+
+        Returns
+        -------
+        (closures + couplings,) or (N, closures + couplings) array
+            As `ClosedTree.closure_gaps`.
+
+        Raises
+        ------
+        InputError
+            If `q` has the wrong shape, is not finite or not normalised.
+        """
+        if np.ndim(q) == 1:
+            return super().closure_gaps(q)
+        q, _, _ = self._states(q, *(np.zeros((len(np.atleast_2d(as_floats("q", q))), self.model.nv)),) * 2)
+        found = [self._batch_dynamics.errors(q[block]) for block in blocks(len(q))]
+        return self._kinematics.gaps(np.concatenate([np.zeros((0, self._kinematics.size)), *found]))
 
     def body_energies(self, q: ArrayLike, v: ArrayLike) -> BodyEnergies:
         """Return the kinetic and potential energy of every body, and the momentum of all of them.

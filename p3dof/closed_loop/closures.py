@@ -265,9 +265,9 @@ class LoopKinematics:
     def gaps(self, error: FloatArray) -> FloatArray:
         """Return how far each closure and coupling is open: the longer of distance and rotation vector."""
         if not self.size:
-            return np.zeros(0)
-        sizes = np.sqrt(np.add.reduceat(error * error, self._parts))
-        return np.asarray(np.maximum.reduceat(sizes, self._first_parts))
+            return np.zeros((*error.shape[:-1], 0))
+        sizes = np.sqrt(np.add.reduceat(error * error, self._parts, axis=-1))
+        return np.asarray(np.maximum.reduceat(sizes, self._first_parts, axis=-1))
 
     def worst(self, error: FloatArray) -> str:
         """Return what is open the most: ``closure`` or ``coupling``, and its name."""

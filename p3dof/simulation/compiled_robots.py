@@ -34,6 +34,8 @@ class CompiledStates:
         frames: Sequence[str] = (),
         stabilisation: float = 0.0,
     ) -> None:
+        self.loop = compiled
+        """The robot."""
         bound = compiled.bind(f"stabilised_{kind}" if stabilisation else kind)
         if stabilisation:
             bound.inputs["stabilisation"][:] = stabilisation

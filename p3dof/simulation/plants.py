@@ -158,5 +158,5 @@ class ConstrainedPlant:
         pairs = [self.split(state) for state in states]
         q = np.array([pair[0] for pair in pairs]).reshape(-1, self._nq)
         v = np.array([pair[1] for pair in pairs]).reshape(-1, self._nv)
-        gaps = [self.loop.closure_gaps(row).max(initial=0.0) for row in q]
-        return q, v, rates[:, self._nq : self._nq + self._nv], np.array(gaps)
+        gaps = self.loop.closure_gaps(q).max(axis=1, initial=0.0)
+        return q, v, rates[:, self._nq : self._nq + self._nv], gaps

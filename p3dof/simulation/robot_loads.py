@@ -58,6 +58,11 @@ class Loads:
         """Return the wrenches at a time since the start [s], one after the other, (6 k,)."""
         return self._now(time) if self._held is None else self._held
 
+    @property
+    def stays(self) -> bool:
+        """Whether all wrenches stay as they are."""
+        return self._held is not None
+
     def over(self, times: FloatArray) -> dict[str, FloatArray]:
         """Return the wrenches (N, 6) on each frame at times (N,)."""
         rows = np.array([self(float(time)) for time in times]).reshape(len(times), -1, 6)

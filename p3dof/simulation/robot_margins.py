@@ -53,11 +53,11 @@ class RobotMargins:
         kinds = [stop_at] if isinstance(stop_at, str) or not isinstance(stop_at, Iterable) else list(stop_at)
         if isinstance(stop_at, str) or any(kind not in ROBOT_KINDS for kind in kinds):
             raise InputError(f"stop_at: expected a list of {', '.join(ROBOT_KINDS)}, got {shown(stop_at)}")
-        self._plant, self._model, self._events = plant, plant.loop.model, events
+        self._plant, self._model, self.events = plant, plant.loop.model, events
         limits = Limits(self._model)
         counted = (limits.lower < limits.upper) & (JOINT_LIMIT in kinds)
-        self._q = limits.q[counted]
-        self._lower, self._upper = limits.lower[counted], limits.upper[counted]
+        self.limited_q = limits.q[counted]
+        self.lower, self.upper = limits.lower[counted], limits.upper[counted]
         self._joints = [name for name, counts in zip(limits.names, counted, strict=True) if counts]
         q, v = plant.split(state)
         self._rank = plant.loop.rank(q) if SINGULAR in kinds else 0
@@ -89,18 +89,18 @@ class RobotMargins:
         count = len(self._joints)
         if index < 2 * count:
             at, end = index % count, "lower" if index < count else "upper"
-            limit = (self._lower if index < count else self._upper)[at]
+            limit = (self.lower if index < count else self.upper)[at]
             words = f"the joint {shown(self._joints[at])} at its {end} limit, {limit:.6g}"
             return Stop(JOINT_LIMIT, time, words)
         if index == 2 * count:
             return Stop(SINGULAR, time, "the closures become dependent: their forces may grow without end")
-        return Stop("event", time, self._events[index - 2 * count - 1].name)
+        return Stop("event", time, self.events[index - 2 * count - 1].name)
 
     def _at(self, time: float, q: FloatArray, v: FloatArray) -> FloatArray:
-        values = q[self._q]
-        happening = [event.at(time, q, v) for event in self._events]
+        values = q[self.limited_q]
+        happening = [event.at(time, q, v) for event in self.events]
         return np.concatenate(
-            [values - self._lower, self._upper - values, [self._room(q)], self._signs * happening]
+            [values - self.lower, self.upper - values, [self._room(q)], self._signs * happening]
         )
 
     def _room(self, q: FloatArray) -> float:

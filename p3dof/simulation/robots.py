@@ -15,6 +15,7 @@ from p3dof.closed_loop.compiling_model import Method
 from p3dof.errors import ControllerError, DynamicsError, InputError
 from p3dof.motion.times import evenly, sample_count
 from p3dof.simulation.actuation import Actuation
+from p3dof.simulation.compiled_robot_runs import RobotRunInC, Setting
 from p3dof.simulation.compiled_robots import states_for
 from p3dof.simulation.crossings import CHECKED, Watch
 from p3dof.simulation.drives import DrivenPlant
@@ -98,7 +99,9 @@ def simulate_robot(
     method : {"general", "compiled"} or CompiledLoop
         What computes accelerations: the robot; C that is compiled for it now, or taken from the cache; or
         what `ClosedLoopModel.compile` returned, for many runs. Where compiled dynamics are not to be trusted
-        the robot decides, so that runs end for the same reasons.
+        the robot decides, so that runs end for the same reasons. With ``scheme="rk4"`` of the integration the
+        whole run is made in C, its closures projected instead of stabilised, if all that acts has a compiled
+        form; see `p3dof.simulation.compiled_robot_runs`.
 
     Returns
     -------
@@ -128,18 +131,40 @@ def simulate_robot(
     count = len(loop.actuated)
     effort = np.asarray(loop.model.upperEffortLimit)[loop.actuated_v]
     limits = control.largest_forces(np.where(effort > 0, effort, np.inf), count)
-    actuation = Actuation(plant.measurement, controller, control.period, limits, control.encoders(count))
-    drives = control.drives(count)
     followed = _followed(loop, reference, controller)
+    ends = [] if followed is None else [followed.duration]
+    kinks = np.union1d(loads.kinks, ends)
+    noted = [event for event in chosen if not event.stops]
+
+    def actuation() -> Actuation:
+        return Actuation(plant.measurement, controller, control.period, limits, control.encoders(count))
+
+    setting = Setting(
+        loop, plant, controller, control, integration, loads, margins, limits, times, kinks, progress
+    )
+    compiled = None if noted else setting.compiled
+    if compiled is not None:
+        actuation()  # says what does not fit
+        in_c = RobotRunInC(setting, compiled, state)
+        finish = _Finish(loop, plant, loads, followed, (), None)
+        try:
+            made = in_c(actuation)
+        except ControllerError as error:
+            if in_c.recording.times:
+                error.run = finish(in_c.recording)
+            raise
+        if made is not None:
+            return finish(made)
+    drives = control.drives(count)
     longest = integration.longest_step(_careful_step(control, controller, loads))
     _require_affordable(plant, state, count, times, longest, control, integration.time_limit)
-    ends = [] if followed is None else [followed.duration]
-    schedule = Schedule(times, control.period, np.union1d(loads.kinks, ends), control.lateness)
+    schedule = Schedule(times, control.period, kinks, control.lateness)
     tolerances = Tolerances(integration.rtol, integration.atol, longest, integration.scheme)
-    noted = [event for event in chosen if not event.stops]
     watch = _watch(plant, noted) if noted else None
     moved = plant if drives is None else DrivenPlant(plant, drives)
-    integrator = Integrator(moved, actuation, loads, margins, schedule, tolerances, progress, watch, SHORTEST)
+    integrator = Integrator(
+        moved, actuation(), loads, margins, schedule, tolerances, progress, watch, SHORTEST
+    )
     finish = _Finish(loop, plant, loads, followed, noted, watch)
     try:
         record = integrator.run(state)

@@ -141,6 +141,10 @@ class BatchDynamics:
                     evidence.know(int(i), one.conditioning)
         return result
 
+    def errors(self, q: FloatArray) -> FloatArray:
+        """Return how far the closures are open (N, rows) at configurations (N, nq)."""
+        return self._closures.errors(q, self._closures.frames(self._sweep.at(q)))
+
     def held(self, q: FloatArray) -> FloatArray:
         """Return the conditioning (N,) at configurations (N, nq), also with spare actuators."""
         if not len(q) or len(self._loop.actuated_v) <= self._loop.mobility(q[0]):

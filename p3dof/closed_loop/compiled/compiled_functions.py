@@ -18,7 +18,7 @@ from p3dof.closed_loop.compiled.functions import FUNCTIONS
 from p3dof.closed_loop.compiled.kernels import BoundFunction, Kernel, processors
 from p3dof.closed_loop.compiled.printing import lanes_source
 from p3dof.closed_loop.compiled.results import Tangents
-from p3dof.closed_loop.compiled.robot import closed_configurations, robot_of
+from p3dof.closed_loop.compiled.robot import CompiledRobot, closed_configurations, robot_of
 from p3dof.closed_loop.derivatives_model import DerivativesModel
 from p3dof.closed_loop.independent import coordinate_names
 from p3dof.closed_loop.loop_model import External
@@ -66,6 +66,8 @@ class CompiledFunctions:
         """Coordinates whose speeds the others follow from: joints, or single freedoms such as ``base[2]``."""
         self.external: tuple[str, ...] = tuple(load.name for load in self._robot.loads)
         """Frames on which external wrenches act."""
+        self.kept: dict[object, object] = {}
+        """What others make of it and keep, by keys of their own."""
         self._functions: dict[str, Function] = {}
         self._kernels: dict[str, Kernel] = {}
         self._defaults = self._robot.defaults
@@ -160,6 +162,11 @@ class CompiledFunctions:
     def defaults(self) -> dict[str, FloatArray]:
         """What acts, and inertial parameters, where a call says nothing of them; by the names of inputs."""
         return dict(self._defaults)
+
+    @property
+    def robot(self) -> CompiledRobot:
+        """What the formulas need of the robot."""
+        return self._robot
 
     @property
     def independent_places(self) -> tuple[int, ...]:

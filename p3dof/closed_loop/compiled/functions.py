@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 
 from p3dof.closed_loop.closed_tree import CLOSED, CONSISTENT
@@ -11,8 +12,10 @@ from p3dof.closed_loop.compiled.function import Builder, Function
 from p3dof.closed_loop.compiled.limits import MARGIN_OF_STATES, applied, nothing_missing, stays_closed
 from p3dof.closed_loop.compiled.pivots import solve_symmetric
 from p3dof.closed_loop.compiled.rates import moved, seeds_of
+from p3dof.closed_loop.compiled.run_functions import flow, model_forces
 from p3dof.closed_loop.compiled.solutions import (
     Borne,
+    accelerated,
     actuator_forces,
     completed_motion,
     drift_of,
@@ -22,7 +25,6 @@ from p3dof.closed_loop.compiled.solutions import (
     independent_accelerations,
     largest_of,
     projected_mass,
-    with_more,
 )
 from p3dof.errors import ModelError
 from p3dof.tracing import Number, Symbol
@@ -105,7 +107,7 @@ def completion(robot: Robot) -> Function:
         build.take(name, size)
         for name, size in (("q", tree.nq), ("v_independent", len(free)), ("a_independent", len(free)))
     )
-    at = At(robot, build.tape, q)
+    at = At(replace(robot, loads=(), joint_forces=False), build.tape, q)
     _, all_v, all_a = completed_motion(at, v, a, {})
     build.give("v", all_v)
     build.give("a", all_a)
@@ -205,8 +207,7 @@ def hybrid_dynamics(robot: Robot, stabilised: bool = False, checked: bool = Fals
     """Return forces and the acceleration of the tree from the accelerations of the motors."""
     build = Builder()
     tape, tree, free = build.tape, robot.tree, robot.independent
-    held, idle = [i for i in free if i in robot.motors], [i for i in free if i not in robot.motors]
-    if len(held) != len(robot.motors):
+    if not set(robot.motors) <= set(free):
         raise ModelError("hybrid dynamics: more actuators than freedoms; their accelerations are not free")
     q, v = build.take("q", tree.nq), build.take("v", tree.nv)
     given = dict(zip(robot.motors, build.take("a_actuated", len(robot.motors)), strict=True))
@@ -214,14 +215,7 @@ def hybrid_dynamics(robot: Robot, stabilised: bool = False, checked: bool = Fals
     beta = build.take("stabilisation", 1)[0] if stabilised else None
     at = At(robot, tape, q)
     moving = Moving(at, v, load)
-    start = at.completed({**given, **dict.fromkeys(idle, 0.0)}, drift_of(at, moving, beta))
-    a, limits = start, list[Number]()
-    if idle:
-        force, _ = at.projected(moving.needed(start))
-        inertia = projected_mass(at, idle, idle)
-        limits = heavy(at, idle, inertia)
-        found = solve_symmetric(tape, inertia, [-force[i] for i in idle])
-        a = with_more(at, start, dict(zip(idle, found, strict=True)))
+    a, limits = accelerated(at, moving, given, beta)
     needed = moving.needed(a)
     borne = actuator_forces(at, needed)
     build.give("tau", borne.tau)
@@ -265,6 +259,8 @@ FUNCTIONS: Mapping[str, Callable[[Robot], Function]] = {
     "checked_forward_dynamics": partial(forward_dynamics, checked=True),
     "motion": motion,
     "completion": completion,
+    "flow": flow,
+    "model_forces": model_forces,
     "step": step,
     "integrate": integrate,
     "tangent_of_forces": tangent_of_forces,

@@ -23,7 +23,7 @@ class _Text(Template):
     delimiter = "@"
 
 
-def lanes_source(functions: Sequence[Function], more: str = "") -> str:
+def lanes_source(functions: Sequence[Function], more: str = "", calls: bool = True) -> str:
     """Return functions as one file of C with calls for one sample and for many.
 
     Parameters
@@ -32,19 +32,21 @@ def lanes_source(functions: Sequence[Function], more: str = "") -> str:
         What to print.
     more : str
         C that uses them.
+    calls : bool
+        Whether there are calls besides that.
 
     Returns
     -------
     str
     """
     used = {f.tape.operations[i].name for f in functions for i in f.tape.needed(f.results)}
-    return _fill(
+    return fill(
         "lanes.in",
         sincos=_resource("p3dof.tracing", "sincos.h"),
         scalar="\n\n".join(_definition(f, "double", "_one") for f in functions),
         vector="\n\n".join(_definition(f, "lanes", "_lanes") for f in functions),
         functions="\n".join(each for name, each in _LIBRARY.items() if name in used),
-        calls="".join(_calls(f) for f in functions) + more,
+        calls="".join(_calls(f) for f in functions if calls) + more,
     )
 
 
@@ -66,18 +68,18 @@ def sweep_source(robot: Robot, functions: Sequence[Function]) -> str:
     parts = {place: part for part in robot.tree.parts[1:] for place in part.v}
     loads = list(motion.inputs.values())[3:]
     results = list(motion.outputs.values())[2:]
-    sweep = _fill(
+    sweep = fill(
         "sweep.in",
         nq=robot.tree.nq,
         nv=robot.tree.nv,
         free=len(robot.independent),
         loads=sum(loads),
         groups=len(loads),
-        load_sizes=_listed(loads or [0]),
+        load_sizes=listed(loads or [0]),
         results=len(motion.results),
-        result_sizes=_listed(results),
-        places=_listed([parts[place].q[0] for place in robot.independent]),
-        circles=_listed([int(parts[place].kind == "unbounded") for place in robot.independent]),
+        result_sizes=listed(results),
+        places=listed([parts[place].q[0] for place in robot.independent]),
+        circles=listed([int(parts[place].kind == "unbounded") for place in robot.independent]),
     )
     return lanes_source(functions, sweep)
 
@@ -118,23 +120,25 @@ def _definition(function: Function, real: str, suffix: str) -> str:
 
 
 def _calls(function: Function) -> str:
-    return _fill(
+    return fill(
         "calls.in",
         name=function.name,
         inputs=max(1, len(function.symbols)),
         outputs=max(1, len(function.results)),
         input_groups=len(function.inputs),
         output_groups=len(function.outputs),
-        input_sizes=_listed(list(function.inputs.values())),
-        output_sizes=_listed(list(function.outputs.values())),
+        input_sizes=listed(list(function.inputs.values())),
+        output_sizes=listed(list(function.outputs.values())),
     )
 
 
-def _listed(numbers: Sequence[int]) -> str:
+def listed(numbers: Sequence[int]) -> str:
+    """Return numbers with commas."""
     return ", ".join(map(str, numbers))
 
 
-def _fill(template: str, **values: object) -> str:
+def fill(template: str, **values: object) -> str:
+    """Return a template of this package with values put in."""
     return _Text(_resource("p3dof.closed_loop.compiled", template)).substitute(values)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from p3dof.closed_loop.compiled.formulas import At
+from p3dof.closed_loop.compiled.tree import Tree
 from p3dof.closed_loop.compiled.vectors import dot
 from p3dof.tracing import Number, Symbol, Tape
 
@@ -33,6 +34,26 @@ def moved(at: At, shift: Mapping[int, Number]) -> list[Number]:
         q, x = [at.q[i] for i in part.q], [shift.get(i, 0.0) for i in part.v]
         new = [value + rate for value, rate in zip(q, _RATES[part.kind](q, x), strict=True)]
         for place, value in zip(part.q, _normalised(at.tape, part.kind, new), strict=True):
+            found[place] = value
+    return found
+
+
+def rates_of(at: At, v: Sequence[Number]) -> list[Number]:
+    """Return how q changes with a velocity."""
+    found: list[Number] = [0.0] * len(at.q)
+    for part in at.robot.tree.parts[1:]:
+        rates = _RATES[part.kind]([at.q[i] for i in part.q], [v[i] for i in part.v])
+        for place, rate in zip(part.q, rates, strict=True):
+            found[place] = rate
+    return found
+
+
+def with_units(tree: Tree, tape: Tape, q: Sequence[Number]) -> list[Number]:
+    """Return q with circles and quaternions of length one."""
+    found = list(q)
+    for part in tree.parts[1:]:
+        values = _normalised(tape, part.kind, [q[i] for i in part.q])
+        for place, value in zip(part.q, values, strict=True):
             found[place] = value
     return found
 

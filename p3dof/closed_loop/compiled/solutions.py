@@ -130,6 +130,23 @@ def independent_accelerations(
     return dict(zip(free, found, strict=True))
 
 
+def accelerated(
+    at: At, moving: Moving, given: Mapping[int, Number], beta: Number | None = None
+) -> tuple[list[Number], list[Number]]:
+    """Return all accelerations from those of the motors, idle freedoms moving as they must.
+
+    With what must be positive for that.
+    """
+    idle = [i for i in at.robot.independent if i not in at.robot.motors]
+    start = at.completed({**given, **dict.fromkeys(idle, 0.0)}, drift_of(at, moving, beta))
+    if not idle:
+        return start, []
+    force, _ = at.projected(moving.needed(start))
+    inertia = projected_mass(at, idle, idle)
+    found = solve_symmetric(at.tape, inertia, [-force[i] for i in idle])
+    return with_more(at, start, dict(zip(idle, found, strict=True))), heavy(at, idle, inertia)
+
+
 def projected_mass(at: At, rows: Sequence[int], columns: Sequence[int]) -> list[list[Number]]:
     """Return the entries of Nᵀ M N at independent places, both given in rising order."""
     M = mass_matrix(at.robot.tree, at.where)
