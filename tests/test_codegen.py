@@ -20,7 +20,7 @@ from test_friction import random_friction
 import p3dof.cli.codegen  # the command
 from p3dof import kinematics
 from p3dof.cli import main
-from p3dof.codegen import batch, controller, reference
+from p3dof.codegen import batch, controller, lanes, reference
 from p3dof.codegen.controller import controller_files, prototypes
 from p3dof.codegen.machine import machine_numbers, parameter_row
 from p3dof.codegen.printing import Printer, operation_counts
@@ -560,7 +560,7 @@ def test_the_reference_is_a_matter_of_the_other_methods():
 
 
 def test_generated_kernels_are_up_to_date():
-    assert check_generated(batch.batch_files(), batch.DIRECTORY) == []
+    assert check_generated(batch.batch_files() | lanes.lane_files(), batch.DIRECTORY) == []
 
 
 def test_the_counts_are_those_of_the_code():

@@ -15,6 +15,7 @@ from p3dof.cli.output import print_plain, show
 from p3dof.cli.payloads import say_payloads
 from p3dof.codegen.batch import DIRECTORY, batch_files
 from p3dof.codegen.controller import MARK, controller_files
+from p3dof.codegen.lanes import lane_files
 from p3dof.codegen.printing import operation_counts
 from p3dof.codegen.wasm_files import WebFiles
 from p3dof.codegen.web_controller import controller_module
@@ -72,7 +73,7 @@ def codegen(
         jobs.append((texts, out, TOLERANCE))
         tables.append(_function_table(machine))
     if kernels:
-        jobs.append((batch_files(), DIRECTORY, 0.0))
+        jobs.append((batch_files() | lane_files(), DIRECTORY, 0.0))
         tables.append(_kernel_table())
     if check:
         return _check(jobs, web)

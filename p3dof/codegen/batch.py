@@ -10,7 +10,7 @@ otherwise waits for.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from p3dof.compiled.formulas import Kernel, all_kernels
@@ -64,17 +64,17 @@ def kernel_code(kernel: Kernel, in_blocks: bool) -> str:
 
 
 def _one_loop(kernel: Kernel) -> list[str]:
-    return [*_columns(kernel), *_loop("n", _statements(kernel, _places(kernel), {}, kernel.results))]
+    return [*_columns(kernel), *_loop("n", _statements(kernel, work_of(kernel), {}, kernel.results))]
 
 
 def _one_sample(kernel: Kernel) -> list[str]:
     """Return what leaves out the way through memory where no other sample is waiting."""
-    lines = _statements(kernel, _places(kernel), {}, kernel.results, sample="[0]")
+    lines = _statements(kernel, work_of(kernel), {}, kernel.results, sample="[0]")
     return ["if (n == 1) {", *_indented([*_columns(kernel), *lines, "return;"]), "}"]
 
 
 def _two_loops(kernel: Kernel) -> list[str]:
-    parts = in_two(kernel.tape, _places(kernel))
+    parts = in_two(kernel.tape, work_of(kernel))
     early = [isinstance(result, Symbol) and result.index in parts.first for result in kernel.results]
     first = [result if done else None for done, result in zip(early, kernel.results, strict=True)]
     second = [None if done else result for done, result in zip(early, kernel.results, strict=True)]
@@ -95,10 +95,20 @@ def _two_loops(kernel: Kernel) -> list[str]:
     ]
 
 
-def _places(kernel: Kernel) -> list[int]:
+def work_of(kernel: Kernel) -> list[int]:
     """Return what is done for each sample, what waits for a minimum last: without vectors that is a branch.
 
     Compilers fuse products and sums between branches only, so one sample rounds as a vector of them does.
+
+    Parameters
+    ----------
+    kernel : Kernel
+        What to print.
+
+    Returns
+    -------
+    list of int
+        Places on its tape.
     """
     tape, after = kernel.tape, set[int]()
     found = [
@@ -123,10 +133,41 @@ def _statements(
 ) -> list[str]:
     names = {symbol.index: f"c{i}" for i, symbol in enumerate(kernel.constants)}
     names |= {symbol.index: f"x{i}{sample}" for i, symbol in enumerate(kernel.symbols)} | known
+    targets = {f"f{i}{sample}": result for i, result in enumerate(results) if result is not None}
+    return statements_of(kernel, places, names, targets, kept)
+
+
+def statements_of(
+    kernel: Kernel,
+    places: Sequence[int],
+    known: Mapping[int, str],
+    targets: Mapping[str, object],
+    kept: Mapping[int, str] | None = None,
+) -> list[str]:
+    """Return what computes a part of a kernel for one sample.
+
+    Parameters
+    ----------
+    kernel : Kernel
+        What to print.
+    places : sequence of int
+        Which of its operations.
+    known : mapping of int to str
+        How what is known before is called.
+    targets : mapping of str to Symbol or float
+        Where results go.
+    kept : mapping of int to str, optional
+        Where values go that another part needs.
+
+    Returns
+    -------
+    list of str
+    """
+    names = dict(known)
     lines = statements(kernel.tape, places, names, "P3DOF_NAME(sincos)", functions=_OURS)
     lines += [
-        f"f{i}{sample} = {text(result, names)};"
-        for i, result in enumerate(results)
+        f"{place} = {text(result, names)};"
+        for place, result in targets.items()
         if isinstance(result, Symbol | float | int)
     ]
     return lines + [f"{place} = {names[index]};" for index, place in (kept or {}).items()]

@@ -20,6 +20,8 @@
 
 #include "function.h"
 
+#include "many_call.h"
+
 #include "sample.h"
 
 #include "designs.h"
@@ -63,6 +65,11 @@ static PyObject *counts_of_kernels(void)
     return proxy;
 }
 
+static PyMethodDef module_methods[] = {
+    {"run_many", (PyCFunction)(void (*)(void))run_many, METH_FASTCALL, run_many_doc},
+    {NULL, NULL, 0, NULL},
+};
+
 static int fill_module(PyObject *module)
 {
     if (add(module, "Call", PyType_FromModuleAndSpec(module, &Call_spec, NULL)) < 0 ||
@@ -96,6 +103,7 @@ static struct PyModuleDef module_definition = {
     .m_name = "_compiled",
     .m_doc = module_doc,
     .m_size = 0,
+    .m_methods = module_methods,
     .m_slots = module_slots,
 };
 

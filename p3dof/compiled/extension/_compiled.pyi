@@ -10,6 +10,8 @@ kernels: Mapping[str, tuple[int, int, int]]
 
 _Doubles: TypeAlias = NDArray[np.float64] | Buffer
 
+def run_many(level: str, wide: bool, /, *buffers: Buffer | None) -> None: ...
+
 @final
 class Call:
     @property
