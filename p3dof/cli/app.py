@@ -34,6 +34,7 @@ LONGEST = 1000
 COMMANDS = {
     "codegen": ("p3dof.cli.codegen", "Write C99 for a controller."),
     "compare": ("p3dof.cli.compare", "Compute the forces by both methods, and compare them."),
+    "designs": ("p3dof.cli.designs", "Compare many machines over one motion, from a table."),
     "energy": ("p3dof.cli.energy", "Say what moves most, and what the drives must do."),
     "export": ("p3dof.cli.export", "Write the model for other tools, with its loops."),
     "forces": ("p3dof.cli.forces", "Compute the forces over a motion by one method."),

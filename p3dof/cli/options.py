@@ -46,6 +46,11 @@ def PARAMETERS(command: Callable[..., Any]) -> Callable[..., Any]:  # noqa: N802
     return _PARAMETERS(_ANY_SIZE(command))
 
 
+def any_size() -> bool:
+    """Return whether the command may take machines of any size."""
+    return bool(click.get_current_context().meta.get(_META, False))
+
+
 def machine_of(parameters: Path | None, payload: Body | None = None) -> Manipulator:
     """Return the machine that a command was given, of a size that the user means.
 
@@ -65,11 +70,10 @@ def machine_of(parameters: Path | None, payload: Body | None = None) -> Manipula
     ParameterError, FileError
         As `p3dof.load`; also if the payload is very far away.
     """
-    any_size = bool(click.get_current_context().meta.get(_META, False))
-    machine = load(None if parameters is None else read_parameters(source(parameters), any_size))
+    machine = load(None if parameters is None else read_parameters(source(parameters), any_size()))
     if payload is None:
         return machine
-    if not any_size:
+    if not any_size():
         require_near(payload, "--payload")
     return load(machine.parameters.carrying(payload))
 

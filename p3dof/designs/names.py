@@ -111,7 +111,7 @@ def full_name(name: str) -> str:
             return f"{prefix}{name}"
     ends = {known.removeprefix(prefix): known for known in QUANTITIES for prefix in _PREFIXES}
     near = difflib.get_close_matches(name, ends, 3, 0.5)
-    hint = f"; did you mean {' or '.join(near)}?" if near else ""
+    hint = f"; did you mean {' or '.join(near)}?" if near else "."
     raise InputError(
         f"designs: unknown column {shown(name)}{hint} Expected names as in parameter files, with dots: R, "
         "rod_radius, platform.mass, payload.com.x, friction.viscous.sliders, limits.force, offset.y"

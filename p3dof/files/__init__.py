@@ -4,9 +4,9 @@ from p3dof.files.archives import MAX_TEXT, UnfitError, pack_arrays, unpack_array
 from p3dof.files.csv_text import write_table
 from p3dof.files.generated import check_generated, differences, write_generated
 from p3dof.files.kinds import SUFFIXES, suffix_of
-from p3dof.files.reading import MAX_BYTES, Source, called, read_bytes, read_text
+from p3dof.files.reading import MAX_BYTES, Source, called, is_stream, read_bytes, read_text, reason
 from p3dof.files.temporary import scratch_folder
-from p3dof.files.writing import check_writable, together, write_atomic
+from p3dof.files.writing import check_writable, together, write_atomic, write_streamed
 from p3dof.files.yaml_text import MAX_YAML, parse_yaml
 
 __all__ = [
@@ -20,15 +20,18 @@ __all__ = [
     "check_generated",
     "check_writable",
     "differences",
+    "is_stream",
     "pack_arrays",
     "parse_yaml",
     "read_bytes",
     "read_text",
+    "reason",
     "scratch_folder",
     "suffix_of",
     "together",
     "unpack_arrays",
     "write_atomic",
     "write_generated",
+    "write_streamed",
     "write_table",
 ]

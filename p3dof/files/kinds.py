@@ -11,6 +11,7 @@ from p3dof.files.reading import called
 SUFFIXES: dict[str, tuple[str, ...]] = {
     "table": (".csv",),
     "run": (".csv", ".npz"),
+    "designs": (".csv", ".parquet"),
     "parameters": (".yaml", ".yml"),
     "figure": (".png", ".svg", ".pdf"),
     "report": (".html", ".pdf"),

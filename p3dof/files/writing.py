@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 from p3dof.errors import FileError
 from p3dof.files import temporary
@@ -71,6 +72,35 @@ def together() -> Iterator[None]:
         files.close()
 
 
+@contextlib.contextmanager
+def write_streamed(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
+    """Write a file piece by piece: it takes its place at the end of this block, whole, or not at all.
+
+    Parameters
+    ----------
+    path : path-like
+        As of `write_atomic`.
+
+    Yields
+    ------
+    binary stream
+        Where to write.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written; what was there before is left as it was.
+    """
+    with _named(path):
+        files = _FileSet()
+        try:
+            with files.stream(path) as stream:
+                yield stream
+            files.replace()
+        finally:
+            files.close()
+
+
 def check_writable(path: str | os.PathLike[str]) -> None:
     """Find out whether a file can be written, before the work for it begins; nothing is left behind.
 
@@ -117,6 +147,12 @@ class _FileSet:
 
     def stage(self, path: str | os.PathLike[str], data: bytes) -> None:
         """Write a file beside where it is to be."""
+        with self.stream(path) as stream:
+            stream.write(data)
+
+    @contextlib.contextmanager
+    def stream(self, path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
+        """Open a file beside where it is to be."""
         target = _target(path)
         self._made += _make_folders(target.parent)
         earlier = self._staged.pop(target, None)
@@ -127,7 +163,7 @@ class _FileSet:
         if target.exists():
             found.chmod(target.stat().st_mode & 0o777)
         with os.fdopen(descriptor, "wb", closefd=False) as stream:
-            stream.write(data)
+            yield stream
             stream.flush()
             os.fsync(stream.fileno())
 
