@@ -7,7 +7,8 @@
 
 The rooms, from the bottom; each imports only from below:
 
-- `parameters`: what the machine is; `motion`: what it does, and what acts on it; `tasks`: what it has to do.
+- `parameters`: what the machine is; `motion`: what it does, and what acts on it; `tasks`: what it has to do;
+  `drives`: what moves it.
 - `paper`: the paper's formulas on scalars; `closed_loop`: any robot with closed loops, on Pinocchio;
   `description`: the machine as URDF and sister formats. The first knows nothing of the other two: their
   agreement is the evidence.

@@ -22,7 +22,7 @@ from .description import Mechanism
 # What it does, and what acts on it
 from .motion import Curve, Motion, WrenchHistory, paper_motion
 from .tasks import Plan, Task, Waypoint, read_task, write_task
-from .manipulator import TaskForces, forces_of_task
+from .manipulator import TaskForces, forces_of_task, size_drives
 
 # Where it is
 from .kinematics import BodyMotion, InverseKinematics, MechanismMotion, Singularity
@@ -64,6 +64,7 @@ from .viewer import show_robot
 from .errors import (
     AssemblyError,
     ControllerError,
+    DriveError,
     DynamicsError,
     FileError,
     InputError,
@@ -80,7 +81,7 @@ from .errors import (
 )
 
 # Rooms that are used by their own name: p3dof.viewer.save_animation, p3dof.engines.load, ...
-from . import closed_loop, codegen, engines, plots, report, simulation, tasks, viewer
+from . import closed_loop, codegen, drives, engines, plots, report, simulation, tasks, viewer
 
 # The version
 from .version import __version__
@@ -107,6 +108,7 @@ __all__ = [
     "DesignStatus",
     "Designs",
     "Dimensions",
+    "DriveError",
     "DriveLoads",
     "DynamicsError",
     "Energy",
@@ -164,6 +166,7 @@ __all__ = [
     "__version__",
     "closed_loop",
     "codegen",
+    "drives",
     "engines",
     "forces_of_designs",
     "forces_of_task",
@@ -177,6 +180,7 @@ __all__ = [
     "report",
     "show_robot",
     "simulation",
+    "size_drives",
     "tasks",
     "viewer",
     "write_parameters",

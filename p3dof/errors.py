@@ -47,6 +47,10 @@ class TaskError(P3dofError, ValueError):
     """A task is malformed: its waypoints, times, payloads or blends do not fit each other."""
 
 
+class DriveError(P3dofError, ValueError):
+    """A part of a drive, or a catalogue, is malformed; or there is nothing to size a drive by."""
+
+
 class ModelError(P3dofError, ValueError):
     """A robot description (URDF or sidecar) is malformed or names something that does not exist."""
 

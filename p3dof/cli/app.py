@@ -45,6 +45,7 @@ COMMANDS = {
     "report": ("p3dof.cli.report", "Write one page that tells all about a motion."),
     "show": ("p3dof.cli.show", "Show the machine and its forces in the browser."),
     "simulate": ("p3dof.cli.simulate", "Follow a motion under controllers, in time."),
+    "size": ("p3dof.cli.size", "Say which drives fit a task."),
     "urdf": ("p3dof.cli.export", "Write the URDF, its loops and its actuated joints."),
 }
 """The commands: the module of each, imported when it is asked for, and what the program's help says of it."""

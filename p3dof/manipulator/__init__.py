@@ -2,6 +2,7 @@
 
 from p3dof.manipulator.comparison import Comparison, Opinion
 from p3dof.manipulator.facade import Manipulator, load
+from p3dof.manipulator.sizing import size_drives
 from p3dof.manipulator.tables import agreement_table, opinions_table
 from p3dof.manipulator.tasks import TaskForces, forces_of_task
 from p3dof.methods import Exceedance, InverseDynamics, JointStates
@@ -21,4 +22,5 @@ __all__ = [
     "forces_of_task",
     "load",
     "opinions_table",
+    "size_drives",
 ]

@@ -62,6 +62,16 @@ class TaskForces(ShownInNotebook):
         """Power of the actuators together, shape (N,) [W]."""
         return np.concatenate([result.power for result in self.results])
 
+    @cached_property
+    def slider_velocities(self) -> FloatArray:
+        """Of A, B, C, shape (N, 3) [m/s]."""
+        return np.concatenate([result.slider_velocities for result in self.results])
+
+    @cached_property
+    def slider_accelerations(self) -> FloatArray:
+        """Of A, B, C, shape (N, 3) [m/s²]."""
+        return np.concatenate([result.slider_accelerations for result in self.results])
+
     @property
     def peak_forces(self) -> FloatArray:
         """Largest magnitude of the forces, shape (3,) [N]; NaN if the task is not possible."""
@@ -99,7 +109,7 @@ class TaskForces(ShownInNotebook):
         """
         columns = {
             "force": self.forces,
-            "speed": np.concatenate([result.slider_velocities for result in self.results]),
+            "speed": self.slider_velocities,
             "travel": np.concatenate([result.sliders for result in self.results]),
             "tilt": np.concatenate([result.motion.pose[:, 2:] for result in self.results]),
         }

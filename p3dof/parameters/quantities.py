@@ -34,6 +34,7 @@ _UNITS: dict[str, tuple[_Powers, Fraction]] = {
     "rad": ((0, 0, 0, 1), Fraction(1)),
     "mrad": ((0, 0, 0, 1), Fraction(1, 1000)),
     "deg": ((0, 0, 0, 1), Fraction(math.pi) / 180),
+    "rpm": ((0, 0, -1, 1), Fraction(math.pi) / 30),
     "°": ((0, 0, 0, 1), Fraction(math.pi) / 180),
     "N": ((1, 1, -2, 0), Fraction(1)),
     "mN": ((1, 1, -2, 0), Fraction(1, 1000)),
@@ -181,3 +182,4 @@ ANGLE = Quantity("an angle", "rad", ("deg",))
 SLIDE_DAMPING = Quantity("viscous friction of a slide", "N s/m", ("N s/mm",))
 HINGE_DAMPING = Quantity("viscous friction of a hinge", "N m s", ("N m s/rad",))
 TIME = Quantity("a time", "s", ("ms",))
+ROTATION = Quantity("a rotational speed", "rad/s", ("rpm",))

@@ -48,8 +48,7 @@ def task_figure(found: TaskForces) -> Figure:
     above, *panels = figure.subplots(4, 1, height_ratios=(1.5, 1, 1, 1))
     _draw_path(above, found)
     _draw_pose(panels[0], found)
-    speeds = np.concatenate([result.slider_velocities for result in found.results])
-    _draw_legs(panels[1], found.time, speeds, "slider speed [m/s]")
+    _draw_legs(panels[1], found.time, found.slider_velocities, "slider speed [m/s]")
     _draw_legs(panels[2], found.time, found.forces, "force [N]")
     for axis in panels:
         _mark(axis, found)

@@ -1,0 +1,95 @@
+"""`p3dof size`: which drives fit a task."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import click
+
+from p3dof.cli.app import app
+from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, source, write_results
+from p3dof.cli.options import METHOD, PARAMETERS, POSITIVE, Number, Whole, machine_of
+from p3dof.cli.output import print_plain, progress_bar, show
+from p3dof.drives import GENERIC, axes_table, ranking_table, ratings_table, read_catalogue, write_ranking
+from p3dof.drives.sizing import BRAKE_SAFETY
+from p3dof.manipulator.sizing import size_drives
+from p3dof.manipulator.tasks import forces_of_task
+from p3dof.tasks import read_task
+
+
+@app.command()
+@click.argument("task_file", metavar="TASK", type=InputFile())
+@PARAMETERS
+@click.option(
+    "--drives",
+    "catalogue_file",
+    type=InputFile(),
+    help="Catalogue of motors, gears, screws and belts (YAML); generic sizes without it.",
+)
+@click.option(
+    "--duration",
+    type=POSITIVE,
+    help="Time of the whole task, dwells included [s]; not needed where all stops have one in the file.",
+)
+@click.option(
+    "--rest", type=Number(min=0), default=0.0, show_default=True, help="Time at rest after each task [s]."
+)
+@click.option(
+    "--brake-safety",
+    type=POSITIVE,
+    default=BRAKE_SAFETY,
+    show_default=True,
+    help="How much more a holding brake must hold than what it bears.",
+)
+@click.option(
+    "--samples", type=Whole(2, 1_000_000), default=4001, show_default=True, help="Least number of samples."
+)
+@click.option("--top", type=Whole(1), default=10, show_default=True, help="How many drives to list.")
+@METHOD
+@click.option(
+    "--out",
+    type=OutputFile("table", stream=True),
+    help="CSV file, - for the standard output, for all drives.",
+)
+def size(
+    task_file: Path,
+    parameters: Path | None,
+    catalogue_file: Path | None,
+    duration: float | None,
+    rest: float,
+    brake_safety: float,
+    samples: int,
+    top: int,
+    method: str,
+    out: Path | None,
+) -> int:
+    """Say which drives fit a task, the weakest that does first, and what the first of them is used for.
+
+    Every motor of the catalogue is tried with every gear and every screw or belt, the same on all three axes.
+    Exit code 1 when none fits, or the machine cannot do the task.
+    """
+    protect((task_file, parameters, catalogue_file), (out,))
+    task = read_task(source(task_file))
+    catalogue = GENERIC if catalogue_file is None else read_catalogue(source(catalogue_file))
+    robot = machine_of(parameters)
+    plan = task.plan(duration, samples)
+    found = forces_of_task(robot, plan, method)  # type: ignore[arg-type,unused-ignore]  # a choice
+    with progress_bar("drives", len(catalogue)) as progress:
+        ranked = size_drives(robot, found, catalogue, rest=rest, brake_safety=brake_safety, progress=progress)
+    console = console_beside(out)
+    best = ranked[0]
+    leg, rating = best.worst
+    verdict = "fits" if best.fits else "comes nearest, but does not fit"
+    when = "over the cycle" if math.isnan(rating.time) else found.piece_at(rating.time).name
+    print_plain(
+        console,
+        f"{best.drives[0].name} {verdict}: {rating.name} of {leg} is used to {rating.share:.0%}, {when}",
+    )
+    show(console, ranking_table(ranked, top), notes=True)
+    show(console, axes_table(best), ratings_table(best, lambda time: found.piece_at(time).name), notes=True)
+    if catalogue_file is None:
+        print_plain(console, "generic sizes, for a first look only: give the makers' numbers with --drives")
+    for path in write_results(lambda to: write_ranking(ranked, to), out):
+        print_plain(console, f"wrote {path}")
+    return 0 if best.fits else 1

@@ -1,0 +1,30 @@
+"""Drives: motors, gears, screws and belts; what a cycle takes of them, and which of a catalogue fit."""
+
+from p3dof.drives.catalogue import GENERIC, Catalogue, read_catalogue
+from p3dof.drives.cycle import Cycle, cycle_of
+from p3dof.drives.drive import Drive
+from p3dof.drives.motor import Motor
+from p3dof.drives.sizing import AxisLoads, Rating, Sizing, size_of
+from p3dof.drives.tables import axes_table, ranking_table, ratings_table, write_ranking
+from p3dof.drives.transmission import Belt, Gear, Screw
+
+__all__ = [
+    "GENERIC",
+    "AxisLoads",
+    "Belt",
+    "Catalogue",
+    "Cycle",
+    "Drive",
+    "Gear",
+    "Motor",
+    "Rating",
+    "Screw",
+    "Sizing",
+    "axes_table",
+    "cycle_of",
+    "ranking_table",
+    "ratings_table",
+    "read_catalogue",
+    "size_of",
+    "write_ranking",
+]

@@ -1,0 +1,115 @@
+"""`Motor`: what a servo motor can do: torque by speed, for ever and for a moment."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from p3dof.checks import FloatArray, frozen_array
+from p3dof.drives.checked import above_zero, from_zero, text
+from p3dof.errors import DriveError
+
+
+@dataclass(frozen=True, eq=False)
+class Motor:
+    """A motor with its rotor, and perhaps a brake.
+
+    Parameters
+    ----------
+    rated_torque : float
+        What it gives for ever, at any speed up to `rated_speed` [N m].
+    peak_torque : float
+        What it gives for a moment, at standstill [N m].
+    max_speed : float
+        Fastest speed [rad/s].
+    inertia : float
+        Of the rotor, with that of brake and encoder [kg m²].
+    rated_speed : float, optional
+        [rad/s]; `max_speed` without it.
+    curve : sequence of (speed, continuous torque, peak torque), optional
+        The torque-speed curve, by rising speed from 0 [rad/s, N m, N m]; straight between its points. Without
+        it the rated torque holds up to the rated speed, falls to its share rated_speed / max_speed at the
+        fastest speed, and the peak torque holds up to the rated speed and falls to the rated one there.
+    brake_torque : float
+        What the holding brake holds [N m]; zero for none.
+    coupling_inertia : float
+        Of the coupling at its shaft [kg m²].
+    drag : float
+        Friction torque of its bearings and seals [N m].
+    time_constant : float, optional
+        Thermal [s]; without it, heating within the cycle is not checked.
+    name : str
+        What tables call it.
+
+    Raises
+    ------
+    DriveError
+        If a number does not fit.
+    """
+
+    rated_torque: float
+    peak_torque: float
+    max_speed: float
+    inertia: float
+    rated_speed: float | None = None
+    curve: Sequence[Sequence[float]] | None = None
+    brake_torque: float = 0.0
+    coupling_inertia: float = 0.0
+    drag: float = 0.0
+    time_constant: float | None = None
+    name: str = "motor"
+
+    def __post_init__(self) -> None:
+        set_ = object.__setattr__
+        where = text("motor: name", self.name)
+        for field in ("rated_torque", "peak_torque", "max_speed"):
+            set_(self, field, above_zero(f"{where}: {field}", getattr(self, field)))
+        for field in ("inertia", "brake_torque", "coupling_inertia", "drag"):
+            set_(self, field, from_zero(f"{where}: {field}", getattr(self, field)))
+        rated = self.max_speed if self.rated_speed is None else self.rated_speed
+        set_(self, "rated_speed", above_zero(f"{where}: rated_speed", rated))
+        if self.time_constant is not None:
+            set_(self, "time_constant", above_zero(f"{where}: time_constant", self.time_constant))
+        if self.peak_torque < self.rated_torque:
+            raise DriveError(
+                f"{where}: peak_torque: expected at least the rated torque, {self.rated_torque:g} N m"
+            )
+        if rated > self.max_speed:
+            raise DriveError(f"{where}: rated_speed: expected at most the fastest, {self.max_speed:g} rad/s")
+        set_(self, "curve", self._points(where))
+
+    def continuous(self, speed: FloatArray) -> FloatArray:
+        """Return what it gives for ever at speeds (...) [rad/s], in (...) [N m]; zero above the fastest."""
+        return self._at(speed, 1)
+
+    def peak(self, speed: FloatArray) -> FloatArray:
+        """Return what it gives for a moment at speeds (...) [rad/s], in (...) [N m]; zero if too fast."""
+        return self._at(speed, 2)
+
+    def _at(self, speed: FloatArray, column: int) -> FloatArray:
+        points = np.asarray(self.curve)
+        found = np.interp(np.abs(speed), points[:, 0], points[:, column])
+        return np.where(np.abs(speed) > self.max_speed * (1 + 1e-12), 0.0, found)
+
+    def _points(self, where: str) -> FloatArray:
+        if self.curve is not None:
+            points = frozen_array(f"{where}: curve", self.curve, ("N", 3), DriveError)
+            if len(points) < 2 or points[0, 0] != 0 or (np.diff(points[:, 0]) <= 0).any():
+                raise DriveError(f"{where}: curve: expected rising speeds from 0, two at least")
+            if (points < 0).any() or (points[:, 1] > points[:, 2]).any():
+                raise DriveError(f"{where}: curve: expected continuous torques from zero to the peak torques")
+            if points[-1, 0] < self.max_speed:
+                raise DriveError(
+                    f"{where}: curve: expected points up to the fastest speed, {self.max_speed:g} rad/s"
+                )
+            return points
+        rated = float(self.rated_speed or math.nan)
+        slow = [[0.0, self.rated_torque, self.peak_torque]]
+        if rated < self.max_speed:
+            slow.append([rated, self.rated_torque, self.peak_torque])
+            left = self.rated_torque * rated / self.max_speed
+            return np.array([*slow, [self.max_speed, left, self.rated_torque]])
+        return np.array([*slow, [self.max_speed, self.rated_torque, self.peak_torque]])
