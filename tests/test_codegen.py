@@ -83,6 +83,10 @@ class CParameters(ctypes.Structure):
         ("viscous", ctypes.c_double * len(JOINTS)),
         ("coulomb", ctypes.c_double * len(JOINTS)),
         ("smoothing", ctypes.c_double),
+        ("travel", ctypes.c_double * 2),
+        ("speed", ctypes.c_double),
+        ("force", ctypes.c_double),
+        ("tilt", ctypes.c_double * 2),
     )
 
     @classmethod
@@ -94,13 +98,18 @@ class CParameters(ctypes.Structure):
             for given in (friction.viscous, friction.coulomb)
         )
         gravity = (ctypes.c_double * 3)(*machine.gravity)
-        return cls(g.r, g.R, g.L, g.b, gravity, bodies, viscous, coulomb, friction.smoothing)
+        found = cls(g.r, g.R, g.L, g.b, gravity, bodies, viscous, coulomb, friction.smoothing)
+        limits = machine.limits
+        found.travel[:], found.tilt[:] = limits.travel, limits.tilt
+        found.speed, found.force = limits.speed, limits.force
+        return found
 
 
 class CModel(ctypes.Structure):
     _fields_ = (
         ("numbers", ctypes.c_double * len(MODEL)),
         ("constants", ctypes.c_double * len(routines().constants())),
+        ("limits", ctypes.c_double * 6),
         ("friction", ctypes.c_uint),
     )
 
@@ -662,7 +671,9 @@ def test_the_command_takes_a_machine_and_a_payload(tmp_path, capsys):
     options = ("--parameters", tmp_path / "machine.yaml", "--payload", "2.5,0.1,0,-0.05")
     assert command(capsys, *options, "--out", tmp_path / "c")[0] == 0
     carried = machine.carrying(Body(2.5, np.array([0.1, 0, -0.05]), np.zeros((3, 3))))
-    assert check_generated(controller_files(carried), tmp_path / "c", 1e-9) == []
+    told = "p3dof codegen --parameters machine.yaml --payload 2.5,0.1,0,-0.05"
+    assert check_generated(controller_files(carried, command=told), tmp_path / "c", 1e-9) == []
+    assert all(told in path.read_text()[:200] for path in (tmp_path / "c").iterdir())
     assert check_generated(controller_files(machine), tmp_path / "c", 1e-9)
 
 
@@ -693,6 +704,9 @@ def test_bad_requests_are_one_line(tmp_path, capsys):
         ("--check",),
         ("--kernels", "--bake"),
         ("--kernels", "--payload", "1"),
+        ("--kernels", "--prefix", "arm"),
+        ("--out", tmp_path / "x", "--prefix", "Arm"),
+        ("--out", tmp_path / "x", "--prefix", "math"),
         ("--out", tmp_path / "file"),
         ("--out", tmp_path / "file" / "below"),
         ("--out", foreign),

@@ -9,13 +9,14 @@ from rich.console import Console
 
 from p3dof.cli.app import app
 from p3dof.cli.export import CHECK, FORCE, WASM, print_differences
-from p3dof.cli.files import OutputFolder, protect
-from p3dof.cli.options import PARAMETERS, Payload, machine_of
+from p3dof.cli.files import OutputFolder, file_name, protect
+from p3dof.cli.options import PARAMETERS, Payload, machine_of, payload_text
 from p3dof.cli.output import print_plain, show
 from p3dof.cli.payloads import say_payloads
 from p3dof.codegen.batch import DIRECTORY, batch_files
-from p3dof.codegen.controller import MARK, controller_files
+from p3dof.codegen.controller import MARK, controller_files, origin_of
 from p3dof.codegen.lanes import lane_files
+from p3dof.codegen.naming import PREFIX, checked_prefix, command_of
 from p3dof.codegen.printing import operation_counts
 from p3dof.codegen.wasm_files import WebFiles
 from p3dof.codegen.web_controller import controller_module
@@ -41,6 +42,11 @@ parameters that matters is more, other last bits on another processor are less."
 @click.option(
     "--bake", is_flag=True, help="Put the machine's numbers into the code: smaller, not to be changed."
 )
+@click.option(
+    "--prefix",
+    help="What all names and files of the C for a controller begin with, p3dof without it; two machines in "
+    "one program need two.",
+)
 @click.option("--kernels", is_flag=True, help="The package's own kernels, where they are in the package.")
 @WASM
 @CHECK
@@ -50,6 +56,7 @@ def codegen(
     payload: Body | None,
     out: Path | None,
     bake: bool,
+    prefix: str | None,
     kernels: bool,
     wasm: bool,
     check: bool,
@@ -62,14 +69,19 @@ def codegen(
         )
     if out is None and not kernels:
         raise click.UsageError("expected --out (C for a controller), --kernels (the package's own) or both")
-    if out is None and (parameters is not None or payload is not None or bake or wasm):
-        raise click.UsageError("--parameters, --payload, --bake and --wasm belong to --out")
+    if out is None and (parameters is not None or payload is not None or bake or wasm or prefix is not None):
+        raise click.UsageError("--parameters, --payload, --bake, --prefix and --wasm belong to --out")
     jobs: list[tuple[dict[str, str], Path, float]] = []
     tables = []
-    web = WebFiles(controller_module(bake)) if wasm else None
+    web = None
     if out is not None:
         machine = machine_of(parameters, payload).parameters
-        texts = controller_files(machine, bake) | (web.texts() if web else {})
+        given = {"--parameters": file_name(parameters), "--payload": payload and payload_text(payload)}
+        command = command_of("p3dof codegen", {**given, "--prefix": prefix, "--bake": bake})
+        name = PREFIX if prefix is None else checked_prefix(prefix)
+        if wasm:
+            web = WebFiles(controller_module(bake, name, origin_of(machine, bake, name, command)))
+        texts = controller_files(machine, bake, name, command) | (web.texts() if web else {})
         jobs.append((texts, out, TOLERANCE))
         tables.append(_function_table(machine))
     if kernels:

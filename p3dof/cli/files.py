@@ -22,6 +22,11 @@ STREAM = Path("-")
 """Stands for the standard input or output."""
 
 
+def file_name(path: Path | None) -> str | None:
+    """Return the name of a file without its folder, ``-`` for a stream."""
+    return None if path is None else path.name
+
+
 class InputFile(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic in newer versions only
     """A file to read, or ``-`` for the standard input."""
 

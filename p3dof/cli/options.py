@@ -157,6 +157,12 @@ class Payload(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # gener
             self.fail(f"{rule} ({error})", param, ctx)
 
 
+def payload_text(payload: Body) -> str:
+    """Return a payload as it is given on the command line."""
+    com = payload.com.tolist()
+    return ",".join(f"{number:.15g}" for number in (payload.mass, *(com if any(com) else ())))
+
+
 _CASE = (
     PARAMETERS,
     click.option(

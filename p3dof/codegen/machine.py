@@ -88,6 +88,23 @@ def parameter_row(parameters: Parameters) -> list[float]:
     return [*row, friction.smoothing]
 
 
+def limit_row(parameters: Parameters) -> list[float]:
+    """Return the limits of a machine as C has them: travel, speed, force, tilt.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine.
+
+    Returns
+    -------
+    list of float
+        Six numbers.
+    """
+    limits = parameters.limits
+    return [*limits.travel, limits.speed, limits.force, *limits.tilt]
+
+
 def _inertial(row: list[Symbol]) -> Inertial:
     m, cx, cy, cz, xx, xy, xz, yy, yz, zz = row
     return Inertial(m, (cx, cy, cz), ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Sequence
 
 import numpy as np
@@ -61,6 +62,9 @@ def selftest(parameters: Parameters, prototypes: Sequence[Prototype], baked: boo
     return {
         "model": model,
         "pass_model": "" if baked else "model, ",
+        "model_only": "void" if baked else "const p3dof_model *model",
+        "only_model": "" if baked else "model",
+        "strong": "P3DOF_BEYOND_LIMITS" if parameters.limits.force < sys.float_info.max else "P3DOF_OK",
         "baked": str(int(baked)),
         "fields": "\n".join(f"{_INDENT}double {name}[{size}];" for name, size in _FIELDS.items()),
         "count": str(count),

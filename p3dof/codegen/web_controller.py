@@ -4,15 +4,23 @@ from __future__ import annotations
 
 from math import prod
 
-from p3dof.codegen.controller import NOTE, prototypes
+from p3dof.codegen.controller import MARK, prototypes
 from p3dof.codegen.filling import fill
+from p3dof.codegen.naming import PREFIX
 from p3dof.codegen.routines import Argument
 from p3dof.codegen.webassembly import Exported, Rows, WebModule
 from p3dof.compiled.reduced.friction import JOINTS
 from p3dof.parameters import LINKS
 
-_PREFIX = "p3dof"
-_STATUSES = ("OK", "NOT_FINITE", "OUT_OF_REACH", "SINGULAR", "BAD_PARAMETERS", "NULL_POINTER")
+_STATUSES = (
+    "OK",
+    "NOT_FINITE",
+    "OUT_OF_REACH",
+    "SINGULAR",
+    "BAD_PARAMETERS",
+    "NULL_POINTER",
+    "BEYOND_LIMITS",
+)
 _BODY = 10
 _METHODS = """
     /** The machine's numbers by \\u0060places\\u0060, in memory: change them, and prepare. */
@@ -32,13 +40,19 @@ _METHODS = """
 """
 
 
-def controller_module(bake: bool = False) -> WebModule:
+def controller_module(
+    bake: bool = False, prefix: str = PREFIX, note: str = f"{MARK}`: do not edit."
+) -> WebModule:
     """Return what the WebAssembly of a controller's C offers.
 
     Parameters
     ----------
     bake : bool
         Whether the machine's numbers are in the code.
+    prefix : str
+        What the names of the C begin with.
+    note : str
+        What its files begin with: `origin_of` of the C.
 
     Returns
     -------
@@ -46,27 +60,27 @@ def controller_module(bake: bool = False) -> WebModule:
     """
     first = "" if bake else "&model"
     functions = [
-        Exported(name, [*map(_rows, inputs)], [*map(_rows, outputs)], first)
+        Exported(name, [_rows(a, prefix) for a in inputs], [_rows(a, prefix) for a in outputs], first)
         for name, inputs, outputs in prototypes()
     ]
     statuses = dict(enumerate(_STATUSES))
     if bake:
-        return WebModule(_PREFIX, NOTE, functions, statuses)
+        return WebModule(prefix, note, functions, statuses)
     places, count = _places()
     return WebModule(
-        _PREFIX,
-        NOTE,
+        prefix,
+        note,
         functions,
         statuses,
-        state=fill("wasm_machine.in", prefix=_PREFIX, PREFIX=_PREFIX.upper()),
+        state=fill("wasm_machine.in", prefix=prefix, PREFIX=prefix.upper()),
         methods=_METHODS.replace("@count", str(count)).replace("\\u0060", "`"),
         constructed="\n        exports.initialise();",
         places=places,
     )
 
 
-def _rows(argument: Argument) -> Rows:
-    columns = {3: "3"}.get(argument.shape[-1], "P3DOF_NUMBERS")
+def _rows(argument: Argument, prefix: str) -> Rows:
+    columns = {3: "3"}.get(argument.shape[-1], f"{prefix.upper()}_NUMBERS")
     cast = f"(double (*)[{columns}])" if len(argument.shape) == 2 else ""
     return Rows(argument.name, prod(argument.shape), cast, optional=argument.name == "wrench")
 
@@ -80,5 +94,7 @@ def _places() -> tuple[dict[str, object], int]:
     for kind in ("viscous", "coulomb"):
         found[kind] = {joint: place + i for i, joint in enumerate(JOINTS)}
         place += len(JOINTS)
-    found["smoothing"] = place
-    return found, place + 1
+    for name, size in (("smoothing", 1), ("travel", 2), ("speed", 1), ("force", 1), ("tilt", 2)):
+        found[name] = place
+        place += size
+    return found, place

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 
 import click
 from rich.console import Console
 
 from p3dof.cli.export import CHECK, FORCE, WASM, print_differences
-from p3dof.cli.files import OutputFolder, protect
+from p3dof.cli.files import OutputFolder, file_name, protect
 from p3dof.cli.loop.group import loop, with_robot
 from p3dof.cli.output import print_plain, show
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.codegen.loops import MARK, loop_files
+from p3dof.codegen.naming import command_of
 from p3dof.codegen.wasm_files import WebFiles
 from p3dof.files import check_generated, together, write_generated
 from p3dof.tables import table_of
@@ -58,7 +60,7 @@ def codegen(
 ) -> int:
     """Write the dynamics of a robot as C99, its loops solved, with a program that tests it."""
     chosen = None if functions is None else [name.strip() for name in functions.split(",")]
-    code = loop_files(robot, prefix, chosen, external, joint_forces, inertias)
+    code = loop_files(robot, prefix, chosen, external, joint_forces, inertias, _command())
     console, web = Console(), WebFiles(code.web) if wasm else None
     texts = code.files | (web.texts() if web else {})
     if check:
@@ -76,3 +78,22 @@ def codegen(
     rows = {name: [str(count)] for name, count in code.operations.items()}
     show(console, table_of("Operations of a call", ("function", "operations"), rows))
     return 0
+
+
+def _command() -> str:
+    """Return the command that is running: names of its files, and all that changes the C."""
+    given = click.get_current_context().params
+    files = [file_name(given[name]) for name in ("file", "sidecar")]
+    options = {
+        "--floating": given["floating"],
+        "--reference": given["reference"],
+        "--srdf": file_name(given["srdf"]),
+        "--ignore-unknown": given["ignore_unknown"],
+        "--prefix": given["prefix"],
+        "--functions": given["functions"],
+        "--external": given["external"],
+        "--joint-forces": given["joint_forces"],
+        "--inertia": given["inertias"],
+    }
+    name = " ".join(["p3dof loop codegen", *(shlex.quote(file) for file in files if file)])
+    return command_of(name, options)

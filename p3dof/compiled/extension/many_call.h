@@ -59,7 +59,7 @@ enum {
     SETTING_ROWS,
     SETTINGS,
 };
-enum { NUMBER_TICK, NUMBER_END, NUMBER_NEAR, NUMBER_RTOL, NUMBER_ATOL, NUMBERS };
+enum { NUMBER_TICK, NUMBER_END, NUMBER_NEAR, NUMBER_RTOL, NUMBER_ATOL, MANY_NUMBERS };
 
 /* The buffers, by position. */
 enum {
@@ -158,7 +158,7 @@ static int check_settings(const int64_t *settings)
 static ptrdiff_t fill_batch(Batch *b, const ManyBuffers *buffers)
 {
     const Py_buffer *v = buffers->views;
-    if (!has(buffers, GIVEN_SETTINGS, SETTINGS, 1) || !has(buffers, GIVEN_NUMBERS, NUMBERS, 1) ||
+    if (!has(buffers, GIVEN_SETTINGS, SETTINGS, 1) || !has(buffers, GIVEN_NUMBERS, MANY_NUMBERS, 1) ||
         !has(buffers, GIVEN_CANCEL, 1, 1) || !check_settings(v[GIVEN_SETTINGS].buf))
         return -1;
     const int64_t *settings = v[GIVEN_SETTINGS].buf;
