@@ -71,7 +71,8 @@ mutants: $(DEV) ## break the sources in COUNT places, and list what no test noti
 lowest: $(LOWEST)/.ready ## a quick part of the tests with the lowest versions declared
 	$(LOWEST)/bin/pytest -n auto -m "not fuzz" -W ignore::DeprecationWarning \
 		$(addprefix tests/test_,$(addsuffix .py,checks parameters files motion kinematics manipulator closed_loop \
-		description tracing plots cli cli_machine viewer_scene))
+		description tracing plots cli cli_machine viewer_scene blocks blocks_cluster reductions \
+		sampling_of_blocks))
 
 benchmark: $(DEV) ## time a sample, of all contenders
 	$(BIN)/python tests/benchmarks/kernels.py --out $(OUT)/benchmark
@@ -101,7 +102,7 @@ $(VENV)/pyvenv.cfg:
 
 $(LOWEST)/.ready: $(DEV) tests/lowest.py
 	@rm -rf $(LOWEST) && $(PYTHON) -m venv $(LOWEST)
-	$(BIN)/python tests/lowest.py plot report viz test > $(LOWEST)/lowest.txt
+	$(BIN)/python tests/lowest.py cluster plot report viz test > $(LOWEST)/lowest.txt
 	$(LOWEST)/bin/python -m pip install --quiet --disable-pip-version-check -r $(LOWEST)/lowest.txt -e .
 	@touch $@
 
@@ -117,7 +118,7 @@ $(VENV)/.devall: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt $(SOURCES)
 	@if command -v apt-get >/dev/null && [ "$$(id -u)" = 0 ]; then \
 		apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq $(DEBIAN) >/dev/null || \
 		echo "Debian's packages could not be installed; their tests will be skipped: $(DEBIAN)"; fi
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,interop]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[cluster,dev,interop]'
 	@touch $@ $(VENV)/.dev $(VENV)/.demo
 
 $(VENV)/.docs: $(DEV)

@@ -7,6 +7,7 @@
 
 The rooms, from the bottom; each imports only from below:
 
+- `blocks`: work of any size in blocks, on any number of machines.
 - `parameters`: what the machine is; `motion`: what it does, and what acts on it; `tasks`: what it has to do;
   `drives`: what moves it.
 - `paper`: the paper's formulas on scalars; `closed_loop`: any robot with closed loops, on Pinocchio;

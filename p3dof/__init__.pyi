@@ -56,6 +56,9 @@ from .compiled import BoundInverseDynamics, MachineKernels
 # Many designs at once
 from .designs import DesignForces, DesignProblem, Designs, DesignStatus, forces_of_designs
 
+# Sweeps of any size
+from .blocks import Histogram, Moments, ParetoArchive, Sweep, TopK, sweep
+
 # Any robot with closed loops
 from .closed_loop import ClosedLoopModel, Closure, Coupling, FrameTarget, JointData, Sidecar, load_robot
 from .viewer import show_robot
@@ -77,11 +80,12 @@ from .errors import (
     ReachError,
     SampleError,
     SingularityError,
+    SweepError,
     TaskError,
 )
 
 # Rooms that are used by their own name: p3dof.viewer.save_animation, p3dof.engines.load, ...
-from . import closed_loop, codegen, drives, engines, plots, report, simulation, tasks, viewer
+from . import blocks, closed_loop, codegen, drives, engines, plots, report, simulation, tasks, viewer
 
 # The version
 from .version import __version__
@@ -120,6 +124,7 @@ __all__ = [
     "FrameTarget",
     "Friction",
     "Geometry",
+    "Histogram",
     "InitialState",
     "InputError",
     "Integration",
@@ -137,6 +142,7 @@ __all__ = [
     "MissingExtraError",
     "ModelError",
     "ModelWarning",
+    "Moments",
     "Motion",
     "MotionError",
     "Noise",
@@ -145,6 +151,7 @@ __all__ = [
     "P3dofError",
     "ParameterError",
     "Parameters",
+    "ParetoArchive",
     "Peak",
     "Plan",
     "ReachError",
@@ -157,13 +164,17 @@ __all__ = [
     "SingularityError",
     "Springs",
     "Stop",
+    "Sweep",
+    "SweepError",
     "Task",
     "TaskError",
     "TaskForces",
+    "TopK",
     "Utilisation",
     "Waypoint",
     "WrenchHistory",
     "__version__",
+    "blocks",
     "closed_loop",
     "codegen",
     "drives",
@@ -181,6 +192,7 @@ __all__ = [
     "show_robot",
     "simulation",
     "size_drives",
+    "sweep",
     "tasks",
     "viewer",
     "write_parameters",

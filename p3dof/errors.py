@@ -138,6 +138,10 @@ class DynamicsError(P3dofError, RuntimeError):
     """A dynamics problem has no solution, or the solver did not reach the accuracy asked for."""
 
 
+class SweepError(P3dofError, RuntimeError):
+    """A sweep cannot be begun, resumed or finished; the message says what to do."""
+
+
 class MissingExtraError(P3dofError, ImportError):
     """An optional dependency is not installed; the message says which extra brings it."""
 

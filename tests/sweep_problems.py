@@ -1,0 +1,96 @@
+"""Sweeps that tests compute, in this process and in workers: peak forces of machines with random lengths."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+import p3dof
+from p3dof import blocks
+
+MOTION = p3dof.paper_motion(41)
+VARIABLES = {
+    "R": blocks.Uniform(0.22, 0.3),
+    "L": blocks.Uniform(0.38, 0.5),
+    "share": blocks.Normal(1.0, 0.1),
+}
+OUTPUTS = ("peak_a", "peak_b", "peak_c", "height")
+
+
+def peaks(columns):
+    """Peak forces over the paper's motion of machines of the given lengths and masses, one by one."""
+    found = []
+    for R, L, share in zip(*(columns[name] for name in VARIABLES), strict=True):
+        geometry = replace(p3dof.PAPER.geometry, R=R, L=L)
+        machine = replace(p3dof.PAPER, geometry=geometry, bodies=p3dof.PAPER.bodies.scaled(share))
+        forces = p3dof.load(machine).forces(
+            MOTION.pose, MOTION.velocity, MOTION.acceleration, method="compiled", on_invalid="nan"
+        )
+        found.append([*np.abs(forces).max(axis=0), geometry.h])
+    return dict(zip(OUTPUTS, np.array(found).T, strict=True))
+
+
+def problem(count=60, block_size=5, method="random", function=peaks):
+    return blocks.FunctionProblem(
+        blocks.Samples(VARIABLES, count, method), function, OUTPUTS, {"samples": len(MOTION)}, block_size
+    )
+
+
+def reductions():
+    return (
+        blocks.TopK("peak_a", 7),
+        blocks.ParetoArchive({"peak_a": "min", "height": "max"}),
+        blocks.Histogram("peak_c", 0, 200, 10),
+        blocks.Moments(("peak_a", "peak_b")),
+    )
+
+
+@dataclass(frozen=True)
+class Gated:
+    """The same inputs, for which blocks from one on wait until a file is there."""
+
+    sampling: blocks.Samples
+    gate: Path
+    first: int
+
+    @property
+    def count(self):
+        return self.sampling.count
+
+    @property
+    def names(self):
+        return self.sampling.names
+
+    def settings(self):
+        return self.sampling.settings()
+
+    def draw(self, block):
+        while block.number >= self.first and not self.gate.exists():
+            time.sleep(0.01)
+        return self.sampling.draw(block)
+
+
+def gated(gate, first, **options):
+    """The same problem, whose blocks from one on wait until a file is there."""
+    free = problem(**options)
+    return replace(free, sampling=Gated(free.sampling, Path(gate), first))
+
+
+def files(folder):
+    """The bytes of everything that a sweep found."""
+    found = {}
+    for path in sorted(Path(folder).rglob("*")):
+        if path.is_file() and path.suffix in {".npz", ".parquet"}:
+            found[str(path.relative_to(folder))] = path.read_bytes()
+    return found
+
+
+def wait_until(what, seconds=60.0):
+    """Wait for a state; fail if it does not come."""
+    end = time.monotonic() + seconds
+    while not what():
+        assert time.monotonic() < end, "it did not happen"
+        time.sleep(0.01)

@@ -1,0 +1,190 @@
+"""Sweeps on a real cluster of Dask: workers that die, a program that is killed, errors, memory, addresses."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import psutil
+import pytest
+from sweep_problems import files, gated, peaks, problem, reductions, wait_until
+from test_blocks import environment
+
+import p3dof
+from p3dof import blocks
+
+distributed = pytest.importorskip("distributed", reason="dask not installed")
+
+LOOPBACK = "127.0.0.1:0"  # where the pages of a cluster are, at any free port
+
+PROGRAM = """
+import sys
+import p3dof
+from distributed import Client, LocalCluster
+from sweep_problems import gated, reductions
+
+if __name__ == "__main__":
+    folder, gate, first, *options = sys.argv[1:]
+    settings = dict(n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0")
+    with LocalCluster(**settings, silence_logs="CRITICAL") as cluster, Client(cluster) as client:
+        print(*client.run(lambda: __import__("os").getpid()).values(), flush=True)
+        p3dof.sweep(gated(gate, int(first)), folder, reductions=reductions(), seed=3, client=client,
+                    resume="resume" in options)
+"""
+
+
+@pytest.fixture(scope="module")
+def client():
+    """A cluster of two worker processes that nobody but this machine can reach."""
+    settings = {"n_workers": 2, "threads_per_worker": 1, "host": "127.0.0.1", "dashboard_address": LOOPBACK}
+    dask = pytest.importorskip("dask")
+    with dask.config.set({"distributed.scheduler.allowed-failures": 0}), warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with (
+            distributed.LocalCluster(**settings, silence_logs="CRITICAL") as cluster,
+            distributed.Client(cluster) as client,
+        ):
+            yield client
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """What one process computes that nobody disturbs."""
+    made = p3dof.sweep(problem(), tmp_path_factory.mktemp("sweep"), reductions=reductions(), seed=3)
+    return files(made.folder)
+
+
+def there(folder):
+    return len(list(folder.rglob("*.npz")))
+
+
+def pids(client):
+    return list(client.run(os.getpid).values())
+
+
+@pytest.mark.parametrize("shared", [True, False])
+def test_a_cluster_computes_the_same_bits(client, whole, tmp_path, shared):
+    seen = []
+    made = p3dof.sweep(
+        problem(),
+        tmp_path,
+        reductions=reductions(),
+        seed=3,
+        client=client,
+        shared=shared,
+        progress=lambda done, total: seen.append((done, total)),
+    )
+    assert made.complete
+    assert seen == [(n, 60) for n in range(5, 61, 5)]
+    assert files(tmp_path) == whole
+
+
+def test_a_worker_and_then_the_whole_program_may_be_killed(whole, tmp_path):
+    """The sweep of a program that lost a worker, and was killed later, goes on to the same bits."""
+    folder, gate = tmp_path / "out", tmp_path / "gate"
+    command = [sys.executable, "-W", "error", "-c", PROGRAM, str(folder), str(gate)]
+    workers, helpers = [], []
+    with subprocess.Popen([*command, "4"], env=environment(), stdout=subprocess.PIPE, text=True) as program:
+        try:
+            workers = [psutil.Process(int(pid)) for pid in program.stdout.readline().split()]
+            wait_until(lambda: there(folder) == 4 or program.poll() is not None)
+            assert program.poll() is None  # both workers stand at the gate
+            workers[0].kill()
+            wait_until(lambda: not workers[0].is_running())
+            helpers = psutil.Process(program.pid).children(recursive=True)
+            gate.touch()  # the other one goes on, and what replaces the first one
+            wait_until(lambda: there(folder) >= 6)
+        finally:
+            program.kill()
+    assert program.wait() == -signal.SIGKILL
+    for process in {*workers, *helpers}:
+        wait_until(lambda process=process: not process.is_running() or process.status() == "zombie")
+    left = blocks.Sweep.load(folder)
+    assert len(left.numbers) >= 6
+    made = p3dof.sweep(problem(), folder, reductions=reductions(), seed=3, resume=True)
+    assert made.notes == ()
+    assert files(folder) == whole
+
+
+def test_ctrl_c_leaves_a_folder_that_a_cluster_goes_on_with(client, whole, tmp_path):
+    gate = tmp_path / "gate"
+
+    def press(done, _):
+        if done == 20:
+            gate.touch()
+            raise KeyboardInterrupt
+
+    with pytest.raises(blocks.SweepInterrupted, match=r"4 of 12 blocks are in .*resume=True"):
+        p3dof.sweep(
+            gated(gate, 4), tmp_path / "out", reductions=reductions(), seed=3, client=client, progress=press
+        )
+    p3dof.sweep(problem(), tmp_path / "out", reductions=reductions(), seed=3, client=client, resume=True)
+    assert files(tmp_path / "out") == whole
+
+
+def test_a_block_that_kills_every_worker_ends_the_sweep_with_one_line(client, tmp_path):
+    told = r"workers died while block \d .*; to go on: resume=True"
+    with pytest.raises(p3dof.SweepError, match=told):
+        p3dof.sweep(problem(10, 5, function=die), tmp_path, client=client)
+    wait_until(lambda: len(client.scheduler_info()["workers"]) == 2)
+
+
+def die(_columns):
+    os._exit(1)
+
+
+def test_errors_of_workers_come_through_as_they_are(client, tmp_path):
+    with pytest.raises(ZeroDivisionError):
+        p3dof.sweep(problem(function=fails), tmp_path / "a", client=client)
+    (tmp_path / "b/blocks").mkdir(parents=True)
+    (tmp_path / "b/blocks/0000000").write_text("in the way")
+    with pytest.raises(p3dof.FileError, match=r"cannot be written .*; 0 of 12 blocks are in .*resume=True"):
+        p3dof.sweep(problem(), tmp_path / "b", client=client)
+
+
+def fails(_columns):
+    return 1 / 0
+
+
+def test_a_problem_of_a_script_goes_to_the_workers(client, tmp_path):
+    """As what is defined in a notebook: it cannot be imported there."""
+
+    def doubled(columns):
+        return {**peaks(columns), "height": 2 * columns["R"]}
+
+    doubled.__module__, doubled.__qualname__ = "__main__", "doubled"
+    made = p3dof.sweep(problem(10, function=doubled), tmp_path, client=client)
+    found = made.columns(["R", "height"])
+    assert (found["height"] == 2 * found["R"]).all()
+
+
+def test_at_most_so_many_blocks_are_on_their_way(client, tmp_path):
+    gate = tmp_path / "gate"
+    most = []
+
+    def look(done, _):
+        most.append(len(client.futures))
+        if done == 10:
+            gate.touch()
+
+    p3dof.sweep(
+        gated(gate, 2), tmp_path / "out", client=client, in_flight=3, progress=look, reductions=reductions()
+    )
+    assert max(most) <= 3
+
+
+def test_nobody_beyond_this_machine_can_reach_the_cluster(client):
+    processes = [psutil.Process(), *(psutil.Process(pid) for pid in pids(client))]
+    listening = [c.laddr.ip for p in processes for c in p.net_connections("inet") if c.status == "LISTEN"]
+    assert listening
+    assert set(listening) <= {"127.0.0.1", "::1"}
+
+
+def test_folders_that_workers_do_not_see_are_told(tmp_path, monkeypatch):
+    monkeypatch.setattr(Path, "is_file", lambda _: False)
+    with pytest.raises(p3dof.SweepError, match=r"does not see this folder; share it .* \(shared=False\)"):
+        p3dof.sweep(problem(), tmp_path)
