@@ -81,6 +81,7 @@ benchmark: $(DEV) ## time a sample, of all contenders
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/benchmarks/loops.py
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/benchmarks/robots.py
 	$(BIN)/python tests/benchmarks/robots.py
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/benchmarks/robot_runs.py
 
 export: $(DEV) ## write the files of urdf/ anew
 	$(BIN)/p3dof export

@@ -7,13 +7,14 @@ from functools import cache
 
 import closed_trees as trees
 import numpy as np
+import pinocchio as pin
 import pytest
 from documents import ROOT
 
 import p3dof
 from p3dof.closed_loop import ClosedLoopModel, JointData
 from p3dof.closed_loop.compiled import build, runs
-from p3dof.errors import ControllerError
+from p3dof.errors import ControllerError, InputError, ModelWarning
 from p3dof.simulation import (
     ControlLoop,
     Event,
@@ -24,6 +25,7 @@ from p3dof.simulation import (
     JointReference,
     Noise,
     simulate_robot,
+    simulate_robot_many,
 )
 from p3dof.simulation.compiled_robot_runs import RobotRunInC, runs_of
 
@@ -344,3 +346,142 @@ def test_runs_side_by_side_do_not_know_each_other():
                 np.testing.assert_allclose(mine, theirs, rtol=1e-12, atol=1e-12, err_msg=name)
             for name, array in together.past.items():
                 np.testing.assert_allclose(array[i], alone.past[name][0], rtol=1e-11, atol=1e-11)
+
+
+# Many runs
+
+
+def test_many_runs_are_each_the_run_alone():
+    loop = kept("five_bar")[0]
+    q, home = home_of(loop)
+    wanted = swinging(home)
+    start = loop.complete(*wanted.at(0.0), q)
+    stay = JointPD(loop, wanted, 60.0, 4.0, gravity=True)
+    joint = str(loop.model.names[2])
+    body = loop.model.inertias[2].toDynamicParameters()
+    tip = loop.model.frames[loop.model.nframes - 1].name
+    count, rng = 11, np.random.default_rng(2)
+    columns = {
+        "q": start.q,
+        "v": start.v,
+        "kp": rng.uniform(20, 80, (count, 2)),
+        "kd": [3.0, 4.0],
+        "saturation": rng.uniform(0.5, 3, (count, 2)),
+        f"inertia.{joint}": body * rng.uniform(0.8, 1.2, (count, 1)),
+        f"external.{tip}": rng.normal(0, 1, (count, 6)),
+    }
+    seen = []
+    control = ControlLoop(200.0)
+    found = simulate_robot_many(
+        loop, 0.3, columns, stay, control=control, samples=7, progress=lambda *n: seen.append(n), stop_at=()
+    )
+    assert seen[-1] == (count, count)
+    assert found.finished.all()
+    assert not found.general.any()
+    assert found.gap.max() < 1e-9
+    for i in (0, 6, 10):
+        other = loop.copy()
+        other.model.inertias[2] = pin.Inertia.FromDynamicParameters(columns[f"inertia.{joint}"][i])
+        acting = JointPD(loop, wanted, columns["kp"][i], [3.0, 4.0], gravity=True)
+        alone = simulate_robot(
+            other,
+            0.3,
+            start.q,
+            start.v,
+            acting,
+            control=replace(control, saturation=columns["saturation"][i]),
+            external={tip: columns[f"external.{tip}"][i]},
+            samples=7,
+            stop_at=(),
+            integration=steps(),
+            method="general",
+        )
+        for name in ("q", "v", "forces", "asked"):
+            np.testing.assert_allclose(found.past[name][i], getattr(alone, name), rtol=0, atol=1e-7)
+        np.testing.assert_allclose(found.q[i], alone.q[-1], rtol=0, atol=1e-9)
+        fine = simulate_robot(
+            other,
+            0.3,
+            start.q,
+            start.v,
+            acting,
+            control=replace(control, saturation=columns["saturation"][i]),
+            external={tip: columns[f"external.{tip}"][i]},
+            samples=61,
+            stop_at=(),
+            integration=steps(),
+        )
+        np.testing.assert_allclose(found.peak_force[i], np.abs(fine.forces[:-1]).max(axis=0), rtol=1e-6)
+        np.testing.assert_allclose(found.rms_force[i] ** 2, np.mean(fine.forces[:-1] ** 2, axis=0), rtol=1e-6)
+        np.testing.assert_allclose(found.rms_error[i] ** 2, np.mean(fine.error[:-1] ** 2, axis=0), rtol=1e-6)
+
+
+def test_many_runs_end_at_limits_or_by_the_robot_itself():
+    bar = kept("four_bar")[0]
+    loop = ClosedLoopModel(bar.model, replace(bar.sidecar, actuated=("rocker_joint",)))
+    q = loop.assemble().q
+    free = trees.free(loop, q)[:, 0]
+    speeds = np.array([6.0, 5.0, 30.0])
+    columns = {"q": q, "v": speeds[:, None] * free / free[0]}
+    found = simulate_robot_many(
+        loop, 0.3, columns, stop_at=(), samples=6, control=ControlLoop(), integration=steps(2e-4)
+    )
+    assert found.general.tolist() == [False, False, True]
+    for i, v in enumerate(columns["v"]):
+        exact = simulate_robot(loop, 0.3, q, v, samples=6, stop_at=(), integration=EXACT)
+        np.testing.assert_allclose(found.past["q"][i], exact.q, rtol=0, atol=1e-6)
+    five, _ = kept("five_bar")
+    q, home = home_of(five)
+    way = np.sign(simulate_robot(five, 0.05, q, samples=2).actuated[-1, 0] - home[0])
+    side = (-9.0, home[0] + 0.05) if way > 0 else (home[0] - 0.05, 9.0)
+    other = limited(five, five.actuated[0], *side)
+    runs_ = simulate_robot_many(other, 0.4, {"forces": [[0.0, 0.0], [0.1, 0.0]]}, samples=5)
+    assert all(stop.kind == "joint limit" for stop in runs_.stop)
+    one = simulate_robot(other, 0.4, controller=[0.1, 0.0], integration=steps(), method="general")
+    assert runs_.stop[1].time == pytest.approx(one.stop.time, abs=1e-9)
+    assert np.isnan(runs_.past["q"][1, -1]).all()
+
+
+def test_without_a_compiler_the_robot_makes_all_runs_itself(monkeypatch):
+    monkeypatch.setattr(build, "compiler", lambda: None)
+    loop = p3dof.load_robot(ROOT / "docs/_static/gallery/four_bar.urdf")
+    with pytest.warns(ModelWarning, match="no C compiler"):
+        found = simulate_robot_many(loop, 0.02, {"forces": [[0.0], [0.1]]}, samples=3)
+    assert found.general.all()
+    exact = simulate_robot(loop, 0.02, controller=[0.1], integration=EXACT, samples=3)
+    np.testing.assert_allclose(found.past["q"][1], exact.q, rtol=0, atol=1e-9)
+
+
+def test_what_is_done_is_kept_when_it_is_interrupted():
+    loop = kept("five_bar")[0]
+    seen = []
+
+    def interrupt(done, total):
+        seen.append((done, total))
+        raise KeyboardInterrupt
+
+    found = simulate_robot_many(
+        loop, 0.01, {"forces": np.zeros((300, 2))}, stop_at=(), progress=interrupt, threads=1
+    )
+    assert seen == [(256, 300)]
+    assert found.finished.sum() == 256
+    assert found.stop[-1].kind == "interrupted"
+    assert np.isnan(found.q[-1]).all()
+
+
+@pytest.mark.parametrize(
+    ("columns", "told"),
+    [
+        ({}, "a row for each run"),
+        ({"kp": 1.0}, "kp: expected shape"),
+        ({"gain": np.ones((2, 2))}, "columns: expected q, v, kp"),
+        ({"kp": -np.ones((2, 2))}, "kp: expected zero or more"),
+        ({"kp": np.ones((2, 2)), "kd": np.ones((3, 2))}, "kd: expected shape"),
+        ({"q": np.zeros((2, 4))}, "q: the loops of run 0 are open"),
+        ({"v": np.ones((2, 4))}, "v: that of run 0 opens the loops"),
+        ({"external.nowhere": np.ones((2, 6))}, "columns: expected"),
+    ],
+)
+def test_columns_that_do_not_fit_are_refused(columns, told):
+    with pytest.raises(InputError, match=told):
+        simulate_robot_many(kept("five_bar")[0], 0.1, columns)

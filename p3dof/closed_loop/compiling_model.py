@@ -72,7 +72,11 @@ class CompilingModel(BatchModel):
         return CompiledLoop(self, around, external, joint_forces, inertias, level, threads)
 
     def compiled_for(
-        self, q: ArrayLike, external: Iterable[str] = (), joint_forces: bool = False
+        self,
+        q: ArrayLike,
+        external: Iterable[str] = (),
+        joint_forces: bool = False,
+        inertias: Iterable[str] = (),
     ) -> CompiledLoop:
         """Return the dynamics compiled for a configuration: once, as long as the robot stays as it is.
 
@@ -85,6 +89,8 @@ class CompilingModel(BatchModel):
             Frames on which wrenches will act.
         joint_forces : bool
             Whether forces in all joints will be given.
+        inertias : iterable of str
+            Joints whose bodies will get their inertial parameters.
 
         Returns
         -------
@@ -97,29 +103,30 @@ class CompilingModel(BatchModel):
         InputError
             If an argument does not fit, or the loops are open.
         """
-        frames = tuple(external)
-        kept = self._of_now(frames, joint_forces)
+        wanted = tuple(external), joint_forces, tuple(inertias)
+        kept = self._of_now(*wanted)
         best = max(kept, key=lambda one: one.margin(q), default=None)
         if best is not None and best.margin(q) > ENOUGH:
             return best
         if best is None:
             try:
-                best = self._keep(self.compile(external=frames, joint_forces=joint_forces))
+                best = self._keep(self.compile(None, *wanted))
             except AssemblyError:  # the reference configuration does not close
-                return self._keep(self.compile(q, frames, joint_forces))
+                return self._keep(self.compile(q, *wanted))
             if best.margin(q) > ENOUGH:
                 return best
-        here = self._keep(self.compile(q, frames, joint_forces))
+        here = self._keep(self.compile(q, *wanted))
         return max((best, here), key=lambda one: one.margin(q))
 
-    def _of_now(self, frames: Sequence[str], joint_forces: bool) -> list[CompiledLoop]:
+    def _of_now(
+        self, frames: Sequence[str], joint_forces: bool, inertias: Sequence[str] = ()
+    ) -> list[CompiledLoop]:
         """Return what is kept of the robot as it is, and forget what is not."""
         self._kept = [one for one in self._kept or [] if one.is_of(self)]
-        return [
-            one
-            for one in self._kept
-            if set(frames) <= set(one.external) and (not joint_forces or "joint_forces" in one.defaults)
-        ]
+        needed = {f"wrench_{frame}" for frame in frames} | {f"inertia_{joint}" for joint in inertias}
+        needed |= {"joint_forces"} if joint_forces else set()
+        found = [one for one in self._kept if needed <= set(one.defaults)]
+        return sorted(found, key=lambda one: len(one.defaults))
 
     def _keep(self, compiled: CompiledLoop) -> CompiledLoop:
         self._kept = [compiled, *(self._kept or [])][:_KEPT]

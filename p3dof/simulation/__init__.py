@@ -20,7 +20,9 @@ from p3dof.simulation.margins import Stop
 from p3dof.simulation.reference import Reference
 from p3dof.simulation.robot_margins import ROBOT_KINDS
 from p3dof.simulation.robot_run import JointExceedance, RobotRun
+from p3dof.simulation.robot_runs import RobotRuns
 from p3dof.simulation.robots import RobotController, simulate_robot
+from p3dof.simulation.robots_many import simulate_robot_many
 from p3dof.simulation.run import Simulation
 from p3dof.simulation.settings import ControlLoop, InitialState, Integration
 from p3dof.simulation.simulate import AT_HOME, CONTINUOUS, PRECISE, simulate
@@ -55,6 +57,7 @@ __all__ = [
     "RobotController",
     "RobotMeasurement",
     "RobotRun",
+    "RobotRuns",
     "Simulation",
     "Springs",
     "Stop",
@@ -65,4 +68,5 @@ __all__ = [
     "moved_inertia",
     "simulate",
     "simulate_robot",
+    "simulate_robot_many",
 ]
