@@ -14,7 +14,7 @@ import pytest
 from runs_in_c import both, difference, in_python, random_run
 
 import p3dof
-from p3dof import ControlLoop, Integration, Springs
+from p3dof import ControlLoop, Friction, Integration, Springs
 from p3dof.compiled import levels
 from p3dof.errors import ControllerError, DynamicsError, InputError, ReachError
 from p3dof.simulation.compiled_machine import pace, serves
@@ -24,6 +24,7 @@ from p3dof.simulation.simulate import task_of
 pytestmark = pytest.mark.skipif(levels()[-1] == "numpy", reason="the extension was not built")
 
 HOME = np.zeros(3)
+ROUGH = Friction({"sliders": 20, "joints": 0.3}, {"sliders": 5, "joints": 0.2})
 
 
 def both_ways(robot):
@@ -81,10 +82,10 @@ def test_a_wrong_limit_is_noticed(monkeypatch):
 
 
 def test_a_wrong_friction_is_noticed(monkeypatch):
-    from p3dof.compiled import runs
+    from p3dof.compiled import kernels
 
-    right = runs._friction
-    monkeypatch.setattr(runs, "_friction", lambda friction: right(friction) * 1.0001)
+    right = kernels.friction_numbers
+    monkeypatch.setattr(kernels, "friction_numbers", lambda friction: [1.0001 * x for x in right(friction)])
     assert any(difference(*both(seed)) for seed in range(12))
 
 
@@ -260,8 +261,8 @@ def test_what_the_extension_refuses():
     robot = p3dof.load()
     forward, constants = robot.kernels.prepared("forward_dynamics_loaded")
     tables = [constants, *(robot.kernels.prepared(name)[1] for name in ("kinematics", "limits"))]
-    tables += [np.zeros(18), np.zeros(36), np.zeros(0), np.zeros(1), np.zeros(3), np.zeros(0), np.ones(1)]
-    level, numbers = robot.kernels.level, np.zeros(18)
+    tables += [np.zeros(36), np.zeros(0), np.zeros(1), np.zeros(3), np.zeros(0), np.ones(1)]
+    level, numbers = robot.kernels.level, np.zeros(17)
     run = MachineRun(forward.name, level, tuple(tables), numbers)
     with pytest.raises(ValueError, match="expected a row of 13 doubles"):
         run.live(np.zeros(12))
@@ -269,21 +270,21 @@ def test_what_the_extension_refuses():
         run.samples(np.zeros(13))
     with pytest.raises(ValueError, match="must have 6 numbers, not 3"):
         run.hold(np.zeros(3))
-    with pytest.raises(ValueError, match="tuple of ten tables"):
-        MachineRun(forward.name, level, tuple(tables[:9]), numbers)
-    with pytest.raises(ValueError, match="tuple of ten tables"):
+    with pytest.raises(ValueError, match="tuple of nine tables"):
+        MachineRun(forward.name, level, tuple(tables[:8]), numbers)
+    with pytest.raises(ValueError, match="tuple of nine tables"):
         MachineRun("kinematics", level, tuple(tables), numbers)
     with pytest.raises(ValueError, match="no kernel 'magic'"):
         MachineRun("magic", level, tuple(tables), numbers)
-    with pytest.raises(ValueError, match="numbers must have 18 numbers, not 17"):
-        MachineRun(forward.name, level, tuple(tables), numbers[:17])
-    for place, size in ((0, 2), (3, 17), (7, 4), (9, 0), (5, 3)):
+    with pytest.raises(ValueError, match="numbers must have 17 numbers, not 16"):
+        MachineRun(forward.name, level, tuple(tables), numbers[:16])
+    for place, size in ((0, 2), (3, 35), (6, 4), (8, 0), (4, 3)):
         wrong = np.zeros(size)
         broken = [*tables[:place], wrong, *tables[place + 1 :]]
         with pytest.raises(ValueError, match=r"must have|do not fit"):
             MachineRun(forward.name, level, tuple(broken), numbers)
     with pytest.raises(TypeError, match="must be a buffer of doubles"):
-        MachineRun(forward.name, level, (*tables[:9], None), numbers)
+        MachineRun(forward.name, level, (*tables[:8], None), numbers)
 
 
 DRIVER = r"""
@@ -320,19 +321,15 @@ static int run(int drive, double period, double size, int friction, double end, 
     MachineRun m = {0};
     for (int k = 0; k < 31; ++k)
         times[k] = end * k / 30;
-    m.forward.run = forward_dynamics_loaded_here;
+    m.forward.run = friction ? forward_dynamics_with_friction_here : forward_dynamics_loaded_here;
     m.kinematics.run = kinematics_here;
     m.limits.run = limits_here;
-    m.forward.constants = forward;
+    m.forward.constants = friction ? rough : forward;
     m.kinematics.constants = kinematics;
     m.limits.constants = limits;
     m.r = lengths[0];
     m.R = lengths[1];
     m.L = lengths[2];
-    m.friction = friction;
-    m.smoothing = 1e-3;
-    for (int k = 0; k < FRICTIONS; ++k)
-        m.viscous[k] = m.coulomb[k] = friction;
     for (int k = 0; k < LIMITS; ++k) {
         m.bound[k] = bounds[k] - room * signs[k];
         m.sign[k] = signs[k];
@@ -387,11 +384,12 @@ def test_sanitizers_find_nothing(tmp_path):
     if compiler is None:
         pytest.skip("no gcc here")
     parameters = random_run(3)[0].parameters  # general bodies
-    parameters = replace(p3dof.load().parameters, bodies=parameters.bodies)
+    parameters = replace(p3dof.load().parameters, bodies=parameters.bodies, friction=ROUGH)
     kernels, g = p3dof.Manipulator(parameters).kernels, parameters.geometry
     bounds, signs, _ = Limiter(parameters, [], HOME, None).watched
     tables = {
         "forward": kernels.prepared("forward_dynamics_loaded")[1],
+        "rough": kernels.prepared("forward_dynamics_with_friction")[1],
         "kinematics": kernels.prepared("kinematics")[1],
         "limits": kernels.prepared("limits")[1],
         "lengths": (g.r, g.R, g.L),

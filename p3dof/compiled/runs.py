@@ -8,19 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from p3dof.checks import FloatArray
-from p3dof.compiled.friction import losses
 from p3dof.compiled.kernels import NUMPY, MachineKernels
 from p3dof.motion.wrenches import WRENCH_ROWS
-from p3dof.paper.formulas import Rates
-from p3dof.paper.friction import joint_rates, losses_of
-from p3dof.parameters import Friction, Parameters
 
 FINISHED, TICK, CROSSED, FAILED = range(4)
 """Why a run came back: at its end, for forces to hold, at a limit, or where no step is small enough."""
-
-_RATES = 9
-_SHARED = joint_rates(Rates(sliders=(0, 1, 2), w21a=3, w21b=4, w21c=5, w32c=6, w54c=7), (0, 0, 8))
-"""Which of the rates that differ each joint has, by its name."""
 
 _ROW = 13
 
@@ -163,13 +155,11 @@ class CompiledRun:
     ) -> None:
         from p3dof.compiled.extension import _compiled
 
-        parameters, (forward, constants) = kernels.parameters, kernels.prepared("forward_dynamics_loaded")
-        g = parameters.geometry
+        (forward, constants), g = kernels.prepared(_forward(kernels)), kernels.parameters.geometry
         tables = (
             constants,
             kernels.prepared("kinematics")[1],
             kernels.prepared("limits")[1],
-            _friction(parameters.friction),
             np.concatenate(limits),
             forces.springs,
             load.time,
@@ -177,9 +167,8 @@ class CompiledRun:
             load.kinks,
             timing.times,
         )
-        lengths = g.r, g.R, g.L, parameters.friction.smoothing
         tolerances = timing.period, timing.rtol, timing.atol, timing.longest
-        numbers = np.array([*lengths, *tolerances, *forces.largest, forces.outside, *state], dtype=float)
+        numbers = np.array([g.r, g.R, g.L, *tolerances, *forces.largest, forces.outside, *state], dtype=float)
         self._run = _compiled.MachineRun(forward.name, kernels.level, tables, numbers)
         self._run.hold(forces.held)
         self._live, self._held = np.empty(_ROW), np.empty(6)
@@ -243,9 +232,7 @@ class CompiledRun:
         return Samples(rows[:, 0], rows[:, 1:4], rows[:, 4:7], rows[:, 7:10], rows[:, 10:13])
 
 
-def accelerations(
-    kernels: MachineKernels, samples: Samples, wrench: FloatArray, losses: FloatArray | None
-) -> FloatArray:
+def accelerations(kernels: MachineKernels, samples: Samples, wrench: FloatArray) -> FloatArray:
     """Return the accelerations of the platform at samples, (N, 3).
 
     Parameters
@@ -256,18 +243,14 @@ def accelerations(
         Of a run.
     wrench : ndarray, shape (N, 6)
         On the platform [N, N m].
-    losses : ndarray, shape (N, 3), optional
-        What friction takes.
 
     Returns
     -------
     ndarray, shape (N, 3)
     """
-    acting = wrench[:, WRENCH_ROWS]
-    acting = acting if losses is None else acting - losses
     found = np.empty((len(samples.time), 3))
-    parts = samples.pose, samples.velocity, samples.forces, acting
-    kernels.run("forward_dynamics_loaded", [column for part in parts for column in part.T], [*found.T, None])
+    parts = samples.pose, samples.velocity, samples.forces, wrench[:, WRENCH_ROWS]
+    kernels.run(_forward(kernels), [column for part in parts for column in part.T], [*found.T, None])
     return found
 
 
@@ -290,27 +273,6 @@ def sliders(kernels: MachineKernels, samples: Samples) -> tuple[FloatArray, Floa
     return found[:, :3].copy(), found[:, 7:10].copy()
 
 
-def _friction(friction: Friction) -> FloatArray:
-    """Return viscous and Coulomb coefficients by rates, (18,): joints of equal rates are one."""
-    found = np.zeros((2, _RATES))
-    for name, coefficients in losses_of(friction).joints.items():
-        for rate in _SHARED[name]:
-            found[:, rate] += coefficients
-    return np.ravel(found)
-
-
-def losses_at(parameters: Parameters, samples: Samples) -> FloatArray | None:
-    """Return what friction takes at samples, (N, 3); None for a machine without.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        The machine.
-    samples : Samples
-        Of a run.
-
-    Returns
-    -------
-    ndarray, shape (N, 3), or None
-    """
-    return losses(parameters, samples.pose, samples.velocity) if parameters.friction else None
+def _forward(kernels: MachineKernels) -> str:
+    """Return the kernel of forward dynamics that serves a machine."""
+    return "forward_dynamics_with_friction" if kernels.has_friction else "forward_dynamics_loaded"

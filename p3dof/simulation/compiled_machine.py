@@ -241,8 +241,7 @@ class _Runner:
         machine = self._task.machine
         samples = self._run.samples()
         wrench = _wrenches(self._task, samples.time)
-        losses = runs.losses_at(machine.parameters, samples)
-        acceleration = runs.accelerations(machine.kernels, samples, wrench, losses)
+        acceleration = runs.accelerations(machine.kernels, samples, wrench)
         parts = samples.pose, samples.velocity, acceleration
         good = np.all([(np.abs(part) <= BEYOND).all(axis=1) for part in parts], axis=0)
         if good.all():

@@ -5,7 +5,6 @@ typedef void Run(ptrdiff_t, const double *, const double *const *, double *const
 enum {
     LIMITS = 12,  /* three sliders at either end, two of the tilt, three legs' reach, the singular pose */
     WATCHED = 7,  /* sliders A, B, C; cosines of the legs' drops; that of the platform's arm */
-    FRICTIONS = 9, /* rates of joints that friction is taken from */
     LOOKS = 65,   /* at the limits at a time */
     POLL_AFTER = 100000, /* evaluations, some milliseconds */
     MOST_RUN_INPUTS = 12,
@@ -34,8 +33,6 @@ struct MachineRun {
     /* The machine. */
     Bound forward, kinematics, limits; /* accelerations; sliders and their Jacobian; what limits are made of */
     double r, R, L;
-    double viscous[FRICTIONS], coulomb[FRICTIONS], smoothing; /* see `losses` */
-    int friction;
     double bound[LIMITS], sign[LIMITS]; /* margin = sign (value - bound) */
     int counted[LIMITS];
     /* What acts on it. */

@@ -27,33 +27,6 @@ static P3DOF_INLINE P3DOF_TARGET void P3DOF_NAME(one)(const Bound *bound, int in
 
 /* What acts on the machine */
 
-/* Take from w, forces of y, z and theta, what friction resists with. The rates of the joints follow from the platform's
- * by the paper's (14); joints of equal rates are one here: sliders A, B, C; w21 of A, B, C; w32; w54; the platform. */
-static P3DOF_TARGET void P3DOF_NAME(losses)(const MachineRun *m, const double *y, double *w)
-{
-    double sine, cosine;
-    P3DOF_NAME(sincos)(y[2], &sine, &cosine);
-    const double p = m->r * sine, q = m->r * cosine, wa = m->R - m->r + y[0], wb = m->R - m->r - y[0];
-    const double wc = m->R - q, u2 = (m->L - y[0]) * (m->L + y[0]), iu = 1.0 / sqrt(u2);
-    const double ia = 1.0 / sqrt((m->L - wa) * (m->L + wa)), ib = 1.0 / sqrt((m->L - wb) * (m->L + wb));
-    const double ic = 1.0 / sqrt(u2 - wc * wc), lean = y[0] * wc * ic / u2, turn = p * ic;
-    const double rows[FRICTIONS][3] = {
-        {-wa * ia, 1.0, 0.0}, {wb * ib, 1.0, 0.0}, {-y[0] * ic, 1.0, q - wc * turn},
-        {ia, 0.0, 0.0}, {-ib, 0.0, 0.0}, {lean, 0.0, turn},
-        {iu, 0.0, 0.0}, {lean, 0.0, turn + 1.0}, {0.0, 0.0, 1.0},
-    };
-    for (int k = 0; k < FRICTIONS; ++k) {
-        if (m->viscous[k] == 0.0 && m->coulomb[k] == 0.0)
-            continue;
-        const double rate = rows[k][0] * y[3] + rows[k][1] * y[4] + rows[k][2] * y[5];
-        double resisting = m->viscous[k] * rate;
-        if (m->coulomb[k] != 0.0)
-            resisting += m->coulomb[k] * tanh(rate / m->smoothing);
-        for (int i = 0; i < 3; ++i)
-            w[i] -= rows[k][i] * resisting;
-    }
-}
-
 /* Write the load at a time, linear between its rows. */
 static P3DOF_TARGET void P3DOF_NAME(load_at)(MachineRun *m, double t, double *w)
 {
@@ -104,26 +77,24 @@ static P3DOF_TARGET void P3DOF_NAME(actuate)(const MachineRun *m, const double *
     }
 }
 
+/* Write the derivative of the state. The kernel reads and writes where numbers are: copies would be waited for. */
 static P3DOF_TARGET void P3DOF_NAME(rate)(MachineRun *m, double t, const double *y, double *rate)
 {
-    double given[12], found[4], forces[6];
-    memcpy(given, y, 6 * sizeof *given);
-    P3DOF_NAME(load_at)(m, t, given + 9);
-    if (m->period > 0.0 || m->drive == DRIVE_HELD) {
-        memcpy(given + 6, m->held, 3 * sizeof *given);
-    }
-    else {
+    double forces[6], load[3], margin;
+    const double *acting = m->held;
+    P3DOF_NAME(load_at)(m, t, load);
+    if (m->period == 0.0 && m->drive != DRIVE_HELD) {
         P3DOF_NAME(actuate)(m, y, forces);
-        memcpy(given + 6, forces, 3 * sizeof *given);
+        acting = forces;
     }
-    if (m->friction)
-        P3DOF_NAME(losses)(m, y, given + 9);
-    P3DOF_NAME(one)(&m->forward, 12, given, 4, found);
-    const double nothing = y[1] - y[1]; /* z does not enter; NaN if it is not finite */
-    for (int i = 0; i < 3; ++i) {
-        rate[i] = y[3 + i] + nothing;
-        rate[3 + i] = found[i] + nothing;
-    }
+    const double *const in[12] = {y, y + 1, y + 2, y + 3, y + 4, y + 5, acting, acting + 1, acting + 2,
+                                  load, load + 1, load + 2};
+    double *const out[4] = {rate + 3, rate + 4, rate + 5, &margin};
+    m->forward.run(1, m->forward.constants, in, out);
+    for (int i = 0; i < 3; ++i)
+        rate[i] = y[3 + i];
+    if (!(fabs(y[1]) <= DBL_MAX)) /* z does not enter */
+        rate[3] = NAN;
 }
 
 #define DOP853_NAME(f) P3DOF_NAME(motion_##f)

@@ -1,12 +1,12 @@
 /* `MachineRun`: a run of one machine in time, without Python between its steps. */
 
-enum { TABLES = 10, NUMBERS = 18, LIVE = 13 };
+enum { RUN_TABLES = 9, RUN_NUMBERS = 17, RUN_LIVE = 13 };
 
 typedef struct {
     PyObject_HEAD
     MachineRun run;
     const Level *level;
-    double *tables[TABLES];
+    double *tables[RUN_TABLES];
     PyThreadState *saved;
     PyObject *told; /* what `poll` calls; borrowed from the caller of `advance` */
     int busy;
@@ -77,7 +77,7 @@ static PyObject *Run_live(PyObject *object, PyObject *into)
 {
     const RunObject *self = (RunObject *)object;
     Py_buffer view;
-    if (take_room(into, &view, LIVE) < 0)
+    if (take_room(into, &view, RUN_LIVE) < 0)
         return NULL;
     double *to = view.buf;
     to[0] = self->run.t;
@@ -119,29 +119,25 @@ static int set_tables(RunObject *self, const Py_ssize_t *lengths)
     m->forward.constants = tables[0];
     m->kinematics.constants = tables[1];
     m->limits.constants = tables[2];
-    memcpy(m->viscous, tables[3], sizeof m->viscous);
-    memcpy(m->coulomb, tables[3] + FRICTIONS, sizeof m->coulomb);
-    for (int k = 0; k < 2 * FRICTIONS; ++k)
-        m->friction |= tables[3][k] != 0.0;
-    memcpy(m->bound, tables[4], sizeof m->bound);
-    memcpy(m->sign, tables[4] + LIMITS, sizeof m->sign);
+    memcpy(m->bound, tables[3], sizeof m->bound);
+    memcpy(m->sign, tables[3] + LIMITS, sizeof m->sign);
     for (int k = 0; k < LIMITS; ++k)
-        m->counted[k] = tables[4][2 * LIMITS + k] != 0.0;
-    m->drive = lengths[5] ? DRIVE_SPRINGS : DRIVE_HELD;
+        m->counted[k] = tables[3][2 * LIMITS + k] != 0.0;
+    m->drive = lengths[4] ? DRIVE_SPRINGS : DRIVE_HELD;
     if (m->drive == DRIVE_SPRINGS) {
-        memcpy(m->stiffness, tables[5], sizeof m->stiffness);
-        memcpy(m->rest, tables[5] + 3, sizeof m->rest);
-        memcpy(m->damping, tables[5] + 6, sizeof m->damping);
-        memcpy(m->preload, tables[5] + 9, sizeof m->preload);
+        memcpy(m->stiffness, tables[4], sizeof m->stiffness);
+        memcpy(m->rest, tables[4] + 3, sizeof m->rest);
+        memcpy(m->damping, tables[4] + 6, sizeof m->damping);
+        memcpy(m->preload, tables[4] + 9, sizeof m->preload);
     }
-    m->load_time = tables[6];
-    m->load = tables[7];
-    m->loads = lengths[6];
-    m->kinks = tables[8];
-    m->kink_count = lengths[8];
-    m->times = tables[9];
-    m->samples = lengths[9];
-    if (m->loads < 1 || lengths[7] != 3 * m->loads || m->samples < 1 || (lengths[5] && lengths[5] != 12)) {
+    m->load_time = tables[5];
+    m->load = tables[6];
+    m->loads = lengths[5];
+    m->kinks = tables[7];
+    m->kink_count = lengths[7];
+    m->times = tables[8];
+    m->samples = lengths[8];
+    if (m->loads < 1 || lengths[6] != 3 * m->loads || m->samples < 1 || (lengths[4] && lengths[4] != 12)) {
         PyErr_SetString(PyExc_ValueError, "tables: a load, its times, springs or the samples do not fit");
         return -1;
     }
@@ -153,14 +149,13 @@ static void set_numbers(MachineRun *m, const double *numbers)
     m->r = numbers[0];
     m->R = numbers[1];
     m->L = numbers[2];
-    m->smoothing = numbers[3];
-    m->period = numbers[4];
-    m->rtol = numbers[5];
-    m->atol = numbers[6];
-    m->longest = numbers[7];
-    memcpy(m->cut, numbers + 8, sizeof m->cut);
-    m->outside = numbers[11] != 0.0;
-    memcpy(m->y, numbers + 12, sizeof m->y);
+    m->period = numbers[3];
+    m->rtol = numbers[4];
+    m->atol = numbers[5];
+    m->longest = numbers[6];
+    memcpy(m->cut, numbers + 7, sizeof m->cut);
+    m->outside = numbers[10] != 0.0;
+    memcpy(m->y, numbers + 11, sizeof m->y);
 }
 
 static Bound bound_kernel(const Level *level, const Kernel *kernel)
@@ -180,15 +175,16 @@ static const Kernel *own_kernel(const char *name)
 static int fill_run(RunObject *self, const Kernel *forward, PyObject *tables, PyObject *numbers)
 {
     const Kernel *kinematics = own_kernel("kinematics"), *limits = own_kernel("limits");
-    const Py_ssize_t expected[TABLES] = {forward->constants, kinematics->constants, limits->constants,
-                                         2 * FRICTIONS, 3 * LIMITS, -1, -1, -1, -1, -1};
-    Py_ssize_t lengths[TABLES], count;
+    const Py_ssize_t expected[RUN_TABLES] = {forward->constants, kinematics->constants, limits->constants,
+                                         3 * LIMITS, -1, -1, -1, -1, -1};
+    Py_ssize_t lengths[RUN_TABLES], count;
 
-    if (!PyTuple_Check(tables) || PyTuple_GET_SIZE(tables) != TABLES || forward->inputs != 12 || forward->outputs != 4) {
-        PyErr_SetString(PyExc_ValueError, "expected forward dynamics with a load, and a tuple of ten tables");
+    const int fits = forward->inputs == 12 && forward->outputs == 4;
+    if (!fits || !PyTuple_Check(tables) || PyTuple_GET_SIZE(tables) != RUN_TABLES) {
+        PyErr_SetString(PyExc_ValueError, "expected forward dynamics with a load, and a tuple of nine tables");
         return -1;
     }
-    for (int k = 0; k < TABLES; ++k) {
+    for (int k = 0; k < RUN_TABLES; ++k) {
         self->tables[k] = copy_doubles(PyTuple_GET_ITEM(tables, k), "tables: one", expected[k], &lengths[k]);
         if (!self->tables[k])
             return -1;
@@ -198,7 +194,7 @@ static int fill_run(RunObject *self, const Kernel *forward, PyObject *tables, Py
     self->run.limits = bound_kernel(self->level, limits);
     if (set_tables(self, lengths) < 0)
         return -1;
-    double *found = copy_doubles(numbers, "numbers", NUMBERS, &count);
+    double *found = copy_doubles(numbers, "numbers", RUN_NUMBERS, &count);
     if (!found)
         return -1;
     set_numbers(&self->run, found);
@@ -233,7 +229,7 @@ static void Run_dealloc(PyObject *object)
 {
     RunObject *self = (RunObject *)object;
     PyTypeObject *type = Py_TYPE(object);
-    for (int k = 0; k < TABLES; ++k)
+    for (int k = 0; k < RUN_TABLES; ++k)
         PyMem_Free(self->tables[k]);
     PyMem_Free(self->run.out);
     type->tp_free(object);
@@ -246,13 +242,13 @@ PyDoc_STRVAR(Run_doc,
              "Parameters\n----------\n"
              "kernel : str\n    Of forward dynamics with a load.\n"
              "level : str\n    One of `levels`.\n"
-             "tables : tuple of ten buffers of doubles\n"
-             "    Constants of that kernel, of kinematics and of limits; friction by rates of joints, viscous 9 and\n"
-             "    Coulomb 9; limits: bounds 12, signs 12, whether they count 12; springs: stiffness 3, rest 3, damping 3,\n"
-             "    preload 3, or nothing; times of the load, its rows of F_y, F_z, M_y; kinks; times of the samples.\n"
-             "numbers : buffer of 18 doubles\n"
-             "    r, R, L, smoothing of friction, period, rtol, atol, longest step, largest forces 3, whether a\n"
-             "    controller from outside acts at every tick, pose 3, velocity 3.\n\n"
+             "tables : tuple of nine buffers of doubles\n"
+             "    Constants of that kernel, of kinematics and of limits; limits: bounds 12, signs 12, whether they\n"
+             "    count 12; springs: stiffness 3, rest 3, damping 3, preload 3, or nothing; times of the load, its rows\n"
+             "    of F_y, F_z, M_y; kinks; times of the samples.\n"
+             "numbers : buffer of 17 doubles\n"
+             "    r, R, L, period, rtol, atol, longest step, largest forces 3, whether a controller from outside acts\n"
+             "    at every tick, pose 3, velocity 3.\n\n"
              "Raises\n------\n"
              "TypeError\n    If something is not a buffer of doubles.\n"
              "ValueError\n    If a name is unknown, or a buffer does not fit.");
