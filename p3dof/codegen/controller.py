@@ -189,7 +189,9 @@ def _source(parameters: Parameters, numbers: dict[str, float] | None, note: str)
             note=note,
             tables="" if baked else _table(parameters),
             preparation="" if baked else _preparation(),
-            functions="\n".join(_function(routine, numbers) for routine in routines().all),
+            functions="\n".join(
+                [fill("sine_cosine.in"), *(_function(routine, numbers) for routine in routines().all)]
+            ),
             forward_kinematics=forward,
             within_limits=fill(
                 "limits.in",

@@ -139,7 +139,8 @@ class Printer:
         names = self.names if names is None else names
         if any(not isinstance(value, Symbol) and not math.isfinite(value) for value in self._numbers(values)):
             raise ParameterError(NOT_NUMBERS)
-        return statements(self.tape, self.tape.needed(values, names), names, labels=self.labels)
+        needed = self.tape.needed(values, names)
+        return statements(self.tape, needed, names, "sine_cosine", labels=self.labels)
 
     def _numbers(self, values: Sequence[Number]) -> list[Number]:
         operands = (self.tape.operations[index].operands for index in self.tape.needed(values))

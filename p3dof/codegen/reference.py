@@ -41,7 +41,8 @@ class Reference:
     Parameters
     ----------
     inputs : dict of str to ndarray, shape (N, 3) or (N, 6)
-        ``pose``, ``velocity``, ``acceleration``, ``wrench``, ``forces`` that act, ``sliders``.
+        ``pose``, ``velocity``, ``acceleration``, ``wrench``, ``forces`` that act, ``sliders`` and their
+        ``rates``.
     outputs : dict of str to ndarray, shape (N, M)
         By function, all its outputs in a row.
     amplification : ndarray, shape (N,)
@@ -94,6 +95,7 @@ def reference(parameters: Parameters, count: int = 8, seed: int = 1) -> Referenc
         "wrench": _short(wrench),
         "forces": _short(acting),
         "sliders": _short(sliders),
+        "rates": _short(rng.normal(0, parameters.geometry.L, (count, 3))),
     }
     return Reference(inputs, outputs(parameters, inputs), amplification, _singular(parameters))
 
@@ -112,7 +114,8 @@ def outputs(parameters: Parameters, inputs: dict[str, FloatArray]) -> dict[str, 
     -------
     dict of str to ndarray, shape (N, M)
     """
-    pose, velocity, acceleration, wrench, acting, sliders = inputs.values()
+    names = ("pose", "velocity", "acceleration", "wrench", "forces", "sliders", "rates")
+    pose, velocity, acceleration, wrench, acting, sliders, rates = (inputs[name] for name in names)
     motion, count = (pose, velocity, acceleration), len(pose)
     dynamics = VirtualPowerMethod(parameters)
     forces = dynamics.forces(states_of(*motion, wrench=wrench))
@@ -120,10 +123,12 @@ def outputs(parameters: Parameters, inputs: dict[str, FloatArray]) -> dict[str, 
     by_motion = force_derivatives(parameters, *motion, wrench)
     by_numbers = number_derivatives(parameters, *motion, wrench)
     geometry = parameters.geometry
+    J = kinematics.inverse_jacobian(geometry, pose)
     return {
         "inverse_dynamics": forces,
         "inverse_kinematics": kinematics.inverse_kinematics(geometry, pose).sliders,
-        "jacobian": kinematics.inverse_jacobian(geometry, pose).reshape(count, 9),
+        "jacobian": J.reshape(count, 9),
+        "pose_velocity": np.linalg.solve(J, rates[..., None])[..., 0],
         "mass_matrix": dynamics.mass_matrix(states_of(pose)).reshape(count, 9),
         "bias": bias(parameters, pose, velocity),
         "forward_dynamics": dynamics.accelerate(driven),

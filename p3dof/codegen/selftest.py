@@ -17,7 +17,7 @@ TOLERANCE = 1e-12
 """Relative error that rounding may make far from singularities."""
 
 _INDENT = " " * 4
-_FIELDS = {"pose": 3, "velocity": 3, "acceleration": 3, "wrench": 6, "forces": 3, "sliders": 3}
+_FIELDS = {"pose": 3, "velocity": 3, "acceleration": 3, "wrench": 6, "forces": 3, "sliders": 3, "rates": 3}
 
 Prototype = tuple[str, tuple[Argument, ...], tuple[Argument, ...]]
 

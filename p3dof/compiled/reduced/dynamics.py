@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from p3dof.algebra import Matrix, Namespace, Scalar, Vector, add
 from p3dof.compiled.reduced.constants import Model
-from p3dof.compiled.reduced.shapes import Shape, bar_of
+from p3dof.compiled.reduced.shapes import Bar, Shape, bar_of
 from p3dof.tracing import Number, derivatives
 
 
@@ -60,15 +60,10 @@ def loads(
     vX = x.p * vt
     aX = x.p * state.atheta + x.q * vt2
     aZ = x.q * state.atheta - x.p * vt2
-    vS = x.tc * vX + x.ty * vy  # less the velocity of the drop
-    drop_c = -x.ic * (x.wc * aX + state.y * state.ay + vX * vX + vy2 + vS * vS)
-    rise = aZ + drop_c
     # The plane of the parallelogram, with its angle β and S_C = u cos β.
     bar = bar_of(model, x, state.y, xp)
-    w = x.ic * vX + bar.y * vy
-    w2 = w * w
-    twice = 2 * vy * w
-    turn = (x.Sc * aX - x.wc * drop_c + state.y * twice) * bar.iu2
+    drop_c, w2, twice, turn = (_leg_c_at_once if x.short_chains else _leg_c)(x, bar, state, vX, aX)
+    rise = aZ + drop_c
     lean = c.h3 * bar.cos
     H_c = bar.G * turn - bar.H * w2 + lean * state.ay - (c.h3 * bar.sin) * twice
     bend = c.n1 * (model.L * model.L) * (bar.iu * bar.iu2)  # ∂N/∂y
@@ -97,6 +92,26 @@ def loads(
         c.a_c * slider_c + c.c_c * (az + aZ) + H_c,
     )
     return F, Q
+
+
+def _leg_c(x: Shape, bar: Bar, state: State, vX: Scalar, aX: Scalar) -> tuple[Scalar, ...]:
+    """Return the acceleration of leg C's drop, β̇², 2 ẏ β̇, and β̈ but for what ẏ makes of it."""
+    vy = state.vy
+    vS = x.tc * vX + x.ty * vy  # less the velocity of the drop
+    drop = -x.ic * (x.wc * aX + state.y * state.ay + vX * vX + vy * vy + vS * vS)
+    w = x.ic * vX + bar.y * vy
+    twice = 2 * vy * w
+    return drop, w * w, twice, (x.Sc * aX - x.wc * drop + state.y * twice) * bar.iu2
+
+
+def _leg_c_at_once(x: Shape, bar: Bar, state: State, vX: Scalar, aX: Scalar) -> tuple[Scalar, ...]:
+    """Return the same with 1/S_C, which is there last, taken out of all sums."""
+    vy, ay, ic2 = state.vy, state.ay, 1 / x.squares[2]
+    vS = x.wc * vX + state.y * vy
+    shrink = (x.wc * aX + state.y * ay) + (vX * vX + vy * vy) + ic2 * (vS * vS)
+    w = vX + (x.wc * (state.y * bar.iu2)) * vy
+    turn = x.squares[2] * aX + (2 * state.y * vy) * w + x.wc * shrink
+    return -x.ic * shrink, ic2 * (w * w), x.ic * (2 * vy * w), (x.ic * bar.iu2) * turn
 
 
 def solve_transposed(x: Shape, Q: Vector) -> Vector:
@@ -152,7 +167,12 @@ def actuator_forces(
         Of A, B, C [N].
     """
     F, Q = loads(model, x, state, xp, wrench)
-    return add(F, solve_transposed(x, Q))
+    if not x.short_chains:
+        return add(F, solve_transposed(x, Q))
+    across = 1 / (x.ta + x.tb)
+    f_c = Q[2] * (1 / x.arm)
+    f_b = (Q[0] + x.ta * Q[1]) * across + ((x.ty - x.ta) * across) * f_c
+    return (F[0] + (Q[1] - f_c)) - f_b, F[1] + f_b, F[2] + f_c
 
 
 def mass_matrix(model: Model, x: Shape, y: Scalar, xp: Namespace) -> Matrix:

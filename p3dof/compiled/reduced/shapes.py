@@ -36,6 +36,7 @@ class Shape(NamedTuple):
     u2: Scalar  # u² = L² - y²
     squares: Vector  # S² of the legs
     arm: Scalar  # ∂λC/∂θ
+    short_chains: bool
 
 
 class Bar(NamedTuple):
@@ -56,7 +57,7 @@ class Bar(NamedTuple):
     G: Scalar
 
 
-def shape(model: Model, y: Scalar, theta: Scalar, xp: Namespace) -> Shape:
+def shape(model: Model, y: Scalar, theta: Scalar, xp: Namespace, short_chains: bool = False) -> Shape:
     """Return where the mechanism is.
 
     Parameters
@@ -67,6 +68,9 @@ def shape(model: Model, y: Scalar, theta: Scalar, xp: Namespace) -> Shape:
         Of the pose [m, rad].
     xp : Namespace
         Where sqrt, sin and cos come from.
+    short_chains : bool
+        Arranged for one sample, which waits for each operation: less in a row, a few operations more. Also
+        tells `actuator_forces` and the like to do so.
 
     Returns
     -------
@@ -79,7 +83,10 @@ def shape(model: Model, y: Scalar, theta: Scalar, xp: Namespace) -> Shape:
     u2 = (L - y) * (L + y)
     squares = (((L - width) - y) * ((L + width) + y), ((L - width) + y) * ((L + width) - y), u2 - wc * wc)
     Sa, Sb, Sc = (xp.sqrt(square) for square in squares)
-    ia, ib, ic = 1 / Sa, 1 / Sb, 1 / Sc
+    if short_chains:  # with divisions that need not wait for the roots
+        ia, ib, ic = (S * (1 / square) for S, square in zip((Sa, Sb, Sc), squares, strict=True))
+    else:
+        ia, ib, ic = 1 / Sa, 1 / Sb, 1 / Sc
     tc = wc * ic
     return Shape(
         p=p,
@@ -100,6 +107,7 @@ def shape(model: Model, y: Scalar, theta: Scalar, xp: Namespace) -> Shape:
         u2=u2,
         squares=squares,
         arm=q - tc * p,
+        short_chains=short_chains,
     )
 
 
