@@ -14,8 +14,6 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem
 
-from p3dof import __version__
-from p3dof.checks import one_line
 from p3dof.cli.encoding import spelled, write_what_is_there
 from p3dof.errors import AssemblyError, DynamicsError, P3dofError, SampleError
 
@@ -177,6 +175,7 @@ def app() -> None:
 
 
 def _print_version(context: click.Context) -> None:
+    from p3dof import __version__
     from p3dof.compiled import in_words
 
     click.echo(f"p3dof {__version__} (kernels: {in_words()})")
@@ -204,6 +203,8 @@ def _drop_what_is_left(stream: Any) -> None:
 
 
 def _fail(message: str, code: int = BAD_INPUT) -> int:
+    from p3dof.checks import one_line  # it brings NumPy, which the help does not need
+
     line = one_line(message, LONGEST)
     try:
         sys.stderr.write(f"p3dof: error: {line}\n")
