@@ -54,7 +54,7 @@ from .simulation import (
 from .compiled import BoundInverseDynamics, MachineKernels
 
 # Many designs at once
-from .designs import DesignForces, DesignProblem, Designs, DesignStatus, forces_of_designs
+from .designs import DesignForces, DesignProblem, Designs, DesignStatus, DesignSweep, forces_of_designs
 
 # Sweeps of any size
 from .blocks import Histogram, Moments, ParetoArchive, Sweep, TopK, sweep
@@ -110,6 +110,7 @@ __all__ = [
     "DesignForces",
     "DesignProblem",
     "DesignStatus",
+    "DesignSweep",
     "Designs",
     "Dimensions",
     "DriveError",

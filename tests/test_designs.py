@@ -448,6 +448,69 @@ def test_a_problem_can_be_sent_elsewhere():
         np.testing.assert_array_equal(found[name], values)
 
 
+def test_other_processes_compute_the_same_bits(monkeypatch):
+    """By an executor, and as a problem that is computed in blocks."""
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    from p3dof.designs import clients
+
+    monkeypatch.setattr(clients, "AT_A_TIME", 40)
+    ask = {"figures": EVERYTHING, "gradients": ("R",), "threads": 1}
+    given_columns = lengths(100)
+    told = []
+    with ProcessPoolExecutor(1, get_context("spawn")) as client:
+        found = forces_of_designs(
+            given_columns, MOTION, **ask, client=client, progress=lambda *now: told.append(now)
+        )
+    wanted = forces_of_designs(given_columns, MOTION, **ask).to_columns()
+    assert told == [(40, 100), (80, 100), (100, 100)]
+    for name, column in found.to_columns().items():
+        np.testing.assert_array_equal(column, wanted[name], err_msg=name)
+
+
+class Rows:
+    """A sampling as `p3dof.blocks` has it: rows of columns in memory."""
+
+    def __init__(self, columns):
+        self.columns = columns
+        self.names, self.count = tuple(columns), len(columns["R"])
+
+    def settings(self):
+        return {"kind": "rows"}
+
+    def draw(self, block):
+        return {name: column[block.start : block.stop] for name, column in self.columns.items()}
+
+
+def test_designs_are_a_problem_in_blocks():
+    import json
+    from types import SimpleNamespace
+
+    given_columns = {"R": np.linspace(0.24, 0.26, 10), "L": np.full(10, 0.4)}
+    problem = DesignProblem(MOTION, figures=EVERYTHING, gradients=("R",), threads=1)
+    sweep = pickle.loads(pickle.dumps(p3dof.DesignSweep(problem, Rows(given_columns))))  # noqa: S301 - our own
+    assert sweep.count == 10
+    parts = [sweep.compute(SimpleNamespace(start=start, stop=start + 5)) for start in (0, 5)]
+    wanted = problem.evaluate(Designs(given_columns))
+    assert tuple(parts[0]) == sweep.columns
+    assert {"R", "L", "status", "peak_force_a", "d_peak_force_c.geometry.R"} < set(sweep.columns)
+    peaks = np.concatenate([part["peak_force_b"] for part in parts])
+    np.testing.assert_array_equal(peaks, wanted.peak_force[:, 1])
+    told = json.loads(json.dumps(sweep.settings()))
+    assert told == json.loads(json.dumps(p3dof.DesignSweep(problem, Rows(given_columns)).settings()))
+    faster = p3dof.Motion(MOTION.time / 2, MOTION.pose, 2 * MOTION.velocity, 4 * MOTION.acceleration)
+    for other in (
+        p3dof.DesignSweep(DesignProblem(faster, figures=EVERYTHING, gradients=("R",)), Rows(given_columns)),
+        p3dof.DesignSweep(DesignProblem(MOTION, figures=EVERYTHING), Rows(given_columns)),
+        p3dof.DesignSweep(problem, Rows(given_columns), GENERAL),
+        p3dof.DesignSweep(problem, Rows(given_columns), bodies="solids"),
+    ):
+        assert other.settings() != told
+    with pytest.raises(InputError, match="unknown column 'colour'"):
+        p3dof.DesignSweep(problem, Rows({"R": np.zeros(1), "colour": np.zeros(1)}))
+
+
 def test_results_as_columns_and_back(tmp_path):
     from p3dof.designs.results import results_from_columns
 
@@ -488,6 +551,7 @@ BAD = {
     "a wrench of another length": ({"R": [0.2]}, {"wrench": np.zeros((3, 6))}, "wrench: expected shape"),
     "a wrench that is not finite": ({"R": [0.2]}, {"wrench": [np.nan] * 6}, "wrench: expected finite"),
     "solids of machines": ([PAPER], {"bodies": "solids"}, "expected 'kept' for a sequence"),
+    "no client": ({"R": [0.2]}, {"client": 3}, "client: expected a distributed.Client or an executor"),
     "machines and others": ([PAPER, 3], {}, "expected Parameters, got 3"),
 }  # fmt: skip
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property, partial
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray, Progress
 from p3dof.compiled.designs import DesignLoops, compiled_level
+from p3dof.compiled.kernels import NUMPY
 from p3dof.designs.columns import Designs
 from p3dof.designs.figures import (
     BITS,
@@ -79,12 +81,25 @@ class DesignProblem:
         names = (gradients,) if isinstance(gradients, str) else tuple(gradients)
         self.by = tuple(full_name(name) for name in names)
         self._wrench = None if wrench is None else Load(wrench).over(motion.time)
-        self._choice = level, threads
+        self._threads = threads
         self._level, self.threads = compiled_level(level, threads)
 
     def __reduce__(self) -> Any:
         groups = tuple(group for group, bit in BITS.items() if self.asked & bit)
-        return DesignProblem, (self.motion, self._wrench, groups, self.by, *self._choice)
+        level = self._level or NUMPY  # other processes take the same, so that their numbers are the same
+        return DesignProblem, (self.motion, self._wrench, groups, self.by, level, self._threads)
+
+    def settings(self) -> dict[str, Any]:
+        """Return everything that figures depend on, as plain data: numbers of the motion by their SHA-256."""
+        digest = hashlib.sha256(np.ascontiguousarray(self.samples.rows, "<f8").tobytes())
+        digest.update(np.ascontiguousarray(self.samples.time, "<f8").tobytes())
+        return {
+            "motion": digest.hexdigest(),
+            "samples": len(self.samples),
+            "figures": [group for group, bit in BITS.items() if self.asked & bit],
+            "gradients": list(self.by),
+            "level": self._level or NUMPY,
+        }
 
     @cached_property
     def _loops(self) -> DesignLoops | None:

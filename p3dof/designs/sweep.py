@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from p3dof.checks import Progress
+from p3dof.designs.clients import evaluate_with
 from p3dof.designs.columns import BodiesOfDesigns, Designs
 from p3dof.designs.figures import FigureGroup
 from p3dof.designs.problem import DesignProblem
@@ -27,6 +28,7 @@ def forces_of_designs(
     level: str | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
+    client: Any = None,
 ) -> DesignForces:
     """Return peaks, means and least margins of the forces of many designs over one motion.
 
@@ -58,6 +60,9 @@ def forces_of_designs(
         What to run on, as of `MachineKernels`.
     progress : callable, optional
         Called with the number of designs done and of all.
+    client : distributed.Client or concurrent.futures.Executor, optional
+        Who computes, in blocks of 65,536 designs and to the same bits; this process by default. Where designs
+        are too many for the memory, or must survive interruptions, see `DesignSweep`.
 
     Returns
     -------
@@ -76,4 +81,7 @@ def forces_of_designs(
     """
     if not isinstance(designs, Designs):
         designs = Designs(designs, machine, bodies)
-    return DesignProblem(motion, wrench, figures, gradients, level, threads).evaluate(designs, progress)
+    problem = DesignProblem(motion, wrench, figures, gradients, level, threads)
+    if client is not None:
+        return evaluate_with(client, problem, designs, progress)
+    return problem.evaluate(designs, progress)
