@@ -9,7 +9,17 @@ import pytest
 from machines import random_machine
 
 import p3dof
-from p3dof import PAPER, Body, Designs, DesignStatus, Friction, Geometry, InputError, forces_of_designs
+from p3dof import (
+    PAPER,
+    Body,
+    Designs,
+    DesignStatus,
+    Friction,
+    Geometry,
+    InputError,
+    blocks,
+    forces_of_designs,
+)
 from p3dof.compiled import designs as compiled_designs
 from p3dof.compiled.kernels import levels
 from p3dof.designs.figures import given, sampled
@@ -175,9 +185,9 @@ def test_a_wrong_constant_is_seen():
             return table
 
     problem = DesignProblem(MOTION, level=levels()[-1])
-    if problem._loops is None:
+    if problem._loops(False) is None:
         pytest.skip("needs the extension")
-    problem._loops._kernels[True] = Wrong()
+    problem._loops(False)._kernels[True] = Wrong()
     wrong = problem.evaluate(designs)
     assert np.abs(wrong.peak_force / right.peak_force - 1).max() > 1e-11
 
@@ -282,7 +292,7 @@ def complex_figures(designs, wrench, name):
     offsets = np.stack(
         [moved.get(f"offset.{axis}", np.zeros(len(designs), complex)) for axis in ("y", "z", "theta")], axis=1
     )
-    state = sampled(folding.losses, folding.fold(moved), samples, offsets)
+    state = sampled(folding.fold(moved), samples, offsets)
     forces, speeds, sliders = (
         np.stack(group, axis=1) for group in (state.found.forces, state.found.speeds, state.found.sliders)
     )
@@ -401,7 +411,7 @@ def test_the_derivations_of_one_machine_and_of_columns_are_one():
 
     for kind, bodies in (("lengths", "kept"), ("solids", "solids"), ("kept", "kept")):
         designs = Designs(columns(kind), PAPER, bodies)
-        numbers = folding_of(tuple(designs.columns), PAPER, bodies).fold(designs.columns).model
+        numbers = folding_of(tuple(designs.columns), PAPER, bodies).fold(designs.columns).numbers
         for index in range(len(designs)):
             row = [float(n[index]) if isinstance(n, np.ndarray) else float(n) for n in numbers]
             wanted = np.array(model_of(designs[index]).numbers, dtype=float)
@@ -426,8 +436,8 @@ def test_tables_of_any_kind_are_columns():
     wanted = forces_of_designs(plain, MOTION).peak_force
     for table in (Table(plain), structured, {"R": [0.24, 0.26], "L [cm]": [40, 41]}):
         np.testing.assert_allclose(forces_of_designs(table, MOTION).peak_force, wanted, rtol=1e-15)
-    pandas = pytest.importorskip("pandas")
-    np.testing.assert_array_equal(forces_of_designs(pandas.DataFrame(plain), MOTION).peak_force, wanted)
+    pyarrow = pytest.importorskip("pyarrow")
+    np.testing.assert_array_equal(forces_of_designs(pyarrow.table(plain), MOTION).peak_force, wanted)
 
 
 def test_units_are_those_of_parameter_files():
@@ -469,7 +479,7 @@ def test_other_processes_compute_the_same_bits(monkeypatch):
         np.testing.assert_array_equal(column, wanted[name], err_msg=name)
 
 
-class Rows:
+class Listed:
     """A sampling as `p3dof.blocks` has it: rows of columns in memory."""
 
     def __init__(self, columns):
@@ -489,7 +499,7 @@ def test_designs_are_a_problem_in_blocks():
 
     given_columns = {"R": np.linspace(0.24, 0.26, 10), "L": np.full(10, 0.4)}
     problem = DesignProblem(MOTION, figures=EVERYTHING, gradients=("R",), threads=1)
-    sweep = pickle.loads(pickle.dumps(p3dof.DesignSweep(problem, Rows(given_columns))))  # noqa: S301 - our own
+    sweep = pickle.loads(pickle.dumps(p3dof.DesignSweep(problem, Listed(given_columns))))  # noqa: S301 - our own
     assert sweep.count == 10
     parts = [sweep.compute(SimpleNamespace(start=start, stop=start + 5)) for start in (0, 5)]
     wanted = problem.evaluate(Designs(given_columns))
@@ -498,17 +508,43 @@ def test_designs_are_a_problem_in_blocks():
     peaks = np.concatenate([part["peak_force_b"] for part in parts])
     np.testing.assert_array_equal(peaks, wanted.peak_force[:, 1])
     told = json.loads(json.dumps(sweep.settings()))
-    assert told == json.loads(json.dumps(p3dof.DesignSweep(problem, Rows(given_columns)).settings()))
+    assert told == json.loads(json.dumps(p3dof.DesignSweep(problem, Listed(given_columns)).settings()))
     faster = p3dof.Motion(MOTION.time / 2, MOTION.pose, 2 * MOTION.velocity, 4 * MOTION.acceleration)
     for other in (
-        p3dof.DesignSweep(DesignProblem(faster, figures=EVERYTHING, gradients=("R",)), Rows(given_columns)),
-        p3dof.DesignSweep(DesignProblem(MOTION, figures=EVERYTHING), Rows(given_columns)),
-        p3dof.DesignSweep(problem, Rows(given_columns), GENERAL),
-        p3dof.DesignSweep(problem, Rows(given_columns), bodies="solids"),
+        p3dof.DesignSweep(DesignProblem(faster, figures=EVERYTHING, gradients=("R",)), Listed(given_columns)),
+        p3dof.DesignSweep(DesignProblem(MOTION, figures=EVERYTHING), Listed(given_columns)),
+        p3dof.DesignSweep(problem, Listed(given_columns), GENERAL),
+        p3dof.DesignSweep(problem, Listed(given_columns), bodies="solids"),
     ):
         assert other.settings() != told
     with pytest.raises(InputError, match="unknown column 'colour'"):
-        p3dof.DesignSweep(problem, Rows({"R": np.zeros(1), "colour": np.zeros(1)}))
+        p3dof.DesignSweep(problem, Listed({"R": np.zeros(1), "colour": np.zeros(1)}))
+
+
+def test_a_sweep_stores_and_reduces_designs(tmp_path):
+    """Interrupted after a block, resumed to the same bits; the best of all without storing any."""
+    sampling = blocks.Samples({"R": blocks.Uniform(0.235, 0.265), "L": blocks.Uniform(0.15, 0.45)}, 1000)
+    problem = p3dof.DesignSweep(DesignProblem(MOTION, threads=1), sampling)
+    whole = blocks.sweep(problem, tmp_path / "whole", block_size=300, seed=7)
+    assert len(whole) == 1000
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    with pytest.raises(blocks.SweepInterrupted):
+        blocks.sweep(problem, tmp_path / "again", block_size=300, seed=7, progress=interrupt)
+    again = blocks.sweep(problem, tmp_path / "again", block_size=300, seed=7, resume=True).columns()
+    whole = whole.columns()
+    for name in problem.columns:
+        np.testing.assert_array_equal(again[name], whole[name], err_msg=name)
+    assert {0, DesignStatus.OUT_OF_REACH} <= set(whole["status"].tolist())
+    wanted = forces_of_designs({"R": whole["R"], "L": whole["L"]}, MOTION)
+    np.testing.assert_array_equal(whole["peak_force_c"], wanted.peak_force[:, 2])
+    best = blocks.TopK("peak_force_a", 3)
+    found = blocks.sweep(problem, tmp_path / "best", block_size=300, seed=7, keep=None, reductions=[best])
+    top = found.reductions[best.name]
+    order = np.argsort(np.where(np.isnan(whole["peak_force_a"]), np.inf, whole["peak_force_a"]))
+    assert top.index.tolist() == order[:3].tolist()
 
 
 def test_results_as_columns_and_back(tmp_path):
@@ -602,15 +638,15 @@ def test_the_compiled_loop_refuses_what_does_not_fit():
     from p3dof.compiled.extension import _compiled
 
     samples = samples_of(MOTION)
-    good = ("inverse_dynamics", levels()[-1], 7, len(samples), 6, samples.packed)
+    good = ("inverse_dynamics", levels()[-1], 7, len(samples), 6, samples.packed(9))
     loop = _compiled.DesignLoop(*good)
     constants, turning, sizes, results = (np.zeros((2, width)) for width in (43, 8, 3, 34))
     loop(constants, turning, sizes, None, results)
     for place, value, error in (
         (0, "kinematics", ValueError), (0, "statics", ValueError),
         (1, "avx9", ValueError), (3, 0, ValueError),
-        (3, 102, ValueError), (4, 7, ValueError), (4, 0, ValueError), (5, samples.packed[1:], ValueError),
-        (5, samples.packed.astype(np.float32), TypeError), (5, "text", TypeError),
+        (3, 102, ValueError), (4, 7, ValueError), (4, 0, ValueError), (5, samples.packed(9)[1:], ValueError),
+        (5, samples.packed(9).astype(np.float32), TypeError), (5, "text", TypeError),
         (3, 2**62, (ValueError, OverflowError)),
     ):  # fmt: skip
         arguments = list(good)

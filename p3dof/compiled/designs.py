@@ -33,8 +33,8 @@ class DesignLoops:
         The motion, as `DesignLoop` takes it.
     samples, points : int
         Of the motion, and of the polynomials that integrate powers.
-    loaded : bool
-        Whether the motion has an external wrench.
+    kind : {"", "loaded", "with_friction"}
+        Whether there is an external wrench, and friction.
     asked : int
         Which figures.
     level : str
@@ -42,9 +42,9 @@ class DesignLoops:
     """
 
     def __init__(
-        self, packed: FloatArray, samples: int, points: int, loaded: bool, asked: int, level: str
+        self, packed: FloatArray, samples: int, points: int, kind: str, asked: int, level: str
     ) -> None:
-        name = "inverse_dynamics_loaded" if loaded else "inverse_dynamics"
+        name = f"inverse_dynamics_{kind}" if kind else "inverse_dynamics"
         self._kernels = {symmetric: kernel(name, symmetric) for symmetric in (False, True)}
         self._asked = asked
         self._loops = {
@@ -58,7 +58,7 @@ class DesignLoops:
         Parameters
         ----------
         model : sequence of float or ndarray, shape (D,)
-            The 27 numbers of the designs.
+            The 27 numbers of the designs, then those of friction.
         offsets : ndarray, shape (D, 3), optional
             By how much the whole motion is moved.
         count : int
@@ -82,14 +82,15 @@ class DesignLoops:
                 found[members] = part
         return found
 
-    def _run(self, form: bool, model: Sequence[Any], offsets: FloatArray | None, found: FloatArray) -> None:
+    def _run(self, form: bool, numbers: Sequence[Any], offsets: FloatArray | None, found: FloatArray) -> None:
         count = len(found)
         lengths = np.empty((count, _LENGTHS))
-        for column, number in zip(lengths.T, model[:_LENGTHS], strict=True):
+        for column, number in zip(lengths.T, numbers[:_LENGTHS], strict=True):
             column[:] = number
         with np.errstate(all="ignore"):
-            constants = self._kernels[form].of_columns(model, count)
-            turning = kernel("kinematics").of_columns(model, count) if self._asked & _SLIDERS else None
+            constants = self._kernels[form].of_columns(numbers, count)
+            model, sliding = numbers[: len(MODEL)], self._asked & _SLIDERS
+            turning = kernel("kinematics").of_columns(model, count) if sliding else None
         moved = None if offsets is None else np.ascontiguousarray(offsets)
         self._loops[form](constants, turning, lengths, moved, found)
 

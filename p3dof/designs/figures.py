@@ -15,7 +15,6 @@ from p3dof.designs.samples import Samples
 from p3dof.designs.status import DesignStatus
 from p3dof.errors import InputError
 from p3dof.kinematics.validity import reach_margins, reached
-from p3dof.paper.friction import Losses
 from p3dof.samples import ACTUATION_TOLERANCE
 
 FigureGroup: TypeAlias = Literal["singularity", "sliders", "power"]
@@ -131,13 +130,11 @@ class Sampled(NamedTuple):
         return np.arcsin(np.clip(self.found.sine, -1, 1))
 
 
-def sampled(losses: Losses | None, folded: Folded, samples: Samples, offsets: FloatArray) -> Sampled:
+def sampled(folded: Folded, samples: Samples, offsets: FloatArray) -> Sampled:
     """Return designs at all samples of a motion.
 
     Parameters
     ----------
-    losses : Losses or None
-        Friction.
     folded : Folded
         The numbers of D designs.
     samples : Samples
@@ -154,7 +151,7 @@ def sampled(losses: Losses | None, folded: Folded, samples: Samples, offsets: Fl
     rows = list(samples.rows) + [0.0] * (len(INPUTS) - len(samples.rows))
     inputs = [pose[..., 0], pose[..., 1], pose[..., 2], *rows[3:]]
     with np.errstate(all="ignore"):
-        found = outputs(losses, numbers, inputs)
+        found = outputs(numbers, inputs)
     shape = pose.shape[:2]
     whole = [np.broadcast_to(values, shape) for group in found[:3] for values in group]
     return Sampled(

@@ -14,13 +14,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from p3dof.algebra import Scalar, add, matrix_sum, plus, times
+from p3dof.compiled.formulas import MODEL
 from p3dof.compiled.reduced import Moments, fold_moments, moments_of
+from p3dof.compiled.reduced.friction import folded
 from p3dof.designs.columns import BodiesOfDesigns, by_joint_of
 from p3dof.designs.names import DENSITY, GRAVITY, KINDS, LENGTHS, SIZES
 from p3dof.paper.formulas import Lengths
-from p3dof.paper.friction import Losses
 from p3dof.paper.inertials import inertials, numbers
-from p3dof.parameters import LINKS, PASSIVE, SLIDES, STEEL_DENSITY, Body, Dimensions, Parameters
+from p3dof.parameters import LINKS, STEEL_DENSITY, Body, Dimensions, Parameters
 from p3dof.parameters.inertial import Inertial
 from p3dof.parameters.named import inertials_of_solids
 from p3dof.parameters.solids import scales
@@ -53,11 +54,6 @@ class Folded(NamedTuple):
 
     numbers: tuple[Any, ...]
 
-    @property
-    def model(self) -> tuple[Any, ...]:
-        """The 27 numbers of the model."""
-        return self.numbers[:27]
-
 
 @dataclass(frozen=True, eq=False)
 class Folding:
@@ -71,8 +67,6 @@ class Folding:
         The columns, and sizes of solids that follow from lengths.
     results : tuple
         As `Folded.numbers`.
-    losses : Losses or None
-        Friction, by the places of its coefficients in `Folded.numbers`; None without any.
     machine : Parameters
         What has no column.
     """
@@ -80,8 +74,12 @@ class Folding:
     tape: Tape
     inputs: dict[str, Symbol]
     results: tuple[Number, ...]
-    losses: Losses | None
     machine: Parameters
+
+    @property
+    def friction(self) -> bool:
+        """Whether designs have friction."""
+        return len(self.results) > len(MODEL)
 
     def fold(self, columns: Mapping[str, Any]) -> Folded:
         """Return the numbers of designs.
@@ -192,11 +190,10 @@ def folding_of(names: tuple[str, ...], machine: Parameters, bodies: BodiesOfDesi
     lengths = _lengths(inputs, machine, tape)
     moments = _moments(inputs, lengths, machine, bodies, tape)
     gravity = [inputs.get(name, float(g) or 0) for name, g in zip(GRAVITY, machine.gravity, strict=True)]
-    folded = fold_moments(lengths, moments)
-    results = [lengths.r, lengths.R, lengths.L, *gravity, *folded]
-    losses = _losses(inputs, machine, results)
+    results = [lengths.r, lengths.R, lengths.L, *gravity, *fold_moments(lengths, moments)]
+    results += _friction(inputs, machine)
     exact = tuple(value if isinstance(value, Symbol) else value or 0 for value in results)
-    return Folding(tape, inputs, exact, losses, machine)
+    return Folding(tape, inputs, exact, machine)
 
 
 def _lengths(inputs: Mapping[str, Symbol], machine: Parameters, tape: Tape) -> Lengths:
@@ -284,23 +281,15 @@ def _inertial(body: Body) -> Inertial:
     return Inertial(body.mass or 0, numbers(body.com), (rows[0], rows[1], rows[2]))
 
 
-def _losses(inputs: Mapping[str, Symbol], machine: Parameters, results: list[Any]) -> Losses | None:
-    """Append the coefficients of friction to the results; return them by their places there."""
+def _friction(inputs: Mapping[str, Symbol], machine: Parameters) -> list[Any]:
+    """Return the numbers of friction in the order of `FRICTION`; none where there is none."""
     given, friction = _given(inputs, "friction."), machine.friction
-    by_kind = [{**getattr(friction, kind), **by_joint_of(given, kind)} for kind in ("viscous", "coulomb")]
-    joints = {}
-    for name in (*SLIDES, *PASSIVE):
-        places = []
-        for coefficients in by_kind:
-            value = coefficients.get(name, 0)
-            places.append(len(results) if isinstance(value, Symbol) or value else 0)
-            results += [value] if places[-1] else []
-        if any(places):
-            joints[name] = (places[0], places[1])
-    if not joints:
-        return None
-    results.append(given.get("smoothing", friction.smoothing))
-    return Losses(joints, len(results) - 1)
+    viscous, coulomb = (
+        {**getattr(friction, kind), **by_joint_of(given, kind)} for kind in ("viscous", "coulomb")
+    )
+    if not any(isinstance(value, Symbol) or value for value in (*viscous.values(), *coulomb.values())):
+        return []
+    return [*folded(viscous), *folded(coulomb), 1 / given.get("smoothing", friction.smoothing)]
 
 
 def column_or_number(value: Any, index: Any) -> Any:

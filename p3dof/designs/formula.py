@@ -17,8 +17,7 @@ from p3dof.checks import FloatArray
 from p3dof.compiled import reduced
 from p3dof.compiled.formulas import ACCELERATION, MODEL, POSE, VELOCITY, WRENCH
 from p3dof.compiled.reduced import Model, State
-from p3dof.paper.formulas import Lengths
-from p3dof.paper.friction import Losses, generalized_losses
+from p3dof.compiled.reduced.friction import generalized_friction
 from p3dof.tracing import Number, Symbol, Tape
 from p3dof.tracing.derivatives import tangent
 from p3dof.tracing.python import function_of
@@ -45,15 +44,11 @@ class Outputs(NamedTuple):
     sine: FloatArray
 
 
-def outputs(
-    losses: Losses | None, numbers: Sequence[Any], inputs: Sequence[Any], namespace: Any = np
-) -> Outputs:
+def outputs(numbers: Sequence[Any], inputs: Sequence[Any], namespace: Any = np) -> Outputs:
     """Return forces and what goes with them.
 
     Parameters
     ----------
-    losses : Losses or None
-        Friction, by the places of its coefficients in `numbers`.
     numbers : sequence
         Of the designs, as `Folded.numbers`: each a number or an array that broadcasts, (D, 1).
     inputs : sequence
@@ -65,11 +60,10 @@ def outputs(
     -------
     Outputs
     """
-    return _grouped(_values(_key(losses), namespace)(*numbers, *inputs))
+    return _grouped(_values(len(numbers), namespace)(*numbers, *inputs))
 
 
 def derivatives(
-    losses: Losses | None,
     numbers: Sequence[Any],
     inputs: Sequence[Any],
     by_numbers: Sequence[Any],
@@ -79,7 +73,7 @@ def derivatives(
 
     Parameters
     ----------
-    losses, numbers, inputs
+    numbers, inputs
         As of `outputs`.
     by_numbers : sequence
         How the numbers change.
@@ -90,20 +84,11 @@ def derivatives(
     -------
     Outputs
     """
-    return _grouped(_tangents(_key(losses))(*numbers, *inputs, *by_numbers, *by_pose))
+    return _grouped(_tangents(len(numbers))(*numbers, *inputs, *by_numbers, *by_pose))
 
 
 def _grouped(found: Sequence[Any]) -> Outputs:
     return Outputs(found[:3], found[3:6], found[6:9], found[9])
-
-
-_Key = tuple[tuple[tuple[str, int, int], ...], int] | None
-
-
-def _key(losses: Losses | None) -> Any:
-    if losses is None:
-        return None
-    return tuple((name, *places) for name, places in losses.joints.items()), losses.smoothing
 
 
 class _Trace(NamedTuple):
@@ -113,9 +98,8 @@ class _Trace(NamedTuple):
     results: tuple[Number, ...]
 
 
-def _trace(key: Any) -> _Trace:
+def _trace(count: int) -> _Trace:
     tape = Tape()
-    count = len(MODEL) if key is None else key[1] + 1
     numbers = tape.symbols((f"n{i}" for i in range(count)), constant=True)
     model = Model.of_numbers(numbers[: len(MODEL)])
     inputs = tape.symbols(INPUTS)
@@ -123,8 +107,12 @@ def _trace(key: Any) -> _Trace:
     state = State(*(rows[name] for name in State._fields))
     x = reduced.shape(model, state.y, state.theta, tape)
     wrench: Vector = (rows[WRENCH[0]], rows[WRENCH[1]], rows[WRENCH[2]])
-    if key is not None:
-        wrench = subtract(wrench, _lost(key, model, numbers, rows, tape))
+    friction = numbers[len(MODEL) :]
+    if friction:
+        half = len(friction) // 2
+        coefficients = friction[:half], friction[half:-1], friction[-1]
+        velocity = (rows["vy"], rows["vz"], rows["vtheta"])
+        wrench = subtract(wrench, generalized_friction(x, state.y, velocity, coefficients, tape))
     forces = reduced.actuator_forces(model, x, state, tape, wrench)
     sliders = reduced.sliders(model, x, rows["z"], tape)
     speeds = (
@@ -136,25 +124,15 @@ def _trace(key: Any) -> _Trace:
     return _Trace(tape, numbers, inputs, (*forces, *sliders, *speeds, sine))
 
 
-def _lost(key: Any, model: Model, numbers: Sequence[Symbol], rows: dict[str, Symbol], tape: Tape) -> Vector:
-    joints, smoothing = key
-    known = {name: tuple(numbers[place] if place else 0 for place in places) for name, *places in joints}
-    width = model.R - model.r
-    h = tape.sqrt((model.L - width) * (model.L + width))
-    lengths = Lengths(model.r, model.R, model.L, 0, h)
-    pose, velocity = (tuple(rows[name] for name in names) for names in (POSE, VELOCITY))
-    return generalized_losses(lengths, pose, velocity, Losses(known, numbers[smoothing]), tape)  # type: ignore[arg-type]  # threes
-
-
 @lru_cache(maxsize=32)
-def _values(key: Any, namespace: Any) -> Callable[..., tuple[Any, ...]]:
-    trace = _trace(key)
+def _values(count: int, namespace: Any) -> Callable[..., tuple[Any, ...]]:
+    trace = _trace(count)
     return function_of(trace.tape, (*trace.numbers, *trace.inputs), trace.results, namespace)
 
 
 @lru_cache(maxsize=32)
-def _tangents(key: Any) -> Callable[..., tuple[Any, ...]]:
-    trace = _trace(key)
+def _tangents(count: int) -> Callable[..., tuple[Any, ...]]:
+    trace = _trace(count)
     tape, moving = trace.tape, (*trace.numbers, *trace.inputs[:3])
     seeds = tape.symbols(f"d{i}" for i in range(len(moving)))
     moved = tangent(trace.results, {symbol.index: seed for symbol, seed in zip(moving, seeds, strict=True)})

@@ -14,13 +14,11 @@ from p3dof.checks import FloatArray
 from p3dof.designs.figures import BITS, Sampled, nearby_of, shares_of
 from p3dof.designs.formula import Outputs, derivatives
 from p3dof.designs.samples import Samples
-from p3dof.paper.friction import Losses
 
 
 def gradient_of(
     state: Sampled,
     samples: Samples,
-    losses: Losses | None,
     by_numbers: tuple[Any, ...],
     by_pose: tuple[float, float, float],
     asked: int,
@@ -33,8 +31,6 @@ def gradient_of(
         Designs at all samples.
     samples : Samples
         The motion.
-    losses : Losses or None
-        Friction.
     by_numbers : tuple
         How `Folded.numbers` change, each a number or a column (D,).
     by_pose : tuple of float
@@ -49,7 +45,7 @@ def gradient_of(
     """
     rates = [rate[:, None] if isinstance(rate, np.ndarray) and rate.ndim else rate for rate in by_numbers]
     with np.errstate(all="ignore"):
-        moved = derivatives(losses, state.numbers, state.inputs, rates, by_pose)
+        moved = derivatives(state.numbers, state.inputs, rates, by_pose)
         shape = state.pose.shape[:2]
         forces = _stack(state.found.forces, shape)
         d_forces = _stack(moved.forces, shape)

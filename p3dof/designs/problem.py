@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
-from functools import cached_property, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -82,6 +82,7 @@ class DesignProblem:
         self.by = tuple(full_name(name) for name in names)
         self._wrench = None if wrench is None else Load(wrench).over(motion.time)
         self._threads = threads
+        self._made: dict[bool, DesignLoops] = {}
         self._level, self.threads = compiled_level(level, threads)
 
     def __reduce__(self) -> Any:
@@ -101,13 +102,16 @@ class DesignProblem:
             "level": self._level or NUMPY,
         }
 
-    @cached_property
-    def _loops(self) -> DesignLoops | None:
+    def _loops(self, friction: bool) -> DesignLoops | None:
         if self._level is None:
             return None
-        samples = self.samples
-        loaded = len(samples.rows) > 9
-        return DesignLoops(samples.packed, len(samples), samples.points, loaded, self.asked, self._level)
+        if friction not in self._made:
+            kind = "with_friction" if friction else "loaded" if len(self.samples.rows) > 9 else ""
+            samples, inputs = self.samples, 12 if kind else 9
+            packed = samples.packed(inputs)
+            made = DesignLoops(packed, len(samples), samples.points, kind, self.asked, self._level)
+            self._made[friction] = made
+        return self._made[friction]
 
     def check(self, designs: Designs) -> None:
         """Raise unless all columns that figures are differentiated by are there.
@@ -149,7 +153,7 @@ class DesignProblem:
         starts = range(0, len(designs), BLOCK)
         gradients: list[dict[str, dict[str, FloatArray]]] = [{} for _ in starts] or [self._no_gradients(0)]
         work = partial(self._block, designs, folding, status, rows, gradients)
-        self._loops  # noqa: B018 - made once, before there are threads
+        self._loops(folding.friction)  # made once, before there are threads
         if self.threads == 1 or len(starts) < 2:
             for block in range(len(starts)):
                 work(block)
@@ -175,14 +179,14 @@ class DesignProblem:
         count = part.stop - part.start
         folded, offsets = folding.fold(columns), _offsets(columns, count)
         possible = status[part] == DesignStatus.FEASIBLE
-        loops = None if folding.losses is not None else self._loops
+        loops = self._loops(folding.friction)
         found = rows[part]
         if loops is None:
-            self._by_numpy(folding, folded, offsets, found, np.flatnonzero(possible))
+            self._by_numpy(folded, offsets, found, np.flatnonzero(possible))
         else:
-            found[:] = loops.rows(folded.model, offsets, count)
+            found[:] = loops.rows(folded.numbers, offsets, count)
             doubtful = np.flatnonzero(possible & (found[:, STATUS] == _DOUBTFUL))
-            self._by_numpy(folding, folded, offsets, found, doubtful)
+            self._by_numpy(folded, offsets, found, doubtful)
         known = found[:, STATUS].astype(np.uint8)
         status[part] = np.where(possible, known, status[part])
         found[~possible] = np.nan
@@ -192,7 +196,6 @@ class DesignProblem:
 
     def _by_numpy(
         self,
-        folding: Folding,
         folded: Folded,
         offsets: FloatArray | None,
         rows: FloatArray,
@@ -201,7 +204,7 @@ class DesignProblem:
         """Compute the rows of some designs on NumPy: all of them with friction, else those at a margin."""
         for block in blocks_of(len(some), len(self.samples)):
             members = some[block]
-            state = sampled(folding.losses, _some(folded, members), self.samples, _moved(offsets, members))
+            state = sampled(_some(folded, members), self.samples, _moved(offsets, members))
             rows[members] = rows_of(state, self.samples, self.asked)
 
     def _gradients(
@@ -217,11 +220,11 @@ class DesignProblem:
         found = self._no_gradients(count)
         for block in blocks_of(len(good), len(self.samples)):
             members = good[block]
-            state = sampled(folding.losses, _some(folded, members), self.samples, _moved(offsets, members))
+            state = sampled(_some(folded, members), self.samples, _moved(offsets, members))
             for name in self.by:
                 moved = (float(name == OFFSETS[0]), float(name == OFFSETS[1]), float(name == OFFSETS[2]))
                 rates = _some(tangents[name], members).numbers
-                figures = gradient_of(state, self.samples, folding.losses, rates, moved, self.asked)
+                figures = gradient_of(state, self.samples, rates, moved, self.asked)
                 for figure, values in figures.items():
                     found[name][figure][members] = values
         return found

@@ -85,9 +85,18 @@ class Samples:
         """The first of the samples that these are for (N - 1,)."""
         return first_points(len(self), self.points)
 
-    @cached_property
-    def packed(self) -> FloatArray:
-        """All of it in a row, as the compiled loop takes it; see `DesignLoop`."""
+    def packed(self, inputs: int) -> FloatArray:
+        """Return all of it in a row, as the compiled loop takes it; see `DesignLoop`.
+
+        Parameters
+        ----------
+        inputs : int
+            9, or 12 for a wrench, which is zero if there is none.
+
+        Returns
+        -------
+        ndarray
+        """
         count, points = len(self), self.points
         padded = -(-count // LANES) * LANES
         theta = self.rows[2]
@@ -95,9 +104,9 @@ class Samples:
         steps[:, : count - 1] = self.partial.sum(axis=1).T
         partial = np.zeros((count, points, points))
         partial[: count - 1] = self.partial
-        edge = np.pad(
-            np.stack([*self.rows, np.sin(theta), np.cos(theta)]), ((0, 0), (0, padded - count)), "edge"
-        )
+        still = np.zeros((inputs - len(self.rows), count))
+        rows = np.stack([*self.rows, *still, np.sin(theta), np.cos(theta)])
+        edge = np.pad(rows, ((0, 0), (0, padded - count)), "edge")
         weights = np.pad(np.stack([self.mean, self.work]), ((0, 0), (0, padded - count)))
         return np.concatenate([edge.ravel(), weights.ravel(), steps.ravel(), partial.ravel()])
 

@@ -33,8 +33,7 @@ def forces_of_designs(
     """Return peaks, means and least margins of the forces of many designs over one motion.
 
     A design that cannot make the motion has NaN and a `DesignStatus` that says why; the others do not depend
-    on it. Designs with friction are computed on NumPy, all others in the compiled loop: about a million a
-    second and thread over 200 samples.
+    on it. The compiled loop computes about a million designs a second and thread over 200 samples.
 
     Parameters
     ----------
