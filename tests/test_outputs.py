@@ -279,3 +279,20 @@ def test_one_sample_may_be_any_row_of_numbers():
         robot.forces(q, v, a, method="compiled", on_invalid="skip")
     with pytest.raises(SingularityError):
         p3dof.load().forces([0, 0, np.arccos(0.25 / 0.5)], v, a, method="compiled")
+
+
+def test_margins_of_many_poses_take_little_more_memory_than_the_result():
+    robot, count = p3dof.load(), 50_000
+    pose = np.random.default_rng(2).uniform(-0.3, 0.3, (count, 3))
+    robot.singularity(pose[:10])
+    tracemalloc.start()
+    try:
+        found = robot.singularity(pose)
+        kept, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert (peak - kept) / count < 100
+    for some in (slice(0, 1), slice(4000, 4200), slice(None, None, 997)):
+        part = robot.singularity(pose[some])
+        for name in ("serial", "actuation", "determinant"):
+            np.testing.assert_array_equal(getattr(part, name), getattr(found, name)[some])

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from p3dof.algebra import components, matrix_array, vector_array
+from p3dof.algebra import BLOCK, components, matrix_array, vector_array
 from p3dof.checks import FloatArray, batch_of, shown
 from p3dof.errors import InputError
 from p3dof.kinematics.gate import Placed, reachable
@@ -76,14 +76,24 @@ def singularity(geometry: Geometry, pose: ArrayLike) -> Singularity:
         If the shape does not fit.
     """
     poses = batch_of("pose", pose, 3)
-    poses = np.where(np.isfinite(poses).all(axis=-1, keepdims=True), poses, np.nan)
+    rows = poses.reshape(-1, 3)
+    serial, actuation, determinant = np.empty(rows.shape), np.empty(len(rows)), np.empty(len(rows))
+    for start in range(0, len(rows), BLOCK):  # what is in between would take ten times as much memory
+        block = slice(start, start + BLOCK)
+        serial[block], actuation[block], determinant[block] = _margins(geometry, rows[block])
+    shape = poses.shape[:-1]
+    return Singularity(serial.reshape(poses.shape), actuation.reshape(shape), determinant.reshape(shape))
+
+
+def _margins(geometry: Geometry, rows: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the margins of poses (n, 3) from the singularities, and the determinants."""
+    poses = np.where(np.isfinite(rows).all(axis=-1, keepdims=True), rows, np.nan)
     serial = reach_margins(geometry, poses)
     inside = np.where(reached(geometry, serial)[..., None], poses, np.nan)
     lengths = Lengths.of(geometry)
     x = configuration(lengths, components(inside), np)
     J = jacobian(lengths, x)
-    determinant = J[2][2] * (J[0][0] - J[1][0])
-    return Singularity(serial, actuation_angle(x), np.asarray(determinant))
+    return serial, actuation_angle(x), J[2][2] * (J[0][0] - J[1][0])
 
 
 def inverse_kinematics(
