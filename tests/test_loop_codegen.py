@@ -14,6 +14,7 @@ from documents import ROOT
 from test_cli import run
 
 import p3dof
+from p3dof.closed_loop.trust import Limits
 from p3dof.codegen.loops import loop_files
 from p3dof.errors import InputError, ModelError
 
@@ -137,6 +138,40 @@ def test_statuses_and_what_acts(written, tmp_path):
     moving.v[0][0] = np.nan
     assert run(0, None, None, None) == 2
     assert np.array_equal(tau, before)
+
+
+def test_limits_of_position_are_those_of_the_file(written, tmp_path):
+    """Of joints with one coordinate; all others, and joints without limits, may be anywhere."""
+    robot = gallery("four_bar")
+    low, high = np.array(robot.model.lowerPositionLimit), np.array(robot.model.upperPositionLimit)
+    low[:2], high[:2] = [-0.5, -np.inf], [0.25, 1.0]
+    robot.model.lowerPositionLimit, robot.model.upperPositionLimit = low, high
+    for name, text in loop_files(robot, "bar", ["inverse_dynamics"]).files.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    within = library(tmp_path, "bar").bar_within_limits
+    place = ctypes.c_int(7)
+    rng, seen = np.random.default_rng(1), set()
+    for _ in range(200):
+        q = np.ascontiguousarray(rng.uniform(-1.5, 1.5, robot.model.nq))
+        beyond = Limits(robot.model).beyond(q)
+        first = min((robot.model.idx_qs[robot.model.getJointId(name)] for name in beyond), default=-1)
+        assert within(pointer(q), ctypes.byref(place)) == (6 if beyond else 0)
+        assert place.value == first
+        assert within(pointer(q), None) == (6 if beyond else 0)
+        seen.add(first)
+    assert seen == {-1, 0, 1}
+    place.value = 7
+    q[0] = np.nan
+    assert within(pointer(q), ctypes.byref(place)) == 2
+    assert within(None, ctypes.byref(place)) == 1
+    assert place.value == 7
+    free = np.full(24, 1e300)
+    for name in ("stewart", "leg"):  # balls and free joints
+        assert library(shutil.copytree(written / name, tmp_path / name), name)
+        call = getattr(ctypes.CDLL(str(tmp_path / name / f"lib{name}.so")), f"{name}_within_limits")
+        limits = Limits(gallery(name).model)
+        expected = 0 if np.all(limits.upper > 1e299) else 6
+        assert call(pointer(np.concatenate([free, free])), None) == expected
 
 
 def test_a_singular_configuration_is_told(tmp_path):

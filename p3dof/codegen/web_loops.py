@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from p3dof.codegen.filling import fill
 from p3dof.codegen.webassembly import Exported, Rows, WebModule
 
-_STATUSES = ("OK", "NULL_POINTER", "NOT_FINITE", "SINGULAR", "OPEN", "INCONSISTENT")
+_STATUSES = ("OK", "NULL_POINTER", "NOT_FINITE", "SINGULAR", "OPEN", "INCONSISTENT", "BEYOND_LIMITS")
 _METHODS = """
     /** Begins to follow a motion about at a configuration, whose loops it closes; returns a status. */
     start(q) {
