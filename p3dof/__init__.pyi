@@ -85,7 +85,7 @@ from .errors import (
 )
 
 # Rooms that are used by their own name: p3dof.viewer.save_animation, p3dof.engines.load, ...
-from . import blocks, closed_loop, codegen, drives, engines, plots, report, simulation, tasks, viewer
+from . import blocks, closed_loop, codegen, drives, engines, plots, report, simulation, sweeps, tasks, viewer
 
 # The version
 from .version import __version__
@@ -194,6 +194,7 @@ __all__ = [
     "simulation",
     "size_drives",
     "sweep",
+    "sweeps",
     "tasks",
     "viewer",
     "write_parameters",

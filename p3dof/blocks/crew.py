@@ -146,14 +146,16 @@ class Crew:
     def __init__(self, executor: Executor, room: int, own: bool = False) -> None:
         self._executor, self._room, self._own = executor, room, own
 
-    def pickled(self, work: Any) -> bytes:
-        """Return something as bytes that the workers make it of again.
+    def told(self, work: Any) -> Any:
+        """Return something as workers are told it: as bytes that they make it of again; here, as it is.
 
         Raises
         ------
         InputError
             If it cannot be pickled.
         """
+        if isinstance(self._executor, _Here):
+            return work
         try:
             return self.dumps(work)
         except Exception as error:
@@ -211,6 +213,7 @@ class _Cluster(Crew):
         import distributed
 
         self._client: Any = client
+        self._executor: Any = None
         self._wait: Any = distributed.wait
         self.dumps = cloudpickle.dumps
         self._in_flight = in_flight

@@ -132,7 +132,7 @@ def sweep(
     whole("blocks, count / block_size", manifest.blocks, 1, MOST_BLOCKS)
     crew = crew_of(client, workers, in_flight)
     where = Path(called(folder)).absolute()
-    work = crew.pickled(_Work(problem, manifest, str(where) if shared else None))
+    work = crew.told(_Work(problem, manifest, str(where) if shared else None))
     with locked(where):
         run = _Run(manifest, where, crew, progress, _begin(manifest, where, resume))
         try:
@@ -191,7 +191,7 @@ class _Run:
             else:
                 self._note(number, content.states)
 
-    def compute(self, work: bytes) -> None:
+    def compute(self, work: bytes | _Work) -> None:
         """Hand out what is missing, and take what comes back."""
         todo = iter(np.flatnonzero(~self._there).tolist())
         again: list[int] = []
@@ -276,9 +276,9 @@ class _Run:
 _memory = threading.local()
 
 
-def _run_block(packed: bytes, number: int) -> _Done:
+def _run_block(told: bytes | _Work, number: int) -> _Done:
     """Compute one block: what a worker does."""
-    work = _unpacked(packed)
+    work = told if isinstance(told, _Work) else _unpacked(told)
     if work.folder is not None:
         require_folder(Path(work.folder))
     manifest = work.manifest

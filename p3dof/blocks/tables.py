@@ -15,6 +15,9 @@ from p3dof.tables import Table, html_of, notebook_html, number, table_of
 SHOWN = 20
 """Rows that a table shows of many."""
 
+WIDE = 5
+"""Columns likewise."""
+
 
 def sweep_tables(sweep: Sweep) -> tuple[Table, ...]:
     """Return one table for each reduction of a sweep.
@@ -63,14 +66,15 @@ def _table(name: str, found: Any) -> Table:
 
 
 def _of_rows(title: str, found: Rows) -> Table:
+    columns = dict(list(found.columns.items())[:WIDE])
     rows = {
-        str(item): tuple(number(float(array[i])) for array in found.columns.values())
+        str(item): tuple(number(float(array[i])) for array in columns.values())
         for i, item in enumerate(found.index[:SHOWN].tolist())
     }
     note = f"The first {SHOWN} of {len(found)}." if len(found) > SHOWN else ""
-    return table_of(
-        title, ("item", *found.columns), rows, note, "wide" if len(found.columns) > 8 else "plain"
-    )
+    if len(columns) < len(found.columns):
+        note += f" {len(columns)} of {len(found.columns)} columns."
+    return table_of(title, ("item", *columns), rows, note.strip())
 
 
 def _of_counts(title: str, found: Counts) -> Table:

@@ -44,6 +44,7 @@ COMMANDS = {
     "show": ("p3dof.cli.show", "Show the machine and its forces in the browser."),
     "simulate": ("p3dof.cli.simulate", "Follow a motion under controllers, in time."),
     "size": ("p3dof.cli.size", "Say which drives fit a task."),
+    "sweep": ("p3dof.cli.sweep", "Compute machines by the million, in blocks."),
     "urdf": ("p3dof.cli.export", "Write the URDF, its loops and its actuated joints."),
 }
 """The commands: the module of each, imported when it is asked for, and what the program's help says of it."""
@@ -62,7 +63,7 @@ def _hidden_from_click() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt as problem:
-        raise _Interrupted from problem
+        raise _Interrupted(*problem.args) from problem
     except BrokenPipeError as problem:
         raise _ReaderLeft from problem
     except SystemExit as problem:  # what Rich makes of a closed pipe
@@ -130,8 +131,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code = _run(arguments)
         with _hidden_from_click():
             sys.stdout.flush()
-    except _Interrupted:
-        return _fail("interrupted", INTERRUPTED)
+    except _Interrupted as problem:
+        return _fail(str(problem) or "interrupted", INTERRUPTED)
     except _ReaderLeft:
         _drop_what_is_left(sys.stdout)
         return READER_LEFT

@@ -7,6 +7,7 @@ from p3dof.plots.joints import joints_figure
 from p3dof.plots.mechanism import mechanism_figure
 from p3dof.plots.reactions import reactions_figure
 from p3dof.plots.robot_run import robot_run_figure
+from p3dof.plots.sweep import sweep_figure
 from p3dof.plots.tasks import task_figure
 from p3dof.plots.tracking import tracking_figure
 
@@ -19,6 +20,7 @@ __all__ = [
     "robot_run_figure",
     "save",
     "save_all",
+    "sweep_figure",
     "task_figure",
     "tracking_figure",
 ]

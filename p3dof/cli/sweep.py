@@ -1,0 +1,109 @@
+"""`p3dof sweep`: the forces of any number of machines, block by block, here or on a cluster."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+
+from p3dof.blocks import Processes, Sweep, sweep_facts, sweep_tables
+from p3dof.cli.app import app
+from p3dof.cli.files import InputFile, OutputFile, OutputFolder
+from p3dof.cli.options import Whole
+from p3dof.cli.output import print_plain, print_warnings, progress_bar, show
+from p3dof.errors import InputError, MissingExtraError
+from p3dof.files import check_writable
+from p3dof.sweeps import read_sweep
+
+ADDRESS = "tcp://127.0.0.1:8786"
+"""What an address looks like."""
+
+
+@app.command()
+@click.argument("problem", type=InputFile(), metavar="PROBLEM")
+@click.option("--out", type=OutputFolder(), required=True, help="Folder for the results.")
+@click.option("--resume", is_flag=True, help="Go on with the sweep that is in the folder.")
+@click.option("--workers", type=Whole(1, 4096), help="Worker processes on this machine; this one without it.")
+@click.option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help=f"Cluster of Dask that computes, such as {ADDRESS} (needs the extra 'cluster').",
+)
+@click.option(
+    "--local-folder",
+    is_flag=True,
+    help="The cluster does not see the folder: results come back to be written here.",
+)
+@click.option(
+    "--figure",
+    type=OutputFile("figure"),
+    help="Figure of histograms and Pareto fronts to draw (.png, .svg or .pdf; needs the extra 'plot').",
+)
+@click.option("--any-size", is_flag=True, help="Take a machine of more than 20 m or less than 1 mm too.")
+def sweep(
+    problem: Path,
+    out: Path,
+    resume: bool,
+    workers: int | None,
+    scheduler: str | None,
+    local_folder: bool,
+    figure: Path | None,
+    any_size: bool,
+) -> int:
+    """Compute the forces of thousands to billions of machines over one motion, block by block.
+
+    PROBLEM is a YAML file: the motion, the ranges of lengths, masses and all else that differs between
+    machines, and what to find: the best ones, Pareto fronts, histograms. A sweep that was interrupted goes on
+    with --resume.
+    """
+    if workers is not None and scheduler is not None:
+        raise click.UsageError("expected --workers or --scheduler, got both")
+    if figure is not None:
+        check_writable(figure)
+    plan = read_sweep(problem, any_size)
+    with _client(workers, scheduler) as client, progress_bar("designs", plan.problem.count) as progress:
+        made = plan.run(out, client=client, resume=resume, shared=not local_folder, progress=progress)
+    _tell(made, figure)
+    return 0
+
+
+@contextmanager
+def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
+    """Give who computes, and leave it in the end."""
+    if workers is not None:
+        with Processes(workers) as processes:
+            yield processes
+    elif scheduler is not None:
+        try:
+            from distributed import Client
+        except ImportError as error:
+            raise MissingExtraError("--scheduler needs Dask: pip install 'p3dof[cluster]'") from error
+        connect: Any = Client
+        try:
+            client = connect(scheduler, set_as_default=False)
+        except (OSError, ValueError) as error:
+            told = f"cannot be reached ({str(error) or type(error).__name__})"
+            raise InputError(
+                f"--scheduler: {scheduler}: {told}; expected an address such as {ADDRESS}"
+            ) from error
+        with client:
+            yield client
+    else:
+        yield None
+
+
+def _tell(made: Sweep, figure: Path | None) -> None:
+    console = Console()
+    print_plain(console, sweep_facts(made))
+    show(console, *sweep_tables(made), notes=True)
+    print_warnings(console, made.notes)
+    if figure is not None:
+        from p3dof import plots
+
+        print_plain(console, f"wrote {plots.save(plots.sweep_figure(made), figure)}")
+    print_plain(console, f"wrote {os.path.relpath(made.folder)}")

@@ -1,0 +1,12 @@
+"""Sweeps over machines: problems for `p3dof.sweep`, and the files that describe them.
+
+- `designs`: `DesignSweep`, the forces of machines over one motion;
+- `rows`: inputs from a file of designs;
+- `problem_file`: a sweep as a YAML file, as the command line takes it.
+"""
+
+from p3dof.sweeps.designs import DesignSweep
+from p3dof.sweeps.problem_file import SweepPlan, read_sweep
+from p3dof.sweeps.rows import FileRows
+
+__all__ = ["DesignSweep", "FileRows", "SweepPlan", "read_sweep"]
