@@ -30,7 +30,7 @@ from p3dof.simulation import Springs
 DURATION, TICK = 0.5, 1e-3
 FALL, PD = "falling under constant forces", "PD at 1 kHz"
 TARGETS = (1e-5, 1e-7, 1e-9, 1e-11)
-LONGEST = 3.0
+LONGEST = 2.0
 """Seconds after which no finer setting is tried."""
 ROUNDS = 7
 HOME = np.zeros(3)
