@@ -22,7 +22,7 @@ from rounds import Contender
 import p3dof
 from p3dof.codegen.controller import controller_files
 from p3dof.compiled import MachineKernels, reduced
-from p3dof.compiled import __file__ as kernels_file
+from p3dof.compiled.extension import __file__ as kernels_file
 from p3dof.compiled.reduced import State
 from p3dof.paper import virtual_power
 from p3dof.paper.formulas import Lengths
@@ -45,8 +45,10 @@ _KERNEL = """\
 #include <string.h>
 #define P3DOF_INLINE inline __attribute__((always_inline))
 #define P3DOF_SIMD _Pragma("omp simd")
+#define P3DOF_ALIGNED __attribute__((aligned(64)))
 #define P3DOF_TARGET __attribute__((unused))
-#define P3DOF_NAME(f) f
+enum {{ BLOCK = 80, LINE = 88 }};
+#define P3DOF_NAME(f) f##_one
 #include "{headers}/vector_math.h"
 #include "{headers}/generated/batch_kernels.h"
 static const double constants[] = {{{constants}}};
@@ -58,7 +60,7 @@ static void one(const double *x, double *f)
     double *out[4] = {{f, f + 1, f + 2, &margin}};
     for (int k = 0; k < 9; ++k)
         in[k] = x + k;
-    {kernel}(1, numbers, in, out);
+    {kernel}_one(1, numbers, in, out);
 }}
 """
 _CONTROLLER = """\
