@@ -256,6 +256,21 @@ def test_one_sample_is_what_a_batch_of_one_is():
                     np.testing.assert_array_equal(one, many)
 
 
+@pytest.mark.parametrize("friction", [False, True])
+def test_derivatives_of_one_sample_are_those_of_a_batch_of_one(friction):
+    machine = replace(MACHINE, friction=random_friction(np.random.default_rng(1))) if friction else MACHINE
+    for robot in (p3dof.load(machine), p3dof.load()):
+        q, v, a, w = (part[0] for part in part_of_states((COUNT,)))
+        for wrench in (None, w):
+            one = robot.force_derivatives(0.5 * q, v.tolist(), a, wrench=wrench)
+            many = robot.force_derivatives(0.5 * q[None], v[None], a[None], wrench=wrench)
+            for each, other in zip(one.arrays, many.arrays, strict=True):
+                np.testing.assert_array_equal(each, other[0])
+        with pytest.raises(ReachError):
+            robot.force_derivatives(FAR, v, a)
+        assert np.isnan(robot.force_derivatives(FAR, v, a, on_invalid="nan").by_pose).all()
+
+
 def test_one_sample_may_be_any_row_of_numbers():
     robot = p3dof.load(MACHINE)
     q, v, a, _ = (part[0] for part in part_of_states((COUNT,)))

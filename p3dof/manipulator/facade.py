@@ -389,6 +389,11 @@ class Manipulator:
 
         The wrench stays when the motion changes.
         """
+        one = self._model.methods["compiled"].one
+        if out is None and one is not None:
+            found = one.derivatives(pose, velocity, acceleration, wrench, on_invalid)
+            if found is not None:
+                return ForceDerivatives(found[:, 0], found[:, 1:4], found[:, 4:7], found[:, 7:])
         states = states_of(pose, velocity, acceleration, wrench=wrench, on_invalid=on_invalid)
         return compiled.inverse_dynamics_derivatives(self.kernels, states, out)
 

@@ -138,7 +138,7 @@ def driven(kernels: MachineKernels, kind: str, states: States) -> tuple[str, lis
     loads : list of ndarray, shape (N,), or None
         The wrench on y, z and θ [N, N, N m].
     """
-    friction = bool(kernels.parameters.friction)
+    friction = kernels.has_friction
     given = states.rows().wrench
     if given is None and not friction:
         return kind, None

@@ -6,7 +6,9 @@ from functools import cached_property
 from typing import Any
 
 from p3dof.checks import FloatArray
+from p3dof.compiled.formulas import ACCELERATION, POSE, VELOCITY
 from p3dof.compiled.kernels import MachineKernels, SampleFunction
+from p3dof.compiled.reduced import State
 from p3dof.motion.wrenches import WRENCH_ROWS
 from p3dof.samples import POLICIES
 
@@ -18,6 +20,15 @@ _JACOBIAN = (_SLOPE_A, 1.0, 0.0, _SLOPE_B, 1.0, 0.0, _SLOPE_C, 1.0, _ARM)
 _YY, _YZ, _YT, _ZT, _TT, _ZZ = range(6)
 _MASSES = (_YY, _YZ, _YT, _YZ, _ZZ, _ZT, _YT, _ZT, _TT)
 """Which output of a kernel each entry of the matrix is, or what it always is."""
+_BY = tuple(
+    State._fields.index(name) if name in State._fields else None for name in (*POSE, *VELOCITY, *ACCELERATION)
+)
+_DERIVATIVES = tuple(
+    entry
+    for leg in range(3)
+    for entry in (leg, *(0.0 if place is None else 3 + len(State._fields) * leg + place for place in _BY))
+)
+"""Of each force: itself, and its derivatives by pose, velocity and acceleration; z and ż change none."""
 
 
 class OneSample:
@@ -58,6 +69,12 @@ class OneSample:
         """Return the mass matrix in y, z, θ, (3, 3)."""
         return self._mass_matrix(out, pose) if on_invalid in POLICIES else None
 
+    def derivatives(self, q: Any, v: Any, a: Any, wrench: Any, on_invalid: str) -> FloatArray | None:
+        """Return the actuator forces and their derivatives by pose, velocity and acceleration, (3, 10)."""
+        if on_invalid not in POLICIES:
+            return None
+        return self._derivatives(None, q, v, a, _NO_WRENCH if wrench is None else wrench)
+
     def sliders(self, out: Any, pose: Any, on_invalid: str) -> FloatArray | None:
         """Return the slider positions (3,) [m]."""
         return self._sliders(out, pose) if on_invalid in POLICIES else None
@@ -91,6 +108,13 @@ class OneSample:
         return self._kernels.sample("mass_matrix", (_ROW,), _MASSES, (3, 3))
 
     @cached_property
+    def _derivatives(self) -> SampleFunction:
+        if self._friction:
+            return _nothing
+        rows = (_ROW, _ROW, _ROW, _WRENCH)
+        return self._kernels.sample("inverse_dynamics_derivatives", rows, _DERIVATIVES, (3, 10))
+
+    @cached_property
     def _sliders(self) -> SampleFunction:
         return self._kernels.sample("kinematics", (_ROW,), (0, 1, 2), (3,))
 
@@ -107,3 +131,7 @@ class OneSample:
     def _loaded(self, kind: str) -> SampleFunction:
         name = f"{kind}_{'with_friction' if self._friction else 'loaded'}"
         return self._kernels.sample(name, (_ROW, _ROW, _ROW, _WRENCH), (0, 1, 2), (3,))
+
+
+def _nothing(out: Any, *rows: Any) -> None:  # noqa: ARG001 - as `SampleFunction`
+    return None

@@ -65,6 +65,7 @@ def one_sample(robot: p3dof.Manipulator) -> None:
         "jacobian": lambda: robot.jacobian(pose, method="compiled"),
         "mass_matrix, out=": lambda: robot.mass_matrix(pose, method="compiled", out=matrix),
         "sliders": lambda: robot.sliders(pose),
+        "force_derivatives": lambda: robot.force_derivatives(pose, velocity, acceleration),
         "bound loop": bound.run,
     }
     for name, door in doors.items():

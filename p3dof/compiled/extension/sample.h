@@ -11,7 +11,7 @@ typedef struct {
     double value; /* the constant */
 } Entry;
 
-enum { MOST_ARGUMENTS = 4, MOST_NUMBERS = 8, MOST_ENTRIES = 9 };
+enum { MOST_ARGUMENTS = 4, MOST_NUMBERS = 8, MOST_ENTRIES = 30 };
 
 typedef struct {
     PyObject_HEAD
