@@ -8,8 +8,17 @@ import numpy as np
 from machines import random_machine, random_states
 
 import p3dof
-from p3dof import ControlLoop, Integration, Springs, WrenchHistory
-from p3dof.errors import InputError
+from p3dof import (
+    PD,
+    ComputedTorque,
+    ControlLoop,
+    Feedforward,
+    Integration,
+    Motion,
+    Springs,
+    WrenchHistory,
+)
+from p3dof.errors import P3dofError
 from p3dof.parameters import Friction, Limits
 from p3dof.parameters.names import PASSIVE, SLIDES
 from p3dof.simulation import KINDS, InitialState, Noise
@@ -25,6 +34,16 @@ class Follower:
     def __call__(self, measured):
         error = self.rest + 0.02 * np.sin(9 * measured.time) - measured.sliders
         return self.stiffness * error - self.damping * measured.slider_velocities
+
+
+def around(pose, rng):
+    """Return a motion that begins at a pose and is shorter than a run; frequency, damping, integral time."""
+    time = np.linspace(0, 0.3, 16)
+    by = 0.02 * rng.normal(size=3)[:, None]
+    phase = 10 * time
+    parts = by * (1 - np.cos(phase)), by * 10 * np.sin(phase), by * 100 * np.cos(phase)
+    motion = Motion(time, pose + parts[0].T, parts[1].T, parts[2].T, check=False)
+    return motion, rng.uniform(2, 10), rng.uniform(0.5, 1.5), rng.choice([np.inf, 0.2])
 
 
 def random_run(seed):
@@ -45,17 +64,19 @@ def random_run(seed):
     mass = parameters.bodies.mass
     rate = rng.choice([None, 50.0, 200.0, 1000.0])
     stiffness, damping = mass * rng.uniform(1, 300), mass * rng.uniform(0, 5)
-    drive = rng.integers(5)
+    drive = rng.integers(8)
     controller = [
         None,
         rng.normal(0, 3 * mass, 3),
         Springs(stiffness, sliders, damping * rng.integers(2), rng.normal(0, 3 * mass, 3)),
         Springs(stiffness * np.array([1, 2, 3]), sliders, damping),
         Follower(stiffness, damping, sliders),
+        *(kind(parameters, *around(pose, rng)) for kind in (PD, Feedforward, ComputedTorque)),
     ][drive]
-    if drive == 4:
+    if drive >= 4:
         rate = rate or 100.0
     noise = Noise(1e-6, 1e-4, seed) if rate and rng.random() < 0.3 else None
+    encoders = {"resolution": 1e-5, "differencing": True} if rate and rng.random() < 0.3 else {}
     time = np.sort(rng.uniform(0, 0.4, 4))
     wrench = [None, rng.normal(0, mass, 6), WrenchHistory(time, rng.normal(0, mass, (4, 6)))][rng.integers(3)]
     counted = [kind for kind in KINDS if rng.random() < 0.8]
@@ -63,7 +84,7 @@ def random_run(seed):
     run = {
         "start": InitialState(pose, states.velocity[0] * rng.uniform(0, 0.5)),
         "controller": controller,
-        "control": ControlLoop(rate, saturation=saturation, noise=noise),
+        "control": ControlLoop(rate, saturation=saturation, noise=noise, **encoders),
         "wrench": wrench,
         "stop_at": counted,
         "samples": int(rng.integers(2, 40)),
@@ -80,15 +101,15 @@ def in_python(machine, duration, **run):
 def both(seed):
     """Return a random run in C and in Python, or the message of what both refuse."""
     machine, duration, run = random_run(seed)
-    return _result(machine.simulate, duration, method="compiled", **run), _result(
+    return result(machine.simulate, duration, method="compiled", **run), result(
         in_python, machine, duration, **run
     )
 
 
-def _result(way, *arguments, **run):
+def result(way, *arguments, **run):
     try:
         return way(*arguments, **run)
-    except InputError as error:
+    except P3dofError as error:
         return str(error)
 
 

@@ -11,12 +11,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from runs_in_c import both, difference, in_python, random_run
+from runs_in_c import both, difference, in_python, random_run, result
 
 import p3dof
-from p3dof import ControlLoop, Friction, Integration, Springs
+from p3dof import PD, ComputedTorque, ControlLoop, Feedforward, Friction, Integration, Springs
 from p3dof.compiled import levels
 from p3dof.errors import ControllerError, DynamicsError, InputError, ReachError
+from p3dof.simulation import Noise
 from p3dof.simulation.compiled_machine import pace, serves
 from p3dof.simulation.limits import Limiter
 from p3dof.simulation.simulate import task_of
@@ -63,10 +64,10 @@ def test_the_random_runs_end_in_every_way():
         machine, duration, run = random_run(seed)
         task = task_of(machine, duration, method="compiled", **run)
         drives.add((pace(task), type(run["controller"]).__name__, bool(run["control"].rate)))
-        found = machine.simulate(duration, method="compiled", **run)
-        ends.add(found.stop and found.stop.kind)
-    assert ends >= {None, "slider stop", "tilt limit", "reach limit", "singular pose"}
-    assert len(drives) >= 7
+        found = result(machine.simulate, duration, method="compiled", **run)
+        ends.add("controller" if isinstance(found, str) else found.stop and found.stop.kind)
+    assert ends >= {None, "slider stop", "tilt limit", "singular pose", "controller"}
+    assert len(drives) >= 10
     assert {drive[0] for drive in drives} == {"C", "C and Python"}
 
 
@@ -150,6 +151,38 @@ def test_what_a_run_leaves_is_that_of_the_integrator_in_python(tmp_path):
     np.testing.assert_array_equal(p3dof.Simulation.load(tmp_path / "run.npz").forces, one.forces)
     with pytest.raises(AttributeError, match="has no attribute 'joint'"):
         _ = one.joint
+
+
+@pytest.mark.parametrize("kind", [PD, Feedforward, ComputedTorque])
+@pytest.mark.parametrize("integral_time", [np.inf, 0.3])
+def test_the_controllers_of_the_package_need_no_python(kind, integral_time, monkeypatch):
+    robot, motion = p3dof.load(), p3dof.paper_motion()
+    controller = kind(robot, motion, frequency=6, damping=0.8, integral_time=integral_time)
+    control = ControlLoop(500, saturation=40, noise=Noise(seed=3), resolution=1e-6, differencing=True)
+    how = {"controller": controller, "control": control, "samples": 31, "wrench": [0, 3, -20, 0, 1, 0]}
+    other = in_python(robot, 0.6, **how)
+    monkeypatch.setattr(kind, "__call__", lambda *_: pytest.fail("asked in Python"))
+    run = robot.simulate(0.6, method="compiled", **how)
+    assert difference(run, other) == ""
+    np.testing.assert_allclose(run.asked, other.asked, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(run.reference, other.reference, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", [PD, Feedforward, ComputedTorque])
+def test_a_model_without_an_answer_says_so_as_in_python(kind):
+    """The machine can do what the controller's model, with shorter legs, cannot reach."""
+    robot, motion = p3dof.load(), p3dof.paper_motion()
+    g = robot.parameters.geometry
+    reach = np.abs(motion.pose[:, 1]).max()
+    assert reach < g.L
+    short = replace(robot.parameters, geometry=replace(g, L=g.R - g.r + 0.01))
+    how = {"controller": kind(short, motion), "control": ControlLoop(200)}
+    messages = []
+    for run in both_ways(robot):
+        with pytest.raises(ControllerError) as caught:
+            run(1.0, **how)
+        messages.append((str(caught.value), caught.value.time))
+    assert messages[0] == messages[1]
 
 
 def test_a_controller_is_called_at_its_rate_only():
@@ -262,6 +295,7 @@ def test_what_the_extension_refuses():
     forward, constants = robot.kernels.prepared("forward_dynamics_loaded")
     tables = [constants, *(robot.kernels.prepared(name)[1] for name in ("kinematics", "limits"))]
     tables += [np.zeros(36), np.zeros(0), np.zeros(1), np.zeros(3), np.zeros(0), np.ones(1)]
+    tables += [np.zeros(0)] * 7
     level, numbers = robot.kernels.level, np.zeros(17)
     run = MachineRun(forward.name, level, tuple(tables), numbers)
     with pytest.raises(ValueError, match="expected a row of 13 doubles"):
@@ -270,21 +304,24 @@ def test_what_the_extension_refuses():
         run.samples(np.zeros(13))
     with pytest.raises(ValueError, match="must have 6 numbers, not 3"):
         run.hold(np.zeros(3))
-    with pytest.raises(ValueError, match="tuple of nine tables"):
+    with pytest.raises(ValueError, match="tuple of sixteen tables"):
         MachineRun(forward.name, level, tuple(tables[:8]), numbers)
-    with pytest.raises(ValueError, match="tuple of nine tables"):
+    with pytest.raises(ValueError, match="tuple of sixteen tables"):
         MachineRun("kinematics", level, tuple(tables), numbers)
     with pytest.raises(ValueError, match="no kernel 'magic'"):
         MachineRun("magic", level, tuple(tables), numbers)
     with pytest.raises(ValueError, match="numbers must have 17 numbers, not 16"):
         MachineRun(forward.name, level, tuple(tables), numbers[:16])
-    for place, size in ((0, 2), (3, 35), (6, 4), (8, 0), (4, 3)):
+    for place, size in ((0, 2), (3, 35), (6, 4), (8, 0), (4, 3), (9, 7)):
         wrong = np.zeros(size)
         broken = [*tables[:place], wrong, *tables[place + 1 :]]
         with pytest.raises(ValueError, match=r"must have|do not fit"):
             MachineRun(forward.name, level, tuple(broken), numbers)
+    torque = [*tables[:9], np.ones(7), np.zeros(29), np.zeros(9), *tables[12:]]
+    with pytest.raises(ValueError, match="the model of the controller does not fit"):
+        MachineRun(forward.name, level, tuple(torque), numbers)
     with pytest.raises(TypeError, match="must be a buffer of doubles"):
-        MachineRun(forward.name, level, (*tables[:8], None), numbers)
+        MachineRun(forward.name, level, (*tables[:15], None), numbers)
 
 
 DRIVER = r"""

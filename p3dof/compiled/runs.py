@@ -11,8 +11,9 @@ from p3dof.checks import FloatArray
 from p3dof.compiled.kernels import NUMPY, MachineKernels
 from p3dof.motion.wrenches import WRENCH_ROWS
 
-FINISHED, TICK, CROSSED, FAILED = range(4)
-"""Why a run came back: at its end, for forces to hold, at a limit, or where no step is small enough."""
+FINISHED, TICK, CROSSED, FAILED, _, BEYOND = range(6)
+"""Why a run came back: at its end, for forces to hold, at a limit, where no step is small enough; or because
+its controller has no answer, or a huge one."""
 
 _ROW = 13
 
@@ -68,6 +69,36 @@ class Forces(NamedTuple):
     springs: FloatArray
     largest: FloatArray
     outside: bool
+
+
+class Controller(NamedTuple):
+    """A controller of control.h in the extension.
+
+    Parameters
+    ----------
+    settings : ndarray, shape (7,)
+        Whether it is computed torque, noisy, counting, differencing, integrating, of a symmetric model; and
+        the size of forces that need a second look [N].
+    given : ndarray, shape (29,)
+        Gain 3, damping 3, share of an error that joins its integral 3; forces 3, sliders 3 and their
+        velocities 3 if there is no table; largest forces 3; counts of encoders 3; noise 2; bandwidth of
+        drives 3.
+    table : ndarray, shape (9 N,) or (0,)
+        A row a tick: forces, sliders and their velocities; or pose, velocity, acceleration.
+    noise : ndarray, shape (6 N,) or (0,)
+        Normal numbers, six a tick.
+    model : tuple of 3 ndarray
+        Constants of assembly, torque and inverse dynamics, for computed torque.
+    """
+
+    settings: FloatArray
+    given: FloatArray
+    table: FloatArray
+    noise: FloatArray
+    model: tuple[FloatArray, ...]
+
+
+NO_CONTROLLER = Controller(*(np.zeros(0),) * 4, (np.zeros(0),) * 3)
 
 
 class Timing(NamedTuple):
@@ -142,6 +173,8 @@ class CompiledRun:
         What ends it.
     timing : Timing
         When, and how exactly.
+    controller : Controller, optional
+        What gives the forces at every tick.
     """
 
     def __init__(
@@ -152,6 +185,7 @@ class CompiledRun:
         load: Load,
         limits: Watched,
         timing: Timing,
+        controller: Controller = NO_CONTROLLER,
     ) -> None:
         from p3dof.compiled.extension import _compiled
 
@@ -166,6 +200,8 @@ class CompiledRun:
             np.ravel(load.wrench[:, WRENCH_ROWS]),
             load.kinks,
             timing.times,
+            *controller[:4],
+            *controller.model,
         )
         tolerances = timing.period, timing.rtol, timing.atol, timing.longest
         numbers = np.array([g.r, g.R, g.L, *tolerances, *forces.largest, forces.outside, *state], dtype=float)
@@ -184,7 +220,7 @@ class CompiledRun:
         Returns
         -------
         int
-            One of `FINISHED`, `TICK`, `CROSSED`, `FAILED`.
+            One of `FINISHED`, `TICK`, `CROSSED`, `FAILED`, `BEYOND`.
         """
         return int(self._run.advance(told))
 

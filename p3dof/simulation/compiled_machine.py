@@ -16,12 +16,13 @@ import numpy as np
 from p3dof import kinematics
 from p3dof.checks import FloatArray
 from p3dof.compiled import runs
-from p3dof.compiled.runs import CompiledRun, Forces, Samples, Timing, Watched
+from p3dof.compiled.runs import NO_CONTROLLER, CompiledRun, Forces, Samples, Timing, Watched
 from p3dof.errors import ControllerError, DynamicsError
 from p3dof.kinematics import reachable_poses
 from p3dof.methods import JointStates
 from p3dof.motion import Load, Motion, WrenchHistory
 from p3dof.parameters import Geometry
+from p3dof.simulation.compiled_controllers import controller_of, has_table
 from p3dof.simulation.controllers import Springs
 from p3dof.simulation.integration import BEYOND, FAILED, NEAR
 from p3dof.simulation.limits import Limiter
@@ -73,11 +74,11 @@ def pace(task: Task) -> str:
 
 def _from_python(task: Task) -> bool:
     """Return whether a controller in Python acts at every tick."""
-    springs = type(task.controller) is Springs and task.control.encoders() is None
-    return callable(task.controller) and not springs
+    known = has_table(task) or (task.control.rate is None and type(task.controller) is Springs)
+    return callable(task.controller) and not known
 
 
-def simulate_compiled(task: Task) -> Simulation:
+def simulate_compiled(task: Task) -> Simulation | None:
     """Run a machine in C.
 
     Parameters
@@ -87,7 +88,8 @@ def simulate_compiled(task: Task) -> Simulation:
 
     Returns
     -------
-    Simulation
+    Simulation, or None
+        None if a controller's model has no answer somewhere: the integrator in Python says what is wrong.
 
     Raises
     ------
@@ -145,6 +147,7 @@ class _Runner:
             _load(task),
             Watched(*self._limiter.watched),
             Timing(times, task.control.period, task.integration.rtol, task.integration.atol, task.longest),
+            controller_of(task, self._actuation.limits) if has_table(task) else NO_CONTROLLER,
         )
         self._stop: Stop | None = None
         self._seconds = 0.0
@@ -155,16 +158,16 @@ class _Runner:
         controller, held = task.controller, np.zeros(6)
         springs: FloatArray = np.zeros(0)
         outside = _from_python(task)
-        if isinstance(controller, Springs) and not outside:
+        if type(controller) is Springs and task.control.rate is None:
             parts = controller.stiffness, controller.rest, controller.damping, controller.preload
             springs = np.concatenate(parts)
-        elif controller is not None and not outside:
+        elif controller is not None and not callable(controller):
             asked = np.asarray(controller, dtype=float)
             held = np.concatenate([np.clip(asked, -largest, largest), asked])
         return Forces(held, springs, largest, outside)
 
-    def result(self) -> Simulation:
-        """Integrate, and return what the run left."""
+    def result(self) -> Simulation | None:
+        """Integrate, and return what the run left; None if it cannot be in C."""
         begun = clock.perf_counter()
         try:
             status = self._integrate()
@@ -174,6 +177,8 @@ class _Runner:
             raise
         finally:
             self._seconds = clock.perf_counter() - begun
+        if status == runs.BEYOND:
+            return None
         self._stop = self._reason(status)
         found = self._simulation()
         if found is None:

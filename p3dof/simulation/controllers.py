@@ -124,7 +124,7 @@ class PD:
         self.moved = np.diag(inverse.T @ dynamics.mass_matrix(states_of(_HOME)) @ inverse)
         self.holding = dynamics.forces(states_of(_HOME))
         gravity = max(9.81, float(np.abs(self.model.gravity).max()))
-        self._huge = _HUGE * self.model.bodies.mass * gravity
+        self.huge = _HUGE * self.model.bodies.mass * gravity
         self._integral = np.zeros(3)
 
     @property
@@ -170,7 +170,7 @@ class PD:
             )
         except (ValueError, ArithmeticError):
             found = np.full(3, np.nan)
-        if np.all(np.abs(found) < self._huge):
+        if np.all(np.abs(found) < self.huge):
             return found
         # It says what is wrong, if it is.
         return VirtualPowerMethod(self.model).forces(states_of(pose, velocity, acceleration))

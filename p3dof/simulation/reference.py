@@ -62,6 +62,18 @@ class Reference:
         pose, velocity, acceleration = (np.asarray(curve(inside)) for curve in self._curves)
         return pose, velocity, acceleration
 
+    def over(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return poses, velocities and accelerations at times since the beginning (N,), shape (N, 3) each."""
+        inside = np.clip(times, 0.0, self.motion.duration)
+        if not self._curves:
+            still = np.zeros((len(times), 3))
+            return still + self.motion.pose[0], still, still.copy()
+        pose, velocity, acceleration = (np.asarray(curve(inside)) for curve in self._curves)
+        before, after = times < 0, times > self.motion.duration * (1 + 1e-14)
+        pose[before], pose[after] = self.motion.pose[0], self.motion.pose[-1]
+        moving = np.where(before | after, 0.0, 1.0)[:, None]
+        return pose, moving * velocity, moving * acceleration
+
     def poses(self, times: FloatArray) -> FloatArray:
         """Return the poses at times since the beginning, shape (N, 3)."""
-        return np.array([self.at(float(time))[0] for time in times]).reshape(-1, 3)
+        return self.over(times)[0]

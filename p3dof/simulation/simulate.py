@@ -105,7 +105,8 @@ def simulate(
     """
     given = start, controller, control, reference, wrench, method, samples, stop_at, integration, progress
     task = task_of(machine, duration, *given)
-    return simulate_compiled(task) if serves(task) else simulate_in_python(task)
+    found = simulate_compiled(task) if serves(task) else None
+    return simulate_in_python(task) if found is None else found
 
 
 def simulate_in_python(task: Task) -> Simulation:

@@ -18,9 +18,10 @@ enum {
     RUN_CROSSED,     /* a limit, `index` */
     RUN_FAILED,      /* no step is small enough */
     RUN_INTERRUPTED, /* `poll` asked for it */
+    RUN_BEYOND,      /* a controller has no answer, or one that needs a second look */
 };
 
-enum { DRIVE_HELD, DRIVE_SPRINGS };
+enum { DRIVE_HELD, DRIVE_SPRINGS, DRIVE_CONTROL };
 
 typedef struct {
     Run *run;
@@ -42,6 +43,12 @@ struct MachineRun {
     double held[6];                                       /* forces 3, asked 3, between ticks or for good */
     const double *load_time, *load;                       /* F_y, F_z, M_y, one row of three a time */
     ptrdiff_t loads;                                     /* one: it stays */
+    void *control;            /* of `DRIVE_CONTROL`: see control.h, in one lane */
+    const void *path;
+    void (*act)(MachineRun *, const double *); /* fills `held` from sliders and their velocities */
+    const double *noise;      /* six normal numbers a tick */
+    ptrdiff_t planned;        /* ticks that there are tables for */
+    double huge;              /* forces that need a second look */
     /* When something happens. */
     const double *times, *kinks;
     ptrdiff_t samples, kink_count;

@@ -64,7 +64,7 @@ static P3DOF_TARGET void P3DOF_NAME(place_sliders)(const MachineRun *m, const do
 static P3DOF_TARGET void P3DOF_NAME(actuate)(const MachineRun *m, const double *y, double *forces)
 {
     double sliders[6];
-    if (m->drive == DRIVE_HELD) {
+    if (m->drive != DRIVE_SPRINGS) {
         memcpy(forces, m->held, 6 * sizeof *forces);
         return;
     }
@@ -344,6 +344,24 @@ static P3DOF_TARGET int P3DOF_NAME(interval)(MachineRun *m, double until)
     return found == RUN_FAILED ? P3DOF_NAME(ended)(m, found) : found;
 }
 
+/* Let what drives the run act at a tick. Return whether it has an answer. */
+static P3DOF_TARGET int P3DOF_NAME(controlled)(MachineRun *m)
+{
+    double sliders[6];
+    int good = 1;
+    if (m->drive == DRIVE_SPRINGS)
+        P3DOF_NAME(actuate)(m, m->y, m->held);
+    if (m->drive != DRIVE_CONTROL)
+        return 1;
+    if (m->ticks >= (double)m->planned)
+        return 0;
+    P3DOF_NAME(place_sliders)(m, m->y, sliders);
+    m->act(m, sliders);
+    for (int i = 0; i < 6; ++i)
+        good &= fabs(m->held[i]) < m->huge; /* not if it is NaN */
+    return good;
+}
+
 /* Go on until the run ends or somebody else is to act. */
 static P3DOF_TARGET int P3DOF_NAME(advance)(MachineRun *m)
 {
@@ -355,10 +373,12 @@ static P3DOF_TARGET int P3DOF_NAME(advance)(MachineRun *m)
                 m->answered = 1;
                 return RUN_TICK;
             }
+            if (!P3DOF_NAME(controlled)(m)) {
+                found = RUN_BEYOND;
+                break;
+            }
             m->ticks += 1.0;
             m->answered = 0;
-            if (m->drive != DRIVE_HELD)
-                P3DOF_NAME(actuate)(m, m->y, m->held);
         }
         P3DOF_NAME(sample_here)(m);
         found = P3DOF_NAME(interval)(m, P3DOF_NAME(until)(m));

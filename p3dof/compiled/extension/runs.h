@@ -1,12 +1,38 @@
 /* `MachineRun`: a run of one machine in time, without Python between its steps. */
 
-enum { RUN_TABLES = 9, RUN_NUMBERS = 17, RUN_LIVE = 13 };
+enum { RUN_TABLES = 16, RUN_NUMBERS = 17, RUN_LIVE = 13, RUN_SETTINGS = 7, RUN_GIVEN = 29 };
+
+/* What lets a controller of control.h act, in one lane of every level. */
+#define RUN_CONTROL(level)                                                                        \
+    static void control_tick_##level(MachineRun *m, const double *sliders)                        \
+    {                                                                                             \
+        Control_single_##level *control = m->control;                                             \
+        const ControlPath *path = m->path;                                                        \
+        const ptrdiff_t tick = (ptrdiff_t)m->ticks;                                               \
+        const double *noise = m->noise;                                                           \
+        control_wanted_single_##level(path, control, &tick);                                      \
+        control_act_single_##level(path, control, &tick, &noise, (const double(*)[1])sliders);    \
+        control_switch_single_##level(path, control, &tick);                                      \
+        memcpy(m->held, control->held, sizeof control->held);                                     \
+        memcpy(m->held + 3, control->asked, sizeof control->asked);                               \
+    }
+RUN_CONTROL(baseline)
+#if defined(P3DOF_X86_LEVELS)
+RUN_CONTROL(avx2)
+RUN_CONTROL(avx512)
+static void (*const CONTROL_TICKS[])(MachineRun *, const double *) = {control_tick_baseline, control_tick_avx2,
+                                                                      control_tick_avx512};
+#else
+static void (*const CONTROL_TICKS[])(MachineRun *, const double *) = {control_tick_baseline};
+#endif
 
 typedef struct {
     PyObject_HEAD
     MachineRun run;
     const Level *level;
     double *tables[RUN_TABLES];
+    ControlPath path;
+    Control_single_baseline control;
     PyThreadState *saved;
     PyObject *told; /* what `poll` calls; borrowed from the caller of `advance` */
     int busy;
@@ -144,6 +170,50 @@ static int set_tables(RunObject *self, const Py_ssize_t *lengths)
     return 0;
 }
 
+/* Set the controller of the last seven tables; none if its settings are empty. */
+static int set_controller(RunObject *self, const Py_ssize_t *lengths)
+{
+    MachineRun *m = &self->run;
+    double **tables = self->tables + 9;
+    ControlPath *path = &self->path;
+
+    if (lengths[9] == 0)
+        return 0;
+    if (lengths[9] != RUN_SETTINGS || lengths[10] != RUN_GIVEN) {
+        PyErr_SetString(PyExc_ValueError, "tables: settings or gains of the controller do not fit");
+        return -1;
+    }
+    path->kind = tables[0][0] != 0.0 ? CONTROL_TORQUE : CONTROL_FEEDBACK;
+    path->noisy = tables[0][1] != 0.0;
+    path->counting = tables[0][2] != 0.0;
+    path->differencing = tables[0][3] != 0.0;
+    path->integrating = tables[0][4] != 0.0;
+    path->symmetric = tables[0][5] != 0.0;
+    path->ring = 1;
+    path->period = m->period;
+    path->table = lengths[11] ? tables[2] : NULL;
+    path->assembly = tables[4];
+    path->torque = tables[5];
+    path->inverse = tables[6];
+    m->planned = lengths[11] ? lengths[11] / 9 : PTRDIFF_MAX;
+    if (path->noisy && lengths[12] / 6 < m->planned)
+        m->planned = lengths[12] / 6;
+    const int inverse = path->symmetric ? lane_inverse_symmetric_constants : lane_inverse_constants;
+    if (path->kind == CONTROL_TORQUE && (!path->table || lengths[13] != lane_assembly_constants ||
+                                         lengths[14] != lane_torque_constants || lengths[15] != inverse)) {
+        PyErr_SetString(PyExc_ValueError, "tables: the model of the controller does not fit");
+        return -1;
+    }
+    memcpy(&self->control, tables[1], RUN_GIVEN * sizeof(double));
+    m->drive = DRIVE_CONTROL;
+    m->huge = tables[0][6];
+    m->noise = tables[3];
+    m->path = path;
+    m->control = &self->control;
+    m->act = CONTROL_TICKS[self->level - LEVELS];
+    return 0;
+}
+
 static void set_numbers(MachineRun *m, const double *numbers)
 {
     m->r = numbers[0];
@@ -176,12 +246,12 @@ static int fill_run(RunObject *self, const Kernel *forward, PyObject *tables, Py
 {
     const Kernel *kinematics = own_kernel("kinematics"), *limits = own_kernel("limits");
     const Py_ssize_t expected[RUN_TABLES] = {forward->constants, kinematics->constants, limits->constants,
-                                         3 * LIMITS, -1, -1, -1, -1, -1};
+                                         3 * LIMITS, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1};
     Py_ssize_t lengths[RUN_TABLES], count;
 
     const int fits = forward->inputs == 12 && forward->outputs == 4;
     if (!fits || !PyTuple_Check(tables) || PyTuple_GET_SIZE(tables) != RUN_TABLES) {
-        PyErr_SetString(PyExc_ValueError, "expected forward dynamics with a load, and a tuple of nine tables");
+        PyErr_SetString(PyExc_ValueError, "expected forward dynamics with a load, and a tuple of sixteen tables");
         return -1;
     }
     for (int k = 0; k < RUN_TABLES; ++k) {
@@ -199,6 +269,8 @@ static int fill_run(RunObject *self, const Kernel *forward, PyObject *tables, Py
         return -1;
     set_numbers(&self->run, found);
     PyMem_Free(found);
+    if (set_controller(self, lengths) < 0)
+        return -1;
     self->run.poll = poll_python;
     self->run.out = PyMem_Malloc((size_t)(self->run.samples + 1) * ROW * sizeof(double));
     if (!self->run.out)
@@ -242,12 +314,14 @@ PyDoc_STRVAR(Run_doc,
              "Parameters\n----------\n"
              "kernel : str\n    Of forward dynamics with a load.\n"
              "level : str\n    One of `levels`.\n"
-             "tables : tuple of nine buffers of doubles\n"
+             "tables : tuple of sixteen buffers of doubles\n"
              "    Constants of that kernel, of kinematics and of limits; limits: bounds 12, signs 12, whether they\n"
-             "    count 12; springs: stiffness 3, rest 3, damping 3, preload 3, or nothing; times of the load, its rows\n"
-             "    of F_y, F_z, M_y; kinks; times of the samples.\n"
+             "    count 12; springs: stiffness 3, rest 3, damping 3, preload 3, or nothing; times of the load, its\n"
+             "    rows of F_y, F_z, M_y; kinks; times of the samples. A controller of control.h, or seven empty ones:\n"
+             "    whether it is computed torque, noisy, counting, differencing, integrating, of a symmetric model,\n"
+             "    and largest forces; gains; its table; noise; constants of assembly, torque and inverse.\n"
              "numbers : buffer of 17 doubles\n"
-             "    r, R, L, period, rtol, atol, longest step, largest forces 3, whether a controller from outside acts\n"
+             "    r, R, L, period, rtol, atol, longest step, largest forces 3, whether a controller outside acts\n"
              "    at every tick, pose 3, velocity 3.\n\n"
              "Raises\n------\n"
              "TypeError\n    If something is not a buffer of doubles.\n"
@@ -255,7 +329,8 @@ PyDoc_STRVAR(Run_doc,
 
 PyDoc_STRVAR(advance_doc, "advance(told, /)\n--\n\n"
                           "Go on; return 0 at the end, 1 where forces are to be held, 2 at a limit, 3 where no step is "
-                          "small enough. `told`, or None, is called with the number of samples every now and then.");
+                          "small enough, 5 where the controller has no answer. `told`, or None, is called with the number "
+                          "of samples every now and then.");
 PyDoc_STRVAR(hold_doc, "hold(forces, /)\n--\n\nTake the forces of A, B, C, and those asked for, 6.");
 PyDoc_STRVAR(live_doc, "live(into, /)\n--\n\nWrite time, pose 3, velocity 3, sliders 3 and their velocities 3.");
 PyDoc_STRVAR(samples_doc,
