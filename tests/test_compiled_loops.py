@@ -14,9 +14,12 @@ from hypothesis import strategies as st
 
 import p3dof
 from p3dof.closed_loop import ClosedLoopModel, Closure, Coupling, JointData, Sidecar
-from p3dof.closed_loop.compiled import build, function, limits
+from p3dof.closed_loop.compiled import build, function, limits, printing
+from p3dof.closed_loop.compiled.function import Function
+from p3dof.closed_loop.compiled.kernels import Kernel
 from p3dof.closed_loop.compiled.pivots import planned
 from p3dof.errors import DynamicsError, InputError, ModelError, ModelWarning, P3dofError
+from p3dof.tracing import Tape
 
 GALLERY = ROOT / "docs/_static/gallery"
 SHARED = ROOT.parent / "shared/robots"
@@ -666,7 +669,7 @@ def test_speeds_and_accelerations_that_overflow_are_refused(level):
 def test_arguments_that_do_not_fit_are_told_in_one_line():
     loop = gallery("five_bar")
     for threads in (0, -3, 1.5, "two"):
-        with pytest.raises(InputError, match=r"threads: expected a whole number of at least 1"):
+        with pytest.raises(InputError, match=r"threads: expected a number from 1 to 1024"):
             loop.compile(threads=threads)
     with pytest.raises(InputError, match=r"level: expected one of auto.*numpy, got a list"):
         loop.compile(level=["auto"])
@@ -854,3 +857,33 @@ def test_what_is_compiled_is_kept_while_the_robot_stays_as_it_is():
         loop.inverse_dynamics_batch(*given, method="fast")
     other = pickle.loads(pickle.dumps(loop))  # noqa: S301 - our own
     np.testing.assert_array_equal(other.inverse_dynamics_batch(*given, method="compiled").tau, found.tau)
+
+
+@pytest.mark.parametrize("level", ["auto", "baseline", "numpy"])
+def test_tangents_and_angles_come_from_the_same_text_as_the_kernels(level):
+    tape = Tape()
+    x, y = tape.symbols(("x", "y"))
+    results = tape.tanh(x), tape.atan2(y, x), tape.floor(x)
+    used = Function("angles", tape, {"x": 1, "y": 1}, {"t": 1, "a": 1, "f": 1}, (x, y), results)
+    source = printing.lanes_source([used])
+    assert "EACH(tanh)" not in source
+    library = None
+    if level != "numpy":
+        if not build.compiler():
+            pytest.skip("no C compiler")
+        (library,) = build.libraries([source], level)
+    rng = np.random.default_rng(2)
+    given = {"x": rng.normal(0, 5, (1003, 1)), "y": rng.normal(0, 5, (1003, 1))}
+    given["x"][:4, 0], given["y"][:4, 0] = (np.inf, -1.0, 0.0, np.nan), (1.0, 0.0, 0.0, 1.0)
+    kernel = Kernel(used, library)
+    found = kernel(1003, given, 2)
+    x, y = given["x"], given["y"]
+    np.testing.assert_allclose(found["t"], np.tanh(x), rtol=4e-16)
+    np.testing.assert_allclose(found["a"], np.arctan2(y, x), rtol=4e-16)
+    np.testing.assert_array_equal(found["f"], np.floor(x))
+    one = kernel.bound()
+    one.inputs["x"][:], one.inputs["y"][:] = -3.0, 0.5
+    one.run()
+    np.testing.assert_allclose(
+        [one.outputs["t"][0], one.outputs["a"][0]], [np.tanh(-3), np.arctan2(0.5, -3)], rtol=4e-16
+    )

@@ -54,7 +54,7 @@ class CompilingModel(BatchModel):
         level : {"auto", "avx512", "avx2", "baseline", "numpy"}
             The instructions to use: those of this processor; of others; or NumPy, without a compiler.
         threads : int, optional
-            Most threads for many samples; all processors by default.
+            Most threads for many samples; by default ``P3DOF_THREADS``, else all processors.
 
         Returns
         -------

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from functools import cache, partial
 from importlib.util import find_spec
 from typing import Any, TypeAlias
@@ -20,6 +19,7 @@ from p3dof.compiled.reduced.friction import friction_numbers
 from p3dof.errors import InputError
 from p3dof.motion.wrenches import WRENCH_ROWS
 from p3dof.parameters import Parameters
+from p3dof.threads import in_threads, shares, slices, thread_count
 from p3dof.tracing.python import function_of, or_nan
 
 NUMPY = "numpy"
@@ -58,7 +58,7 @@ def in_words() -> str:
     InputError
         If the environment asks for what is not there.
     """
-    level, threads = _level(None), _threads(None)
+    level, threads = _level(None), thread_count(None)
     if level != NUMPY:
         return f"{level}, {threads} thread{'s' if threads > 1 else ''}"
     if _extension() is not None:
@@ -92,7 +92,7 @@ class MachineKernels:
             raise InputError(f"parameters: expected Parameters, got {type(parameters).__name__}")
         self.parameters = parameters
         self.level = _level(level)
-        self.threads = _threads(threads)
+        self.threads = thread_count(threads)
         self.model = model_of(parameters)
         self.symmetric = is_symmetric(self.model)
         self.has_friction = bool(parameters.friction)
@@ -153,14 +153,8 @@ class MachineKernels:
         if self.level == NUMPY or compiled is None:
             return on_arrays(used, constants, inputs, outputs)
         call = compiled.Call(used.name, self.level, constants, inputs, outputs)
-        count = len(inputs[0])
-        parts = min(self.threads, count // SHARE)
-        if parts < 2:
-            return bool(call())
-        ends = [count * part // parts for part in range(parts + 1)]
-        others = [_pool(self.threads).submit(call, *ends[k : k + 2]) for k in range(1, parts)]
-        good = call(0, ends[1])  # this thread works too: it need not wait for the others to wake up
-        return all([good, *(other.result() for other in others)])
+        parts = shares(len(inputs[0]), self.threads, SHARE)
+        return bool(call()) if len(parts) == 1 else all(in_threads(lambda part: bool(call(*part)), parts))
 
     def function(self, name: str) -> Callable[..., tuple[float, ...]]:
         """Return a kernel as a function of one sample: numbers in, numbers out, the margin last.
@@ -339,8 +333,7 @@ def on_arrays(
     """
     numbers, good = constants.tolist(), True
     with np.errstate(all="ignore"):  # what is out of reach is told by the margin
-        for start in range(0, len(inputs[0]), BLOCK):
-            block = slice(start, start + BLOCK)
+        for block in slices(len(inputs[0]), BLOCK):
             found = used.on_arrays(*numbers, *(column[block] for column in inputs))
             for output, values in zip(outputs, found, strict=True):
                 if output is not None:
@@ -358,34 +351,9 @@ def _extension() -> Any:
     return _compiled
 
 
-def _forget_pools() -> None:
-    _pool.cache_clear()  # their threads do not come along into a forked process
-
-
-@cache
-def _pool(threads: int) -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(threads, "p3dof kernels")
-
-
 def _level(level: str | None) -> str:
     asked = os.environ.get("P3DOF_LEVEL")
     name, wanted = ("level", level) if level is not None else ("P3DOF_LEVEL", asked or levels()[-1])
     if wanted not in levels():
         raise InputError(f"{name}: expected one of {', '.join(levels())}, got {shown(wanted)}")
     return str(wanted)
-
-
-def _threads(threads: int | None) -> int:
-    asked = os.environ.get("P3DOF_THREADS")
-    name, wanted = "threads", threads
-    if threads is None and asked:
-        name, wanted = "P3DOF_THREADS", int(asked) if asked.isdecimal() and len(asked) < 10 else asked  # type: ignore[assignment]  # refused below
-    if wanted is None:
-        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    if isinstance(wanted, bool) or not isinstance(wanted, int | np.integer) or not 1 <= wanted <= 1024:
-        raise InputError(f"{name}: expected a number from 1 to 1024, got {shown(wanted)}")
-    return int(wanted)
-
-
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_forget_pools)

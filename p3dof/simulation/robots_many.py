@@ -16,7 +16,6 @@ from p3dof.checks import FloatArray, Progress, as_floats, frozen_array, positive
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.closed_loop.batch.linear import IndexArray
 from p3dof.closed_loop.compiled import runs
-from p3dof.closed_loop.compiled.kernels import processors
 from p3dof.closed_loop.compiled.runs import RunsFound
 from p3dof.errors import InputError, P3dofError
 from p3dof.motion.times import evenly, sample_count
@@ -29,6 +28,7 @@ from p3dof.simulation.robot_runs import RobotRuns
 from p3dof.simulation.robots import CLOSED, ObservedPlant, RobotController, simulate_robot
 from p3dof.simulation.settings import ControlLoop, Integration
 from p3dof.simulation.step_plans import step_plan
+from p3dof.threads import thread_count
 
 _BLOCK = 256
 """Runs between two looks at Ctrl-C, for every thread."""
@@ -82,7 +82,7 @@ def simulate_robot_many(
     progress : callable, optional
         Called with (done, total) runs.
     threads : int, optional
-        Most threads; all processors by default.
+        Most threads; by default the environment's ``P3DOF_THREADS``, else all processors.
 
     Returns
     -------
@@ -106,7 +106,7 @@ def simulate_robot_many(
         if many.acting is None:
             many.alone(np.arange(many.count), result, progress)
         else:
-            many.in_c(many.acting, result, progress, processors() if threads is None else threads)
+            many.in_c(many.acting, result, progress, thread_count(threads))
     except KeyboardInterrupt:
         pass
     return replace(result, stop=tuple(many.stops), seconds=clock.perf_counter() - begun)

@@ -15,7 +15,7 @@ static P3DOF_INLINE P3DOF_TARGET P3DOF_REAL P3DOF_NAME(atan2)(P3DOF_REAL y, P3DO
     const P3DOF_REAL difference = u - v, sum = u + v;
     const P3DOF_REAL above = P3DOF_WHERE(u > 0x1.a827999fcef32p-2 * v, difference, u);
     const P3DOF_REAL below = P3DOF_WHERE(u > 0x1.a827999fcef32p-2 * v, sum, v);
-    const P3DOF_REAL t = above / P3DOF_WHERE(below == 0.0, 1.0, below);
+    const P3DOF_REAL t = above / P3DOF_WHERE(below == 0.0, P3DOF_ALL(1.0), below);
     const P3DOF_REAL z = t * t;
 
     P3DOF_REAL p = -0.01917688711906226 * z + 0.03923165829558719;

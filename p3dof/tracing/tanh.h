@@ -1,7 +1,8 @@
 /* The hyperbolic tangent for code that is made from formulas, of doubles or of vectors of them.
  *
  * Included as sincos.h is, after it, with the same names defined and besides
- *   P3DOF_WHERE(condition, a, b) a where the condition holds, else b.
+ *   P3DOF_WHERE(condition, a, b) a where the condition holds, else b;
+ *   P3DOF_ALL(number)            a number in all places.
  *
  * To 3e-16 of the result; NaN stays NaN. tanh |x| = e / (e + 2) with e = exp(2 |x|) - 1, which is exact for small
  * numbers, too; e = 2^n p + (2^n - 1) with p = exp(r) - 1, |r| <= ln 2 / 2. The polynomial is a near-minimax fit
@@ -11,7 +12,7 @@ static P3DOF_INLINE P3DOF_TARGET P3DOF_REAL P3DOF_NAME(tanh)(P3DOF_REAL x)
 {
     const P3DOF_BITS sign = P3DOF_BITS_OF(x) >> 63 << 63;
     const P3DOF_REAL size = P3DOF_REAL_OF(P3DOF_BITS_OF(x) ^ sign);
-    const P3DOF_REAL z = P3DOF_WHERE(size > 20.0, 20.0, size) * 2.0;
+    const P3DOF_REAL z = P3DOF_WHERE(size > 20.0, P3DOF_ALL(20.0), size) * 2.0;
     const P3DOF_REAL shifted = z * 0x1.71547652b82fep+0 + 0x1.8p52;
     const P3DOF_REAL turned = shifted - 0x1.8p52;
     const P3DOF_REAL r = (z - turned * 0x1.62e42feep-1) - turned * 0x1.a39ef35793c76p-33;

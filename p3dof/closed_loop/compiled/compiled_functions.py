@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, as_floats, frozen_array, shown
-from p3dof.closed_loop.assembly_model import whole
 from p3dof.closed_loop.closed_tree import CLOSED
 from p3dof.closed_loop.compiled import build
 from p3dof.closed_loop.compiled.function import Function
 from p3dof.closed_loop.compiled.functions import FUNCTIONS
-from p3dof.closed_loop.compiled.kernels import BoundFunction, Kernel, processors
+from p3dof.closed_loop.compiled.kernels import BoundFunction, Kernel
 from p3dof.closed_loop.compiled.printing import lanes_source
 from p3dof.closed_loop.compiled.results import Tangents
 from p3dof.closed_loop.compiled.robot import CompiledRobot, closed_configurations, robot_of
@@ -23,6 +22,7 @@ from p3dof.closed_loop.derivatives_model import DerivativesModel
 from p3dof.closed_loop.independent import coordinate_names
 from p3dof.closed_loop.loop_model import External
 from p3dof.errors import InputError, ModelWarning
+from p3dof.threads import thread_count
 
 _DIRECTIONS = 65_536
 """Samples times directions that are done at a time."""
@@ -56,7 +56,7 @@ class CompiledFunctions:
         """Instructions that are used."""
         self._loop, self._threads = (
             loop.copy(),
-            processors() if threads is None else whole("threads", threads, 1),
+            thread_count(threads),
         )
         start = _configurations(self._loop, around)
         self._around = start

@@ -37,7 +37,7 @@ class CompiledLoop(FollowingLoop):
     level : str
         ``"auto"``, ``"avx512"``, ``"avx2"``, ``"baseline"`` or ``"numpy"``.
     threads : int, optional
-        Most threads for many samples; all processors by default.
+        Most threads for many samples; by default ``P3DOF_THREADS``, else all processors.
 
     Raises
     ------

@@ -3,27 +3,20 @@
 from __future__ import annotations
 
 import ctypes
-import os
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.compiled.function import Function
+from p3dof.threads import in_threads, shares, slices
 
 SHARE = 8_192
 """Samples that are worth a thread of their own."""
 _BLOCK = 4_096
 """Samples that NumPy takes at a time."""
-
-
-def processors() -> int:
-    """Return how many processors the process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class Kernel:
@@ -68,15 +61,7 @@ class Kernel:
             outputs[name] = np.empty((count, size))
         given = [np.ascontiguousarray(inputs[name]) for name in function.inputs]
         run = self._by_numpy if self._many is None else self._compiled
-        shares = max(1, min(threads, count // SHARE))
-        edges = np.linspace(0, count, shares + 1).astype(int).tolist()
-        parts = list(pairwise(edges))
-        job = partial(run, given, list(outputs.values()))
-        if shares == 1:
-            job(parts[0])
-        else:
-            with ThreadPoolExecutor(shares) as pool:
-                list(pool.map(job, parts))
+        in_threads(partial(run, given, list(outputs.values())), shares(count, threads, SHARE))
         return outputs
 
     def _compiled(
@@ -93,8 +78,8 @@ class Kernel:
     def _by_numpy(
         self, given: Sequence[FloatArray], outputs: Sequence[FloatArray], part: tuple[int, int]
     ) -> None:
-        for start in range(part[0], part[1], _BLOCK):
-            stop = min(start + _BLOCK, part[1])
+        for block in slices(part[1] - part[0], _BLOCK):
+            start, stop = part[0] + block.start, part[0] + block.stop
             columns = [
                 column for array in given for column in (array[start:stop].T if array.ndim == 2 else array)
             ]

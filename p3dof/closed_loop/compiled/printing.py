@@ -13,8 +13,10 @@ from p3dof.tracing import Symbol
 from p3dof.tracing.c import statements, text
 
 _INDENT = " " * 4
-_LIBRARY = {"floor": "EACH(floor)", "tanh": "EACH(tanh)", "atan2": "EACH_OF_TWO(atan2)"}
+_LIBRARY = {"floor": "EACH(floor)"}
 """What comes from the library of C, lane by lane."""
+_OURS = ("tanh", "atan2")
+"""What is in `p3dof.tracing`, for one sample and for lanes."""
 
 
 class _Text(Template):
@@ -40,9 +42,10 @@ def lanes_source(functions: Sequence[Function], more: str = "", calls: bool = Tr
     str
     """
     used = {f.tape.operations[i].name for f in functions for i in f.tape.needed(f.results)}
+    ours = [name for name in _OURS if name in used]
     return fill(
         "lanes.in",
-        sincos=_resource("p3dof.tracing", "sincos.h"),
+        sincos="\n".join(_resource("p3dof.tracing", f"{name}.h") for name in ("sincos", *ours)),
         scalar="\n\n".join(_definition(f, "double", "_one") for f in functions),
         vector="\n\n".join(_definition(f, "lanes", "_lanes") for f in functions),
         functions="\n".join(each for name, each in _LIBRARY.items() if name in used),

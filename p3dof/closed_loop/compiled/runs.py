@@ -11,9 +11,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,6 +24,7 @@ from p3dof.closed_loop.compiled.function import Function
 from p3dof.closed_loop.compiled.kernels import pointers, sizes
 from p3dof.closed_loop.compiled.run_source import runs_source
 from p3dof.errors import ModelError
+from p3dof.threads import in_threads, shares
 
 CONSTANT, PD, PD_WITH_GRAVITY, COMPUTED_TORQUE = range(4)
 """What gives the forces of the motors."""
@@ -280,13 +279,7 @@ class PreparedRuns:
             for block in range(*part):
                 self._call(place, block * width, min(width, self.count - block * width))
 
-        shares = max(1, min(threads, blocks))
-        edges = list(pairwise(np.linspace(0, blocks, shares + 1).astype(int).tolist()))
-        if shares == 1:
-            do(edges[0])
-        else:
-            with ThreadPoolExecutor(shares) as pool:
-                list(pool.map(do, edges))
+        in_threads(do, shares(blocks, threads))
         return self.found()
 
     def advance(self, begin: int, steps: int, closing: bool, row: int) -> int:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from itertools import pairwise
 
 import numpy as np
 
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.compiled.function import Function
 from p3dof.closed_loop.compiled.kernels import SHARE, pointers, sizes
+from p3dof.threads import in_threads, shares
 
 
 class _Way(ctypes.Structure):
@@ -53,10 +52,8 @@ class Sweep:
 
     def parts(self, count: int, threads: int) -> list[tuple[int, int, list[int]]]:
         """Return how samples are shared: first, behind the last, and where lanes start, for every thread."""
-        shares = max(1, min(threads, count // SHARE))
-        edges = np.linspace(0, count, shares + 1).astype(int).tolist()
         found = []
-        for start, stop in pairwise(edges):
+        for start, stop in shares(count, threads, SHARE):
             part = -(-(stop - start) // self.width)
             found.append((start, stop, [min(start + k * part, stop - 1) for k in range(self.width)]))
         return found
@@ -122,10 +119,5 @@ class Sweep:
             )
             self._sweep(ctypes.addressof(way))
 
-        jobs = self.parts(count, threads)
-        if len(jobs) == 1:
-            run(jobs[0])
-        else:
-            with ThreadPoolExecutor(len(jobs)) as pool:
-                list(pool.map(run, jobs))
+        in_threads(run, self.parts(count, threads))
         return found

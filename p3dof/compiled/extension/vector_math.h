@@ -27,6 +27,7 @@ static P3DOF_INLINE P3DOF_TARGET double P3DOF_NAME(double_of)(uint64_t bits)
 #define P3DOF_BEYOND 0x1.4f8b588e368f0p+1007
 #define P3DOF_BOUNDED(x, value) ((value) - ((x) * P3DOF_BEYOND - (x) * P3DOF_BEYOND))
 #define P3DOF_WHERE(condition, a, b) ((condition) ? (a) : (b))
+#define P3DOF_ALL(number) (number)
 #include "../../tracing/sincos.h"
 #include "../../tracing/tanh.h"
 #include "../../tracing/atan2.h"
@@ -37,6 +38,7 @@ static P3DOF_INLINE P3DOF_TARGET double P3DOF_NAME(double_of)(uint64_t bits)
 #undef P3DOF_BOUNDED
 #undef P3DOF_BEYOND
 #undef P3DOF_WHERE
+#undef P3DOF_ALL
 
 /* Whether all are > 0; a NaN is not. */
 static P3DOF_TARGET int P3DOF_NAME(all_positive)(ptrdiff_t n, const double *margins)
