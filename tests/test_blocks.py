@@ -221,7 +221,7 @@ def test_a_block_that_kills_every_worker_ends_the_sweep_with_one_line(tmp_path):
     with (
         blocks.Processes(1) as client,
         pytest.raises(
-            p3dof.SweepError, match=r"workers died while block 0 .* 0 of 2 blocks .*; to go on: resume=True"
+            p3dof.SweepError, match=r"workers died while block \d .* 0 of 2 blocks .*; to go on: resume=True"
         ),
     ):
         p3dof.sweep(deadly, tmp_path, client=client)
