@@ -25,13 +25,12 @@ from p3dof.methods import (
     Method,
     assembly,
     compiled,
-    equations_of_motion,
     regressor,
     with_evidence,
     without_crossings,
 )
 from p3dof.methods.compiled import ForceDerivatives
-from p3dof.methods.registry import check_closed_form
+from p3dof.methods.registry import equation_terms
 from p3dof.methods.regressor import ForceRegressor
 from p3dof.motion import Motion, WrenchHistory, WrenchOverTime, states_of, states_over
 from p3dof.outputs import result_in
@@ -349,12 +348,9 @@ class Manipulator:
         C times the pose's velocity are forces [N, N, N m]. By the paper's formulas and complex steps, or
         ``"compiled"``.
         """
-        of_kernels = check_closed_form(method) == "compiled"
+        term = equation_terms(method).coriolis_matrix
         states = states_of(pose, velocity, on_invalid=on_invalid)
-        matrix = partial(equations_of_motion.coriolis_matrix, self.parameters, states)
-        if of_kernels:
-            matrix = partial(compiled.coriolis_matrix, self.kernels, states)
-        return result_in(out, (*states.shape, 3, 3), states, matrix, row=2)
+        return result_in(out, (*states.shape, 3, 3), states, partial(term, self, states), row=2)
 
     def gravity_forces(
         self,
@@ -368,12 +364,9 @@ class Manipulator:
 
         By the paper's formulas, or ``"compiled"``.
         """
-        of_kernels = check_closed_form(method) == "compiled"
+        term = equation_terms(method).gravity_forces
         states = states_of(pose, on_invalid=on_invalid)
-        forces = partial(equations_of_motion.gravity_forces, self.parameters, states)
-        if of_kernels:
-            forces = partial(compiled.gravity_forces, self.kernels, states)
-        return result_in(out, states.pose.shape, states, forces)
+        return result_in(out, states.pose.shape, states, partial(term, self, states))
 
     def force_derivatives(
         self,

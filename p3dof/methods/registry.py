@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Protocol, TypeAlias
+from typing import NamedTuple, Protocol, TypeAlias
 
-from p3dof.checks import shown
+from p3dof.checks import FloatArray, shown
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.compiled import MachineKernels
 from p3dof.errors import InputError
+from p3dof.methods import compiled, equations_of_motion
 from p3dof.methods.compiled import CompiledMethod
 from p3dof.methods.pinocchio import PinocchioMethod
 from p3dof.methods.virtual_power import VirtualPowerMethod
 from p3dof.methods.way import DynamicsMethod
+from p3dof.motion.states import States
 from p3dof.parameters import Parameters
 
 Method: TypeAlias = str
@@ -69,11 +71,56 @@ def check_method(method: str) -> str:
     return method
 
 
-def check_closed_form(method: str) -> str:
-    """Return the name of a method if it is one of the paper's closed forms, else raise `InputError`."""
-    if method not in ("virtual-power", "compiled"):
-        raise InputError(f"method: expected 'virtual-power' or 'compiled', got {shown(method)}")
-    return method
+Term: TypeAlias = Callable[[Machine, States, FloatArray | None], FloatArray]
+"""A term of the equations of motion at states, written into an array if there is one."""
+
+
+class EquationTerms(NamedTuple):
+    """Terms of the equations of motion that only the closed forms have.
+
+    Parameters
+    ----------
+    coriolis_matrix, gravity_forces : callable
+        Of a machine and states.
+    """
+
+    coriolis_matrix: Term
+    gravity_forces: Term
+
+
+EQUATION_TERMS: Mapping[Method, EquationTerms] = {
+    "virtual-power": EquationTerms(
+        lambda machine, *given: equations_of_motion.coriolis_matrix(machine.parameters, *given),
+        lambda machine, *given: equations_of_motion.gravity_forces(machine.parameters, *given),
+    ),
+    "compiled": EquationTerms(
+        lambda machine, *given: compiled.coriolis_matrix(machine.kernels, *given),
+        lambda machine, *given: compiled.gravity_forces(machine.kernels, *given),
+    ),
+}
+"""What computes them, by method."""
+
+
+def equation_terms(method: Method) -> EquationTerms:
+    """Return what computes Coriolis matrix and gravity by a method.
+
+    Parameters
+    ----------
+    method : str
+        What the user gave.
+
+    Returns
+    -------
+    EquationTerms
+
+    Raises
+    ------
+    InputError
+        If it is not one of `EQUATION_TERMS`.
+    """
+    if not isinstance(method, str) or method not in EQUATION_TERMS:
+        raise InputError(f"method: expected {' or '.join(map(repr, EQUATION_TERMS))}, got {shown(method)}")
+    return EQUATION_TERMS[method]
 
 
 class Methods:
