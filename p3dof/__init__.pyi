@@ -40,6 +40,7 @@ from .simulation import (
     PD,
     ComputedTorque,
     ControlLoop,
+    Encoders,
     Feedforward,
     InitialState,
     Integration,
@@ -55,6 +56,9 @@ from .compiled import BoundInverseDynamics, MachineKernels
 
 # Many designs at once
 from .designs import DesignForces, DesignProblem, Designs, DesignStatus, DesignSweep, forces_of_designs
+
+# Many runs at once
+from .many_runs import ManyRuns, RunHistories, simulate_many
 
 # Sweeps of any size
 from .blocks import Histogram, Moments, ParetoArchive, Sweep, TopK, sweep
@@ -116,6 +120,7 @@ __all__ = [
     "DriveError",
     "DriveLoads",
     "DynamicsError",
+    "Encoders",
     "Energy",
     "Exceedance",
     "Feedforward",
@@ -137,6 +142,7 @@ __all__ = [
     "Limits",
     "MachineKernels",
     "Manipulator",
+    "ManyRuns",
     "Measurement",
     "Mechanism",
     "MechanismMotion",
@@ -158,6 +164,7 @@ __all__ = [
     "ReachError",
     "Reactions",
     "ReactionsComparison",
+    "RunHistories",
     "SampleError",
     "Sidecar",
     "Simulation",
@@ -191,6 +198,7 @@ __all__ = [
     "read_task",
     "report",
     "show_robot",
+    "simulate_many",
     "simulation",
     "size_drives",
     "sweep",

@@ -79,7 +79,7 @@ def _motion(tape: Tape, model: Model, rows: _Rows) -> list[Number]:
 
 
 def _assembly(tape: Tape, model: Model, rows: _Rows) -> list[Number]:
-    """Return the pose at sliders in the working mode, θ perhaps with a turn too many."""
+    """Return the pose at sliders in the working mode, θ perhaps with a turn too many, and the least drop."""
     a, b, c = (rows[name] for name in SLIDERS)
     r, R, L = model[:3]
     width = R - r
@@ -92,7 +92,9 @@ def _assembly(tape: Tape, model: Model, rows: _Rows) -> list[Number]:
     K = (q * q + r * r + R * R - u2) / (2 * r)
     root = tape.sqrt(R * R + q * q - K * K)
     height = tape.sqrt((L - width) * (L + width))
-    return [y, p + height, tape.atan2(q * K - R * root, R * K + q * root)]
+    rise = q * K - R * root
+    least = tape.minimum(tape.minimum(a - p, b - p), q - (r * rise) / (R * R + q * q))
+    return [y, p + height, tape.atan2(rise, R * K + q * root), least]
 
 
 def _torque(tape: Tape, model: Model, rows: _Rows) -> list[Number]:
@@ -109,8 +111,7 @@ def _torque(tape: Tape, model: Model, rows: _Rows) -> list[Number]:
     ]
     there = reduced.shape(model, ahead[0], ahead[2], tape)
     least = tape.minimum(tape.minimum(there.squares[0], there.squares[1]), there.squares[2])
-    drop = tape.minimum(tape.minimum(x.Sa, x.Sb), x.Sc)
-    return [vy, vz, vtheta, *ahead, least, drop]
+    return [vy, vz, vtheta, *ahead, least]
 
 
 def _inverse(tape: Tape, model: Model, rows: _Rows) -> list[Number]:
@@ -139,11 +140,11 @@ _FORMULAS: dict[str, tuple[Any, tuple[str, ...], tuple[str, ...]]] = {
     "place": (_place, _STATE, (*SLIDERS, *SPEEDS, *COSINES)),
     "limits": (_limits, _STATE, (*SLIDERS, *SPEEDS, *COSINES, *(f"{name}_rate" for name in COSINES))),
     "motion": (_motion, (*_STATE, *FORCES, *WRENCH), ACCELERATION),
-    "assembly": (_assembly, SLIDERS, POSE),
+    "assembly": (_assembly, SLIDERS, (*POSE, "drop")),
     "torque": (
         _torque,
         (*POSE, *SPEEDS, *ACCELERATION, "half"),
-        (*VELOCITY, "y_ahead", "z_ahead", "theta_ahead", "least", "drop"),
+        (*VELOCITY, "y_ahead", "z_ahead", "theta_ahead", "least"),
     ),
     "inverse": (_inverse, (*_STATE, *ACCELERATION), FORCES),
 }

@@ -69,7 +69,7 @@ class Designs:
             if bodies != "kept":
                 raise InputError("bodies: expected 'kept' for a sequence of Parameters, which have their own")
             columns = _of_machines(columns)
-        given = _by_header(columns)
+        given = by_header(columns)
         names = columns_of(given)
         found = {
             column.name: column.in_si(as_column(str(header), values))
@@ -139,7 +139,7 @@ def _is_machines(columns: Any) -> bool:
     )
 
 
-def _by_header(columns: Any) -> Mapping[Any, Any]:
+def by_header(columns: Any) -> Mapping[Any, Any]:
     """Return the columns of whatever kind of table, by what they are called."""
     if isinstance(columns, Mapping):
         return {name: getattr(values, "values", values) for name, values in columns.items()}

@@ -10,7 +10,7 @@ from typing import Any, Literal, overload
 
 from numpy.typing import ArrayLike
 
-from p3dof import description, kinematics, simulation
+from p3dof import description, kinematics, many_runs, simulation
 from p3dof.checks import FloatArray, Progress, batch_of
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.compiled import MachineKernels
@@ -19,6 +19,7 @@ from p3dof.kinematics import InverseKinematics, MechanismMotion, Singularity
 from p3dof.manipulator.comparison import TOLERANCE, Comparison, compare
 from p3dof.manipulator.model import ManipulatorModel
 from p3dof.manipulator.sampling import refined, remarks_on, warnings_about
+from p3dof.many_runs import ManyRuns
 from p3dof.methods import (
     DEFAULT_METHOD,
     InverseDynamics,
@@ -589,3 +590,20 @@ class Manipulator:
             integration=integration,
             progress=progress,
         )
+
+    def simulate_many(self, duration: float, runs: Any, **options: Any) -> ManyRuns:
+        """Run this machine, or many like it, many times for a `duration` [s]: `p3dof.simulate_many`.
+
+        `runs` is how many, or columns of what differs: starts, gains, seeds, payloads, any number of the
+        machine; or a `Parameters` for each run. `options` are those of `p3dof.simulate_many`: `start`,
+        `controller`, `control`, `reference`, `wrench`, `stop_at`, `integration`, `histories`, `every`,
+        `threads`, `progress`.
+
+        Raises
+        ------
+        InputError
+            If an argument or a column does not fit; a run that cannot be has a reason instead.
+        """
+        options.setdefault("level", self.kernels.level)
+        options.setdefault("threads", self.kernels.threads)
+        return many_runs.simulate_many(self.parameters, duration, runs, **options)

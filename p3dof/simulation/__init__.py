@@ -2,7 +2,7 @@
 
 from p3dof.simulation.control import Controller, ControllerLike, Measurement
 from p3dof.simulation.controllers import PD, ComputedTorque, Feedforward, Springs
-from p3dof.simulation.encoders import Noise
+from p3dof.simulation.encoders import Encoders, Noise
 from p3dof.simulation.equilibrium import find_equilibrium
 from p3dof.simulation.events import Event, Occurrence
 from p3dof.simulation.following import follow_motion
@@ -41,6 +41,7 @@ __all__ = [
     "ControlLoop",
     "Controller",
     "ControllerLike",
+    "Encoders",
     "Event",
     "Feedforward",
     "InitialState",

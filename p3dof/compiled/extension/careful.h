@@ -164,13 +164,11 @@ static P3DOF_TARGET void P3DOF_LANE(careful)(const Batch *b, P3DOF_LANE(Work) * 
         begin += b->length[k];
     while (stop == MANY_FINISHED && w->tick[0] < b->ticks && !*b->cancel) {
         for (; step < b->steps && stop == MANY_FINISHED; ++step) {
-            if (!switched && step > 0 && b->change[step]) {
-                P3DOF_LANE(control_switch)(&b->path, &m->control, w->tick);
-                P3DOF_LANE(update_force)(b, m);
-            }
+            P3DOF_LANE(lengths)(b, w, step, &s.h);
+            if (!switched && step > 0 && b->change[step])
+                P3DOF_LANE(change)(b, w, &s.h);
             switched = 0;
             s.step = step;
-            P3DOF_LANE(lengths)(b, w, step, &s.h);
             memcpy(at, m->at, sizeof at);
             memcpy(force, m->force, sizeof force);
             stop = P3DOF_LANE(careful_step)(&s, &when);

@@ -112,11 +112,12 @@ static P3DOF_TARGET void P3DOF_LANE(control_measure)(const ControlPath *path, P3
 static P3DOF_TARGET void P3DOF_LANE(control_torque)(const ControlPath *path, P3DOF_LANE(Control) * m,
                                                     const double (*seen)[P3DOF_LANES], double (*found)[P3DOF_LANES])
 {
-    P3DOF_ALIGNED double at[10][P3DOF_LANES], next[8][P3DOF_LANES], state[9][P3DOF_LANES];
+    P3DOF_ALIGNED double at[10][P3DOF_LANES], next[7][P3DOF_LANES], drop[P3DOF_LANES], state[9][P3DOF_LANES];
     const double half = 0.5 * path->period;
     P3DOF_LANE(lane_assembly)(path->assembly, seen, at);
     for (int l = 0; l < P3DOF_LANES; ++l)
         at[2][l] -= at[2][l] > 0x1.921fb54442d18p+0 ? 0x1.921fb54442d18p+2 : 0.0;
+    memcpy(drop, at[3], sizeof drop);
     memcpy(at + 3, seen + 3, 3 * sizeof *at);
     memcpy(at + 6, m->goal + 6, 3 * sizeof *at);
     for (int l = 0; l < P3DOF_LANES; ++l)
@@ -125,7 +126,7 @@ static P3DOF_TARGET void P3DOF_LANE(control_torque)(const ControlPath *path, P3D
     P3DOF_SIMD
     for (int l = 0; l < P3DOF_LANES; ++l) {
         const double frozen = m->saturated[0][l] + m->saturated[1][l] + m->saturated[2][l];
-        const double nowhere = next[7][l] > 0.0 ? 0.0 : NAN; /* a leg would stand above its slider */
+        const double nowhere = drop[l] > 0.0 ? 0.0 : NAN; /* a leg would stand above its slider */
         for (int i = 0; i < 3; ++i) {
             const double error = m->goal[i][l] - at[i][l], acceleration = m->goal[6 + i][l];
             m->integral[i][l] += frozen > 0.0 ? 0.0 : error * m->share[i][l];

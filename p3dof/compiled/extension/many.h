@@ -316,6 +316,15 @@ static P3DOF_TARGET void P3DOF_LANE(lengths)(const Batch *b, const P3DOF_LANE(Wo
     }
 }
 
+/* Forces that are late by a part of a period change, where a run has not ended before. */
+static P3DOF_TARGET void P3DOF_LANE(change)(const Batch *b, P3DOF_LANE(Work) * w, const double *h)
+{
+    for (int l = 0; l < P3DOF_LANES; ++l)
+        w->before[l] = w->tick[l] - (h[l] > 0.0 ? 0 : 1);
+    P3DOF_LANE(control_switch)(&b->path, &w->m.control, w->before);
+    P3DOF_LANE(update_force)(b, &w->m);
+}
+
 #if P3DOF_LANES == 1
 #include "careful.h"
 #endif
@@ -417,11 +426,9 @@ static P3DOF_TARGET void P3DOF_LANE(advance)(const Batch *b, P3DOF_LANE(Work) * 
     P3DOF_ALIGNED double h[P3DOF_LANES], beyond[P3DOF_LANES], x[6][P3DOF_LANES], at[10][P3DOF_LANES],
         force[3][P3DOF_LANES], since[P3DOF_LANES];
     for (int s = 0; s < b->steps; ++s) {
-        if (s > 0 && b->change[s]) {
-            P3DOF_LANE(control_switch)(&b->path, &m->control, w->tick);
-            P3DOF_LANE(update_force)(b, m);
-        }
         P3DOF_LANE(lengths)(b, w, s, h);
+        if (s > 0 && b->change[s])
+            P3DOF_LANE(change)(b, w, h);
         memcpy(x, m->x, sizeof x);
         memcpy(at, m->at, sizeof at);
         memcpy(force, m->force, sizeof force);

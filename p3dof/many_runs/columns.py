@@ -1,0 +1,173 @@
+"""What differs between many runs, as columns: start, gains, seed, wrench, the numbers of the machine."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from p3dof.checks import FloatArray, shown
+from p3dof.designs import Designs, DesignStatus
+from p3dof.designs.columns import by_header
+from p3dof.designs.names import as_column, column_of
+from p3dof.designs.status import status_of
+from p3dof.errors import InputError, ParameterError
+from p3dof.many_runs.stops import BAD_COLUMN, DESIGN, NOT_FINITE, NOT_RUN
+from p3dof.parameters import Parameters
+from p3dof.parameters.quantities import ANGLE, FORCE, LENGTH, MOMENT, RATE, SPEED, Quantity
+
+START = ("start.y", "start.z", "start.theta", "start.vy", "start.vz", "start.vtheta")
+GAINS = ("controller.frequency", "controller.damping", "controller.integral_time", "controller.stiffness")
+WRENCH = ("wrench.fy", "wrench.fz", "wrench.my")
+SEED = "seed"
+
+_UNITS: dict[str, Quantity | None] = {
+    **dict(zip(START, (LENGTH, LENGTH, ANGLE, SPEED, SPEED, RATE), strict=True)),
+    **dict.fromkeys(GAINS),
+    **dict(zip(WRENCH, (FORCE, FORCE, MOMENT), strict=True)),
+    SEED: None,
+}
+_SHORT = {name.partition(".")[2]: name for name in GAINS}
+"""What the names of gains are without ``controller``."""
+
+
+class RunColumns:
+    """Many runs by columns; runs that cannot be made have their reason in `status`.
+
+    Parameters
+    ----------
+    runs : int, mapping, table or sequence of Parameters
+        How many equal runs (but for their noise); or columns by name, as `p3dof.Designs` takes them, with
+        those of `START`, `GAINS`, `WRENCH` and `SEED` besides; or a machine for each run.
+    machine : Parameters
+        What has no column.
+
+    Raises
+    ------
+    InputError
+        If a column has an unknown name or unit or another length, or holds something else than numbers.
+    """
+
+    def __init__(self, runs: Any, machine: Parameters) -> None:
+        self.own: dict[str, FloatArray] = {}
+        self.designs: Designs | None = None
+        self.count = 1
+        if isinstance(runs, int | np.integer) and not isinstance(runs, bool):
+            if runs < 1:
+                raise InputError(f"runs: expected at least one, got {runs}")
+            self.count = int(runs)
+        elif isinstance(runs, Sequence) and not isinstance(runs, str):
+            if not len(runs) or not all(isinstance(one, Parameters) for one in runs):
+                raise InputError("runs: expected columns by name, a number, or machines (Parameters)")
+            self._take_machines(Designs(runs, machine))
+        else:
+            self._take(by_header(runs), machine)
+
+    def _take(self, given: Any, machine: Parameters) -> None:
+        others: dict[str, Any] = {}
+        for header, values in given.items():
+            name, factor = _own(header)
+            if name is None:
+                _require_known(header)
+                others[header] = values
+            elif name in self.own:
+                raise InputError(f"runs: the column {name} is given twice")
+            else:
+                self.own[name] = as_column(str(header), values) * factor
+        if others:
+            self._take_machines(Designs(others, machine))
+        lengths = {name: len(column) for name, column in self.own.items() if column.ndim}
+        if self.designs is not None:
+            known = [np.ndim(getattr(values, "values", values)) for values in others.values()]
+            lengths |= {"the machine's": len(self.designs)} if any(known) else {}
+        if len(set(lengths.values())) > 1:
+            told = ", ".join(f"{name} {length}" for name, length in lengths.items())
+            raise InputError(f"runs: expected columns of one length, got {told}")
+        if not given:
+            raise InputError("runs: expected columns, got none")
+        self.count = next(iter(lengths.values()), 1)
+        if self.count < 1:
+            raise InputError("runs: expected at least one, the columns are empty")
+        self.own = {
+            name: np.ascontiguousarray(np.broadcast_to(column, self.count))
+            for name, column in self.own.items()
+        }
+
+    def _take_machines(self, designs: Designs) -> None:
+        for name in designs.columns:
+            if name.startswith("offset."):
+                raise InputError(
+                    f"runs: unknown column {name}; a run starts at start.y, start.z, start.theta"
+                )
+        self.designs, self.count = designs, len(designs)
+
+    @cached_property
+    def status(self) -> NDArray[np.int16]:
+        """Which runs cannot be made, and why, (R,); `NOT_RUN` for those that can."""
+        status = np.full(self.count, NOT_RUN, np.int16)
+        for name, column in self.own.items():
+            endless = name == "controller.integral_time"
+            finite = np.isfinite(column) | (endless & (column == np.inf))
+            if name == SEED:
+                possible = (column >= 0) & (column == np.rint(column)) & (column < 2.0**63)
+            elif name in GAINS:
+                possible = column >= 0 if name == "controller.stiffness" else column > 0
+            else:
+                possible = np.ones(self.count, dtype=bool)
+            status[~possible] = BAD_COLUMN
+            status[~finite] = NOT_FINITE
+        if self.designs is not None:
+            found = status_of(self.designs)
+            bad = np.broadcast_to(found != DesignStatus.FEASIBLE, self.count)
+            status[bad] = DESIGN + np.broadcast_to(found, self.count)[bad].astype(np.int16)
+        return status
+
+    @property
+    def columns(self) -> dict[str, FloatArray]:
+        """All columns by their full names, (R,) each, in SI units."""
+        machine = {} if self.designs is None else self.designs.columns
+        return self.own | {
+            name: np.ascontiguousarray(np.broadcast_to(column, self.count))
+            for name, column in machine.items()
+        }
+
+    def machine(self, run: int, otherwise: Parameters) -> Parameters:
+        """Return the machine of a run."""
+        if self.designs is None:
+            return otherwise
+        return self.designs[run if len(self.designs) > 1 else 0]
+
+
+def _own(header: object) -> tuple[str | None, float]:
+    """Return the name of a column of runs and what takes it to SI units; None for those of machines."""
+    if not isinstance(header, str):
+        raise InputError(f"runs: expected names of columns, got {shown(header)}")
+    name, bracket, unit = header.strip().rpartition("[")
+    unit = unit.removesuffix("]").strip() if bracket and unit.endswith("]") else ""
+    name = (name if unit else header).strip()
+    name = _SHORT.get(name, name)
+    if name not in _UNITS:
+        return None, 1.0
+    quantity = _UNITS[name]
+    if not unit:
+        return name, 1.0
+    plain = {"controller.frequency": "Hz", "controller.integral_time": "s", "controller.stiffness": "N/m"}
+    if quantity is None:
+        if unit != plain.get(name):
+            raise InputError(f"runs: column {shown(header)}: expected no unit but {plain.get(name, 'none')}")
+        return name, 1.0
+    try:
+        return name, float(quantity.read(f"1 {unit}", f"runs: column {shown(header)}"))
+    except ParameterError as error:
+        raise InputError(str(error)) from error
+
+
+def _require_known(header: str) -> None:
+    try:
+        column_of(header)
+    except InputError as error:
+        own = ", ".join((*START[:4], "...", *GAINS[:2], "...", *WRENCH[:1], "...", SEED))
+        raise InputError(f"{str(error).replace('designs:', 'runs:', 1)}; or of a run: {own}") from error

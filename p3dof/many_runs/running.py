@@ -1,0 +1,232 @@
+"""Many runs in blocks, on threads: columns to rows of the engine's inputs, its results to arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from itertools import islice
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from p3dof.checks import FloatArray, Progress
+from p3dof.compiled.formulas import MODEL
+from p3dof.compiled.many import (
+    HISTORY_WIDTH,
+    INPUTS,
+    RESULT_WIDTH,
+    Engine,
+    empty_inputs,
+    set_machines,
+)
+from p3dof.compiled.reduced import SYMMETRIC_ZEROS, model_of
+from p3dof.designs.folding import folding_of
+from p3dof.many_runs.columns import SEED, START, RunColumns
+from p3dof.many_runs.plan import Task, fill
+from p3dof.many_runs.stops import NOT_RUN
+from p3dof.parameters import Parameters
+
+BLOCK = 1024
+"""Most runs in a block: a unit of work for a thread."""
+
+_NUMBERS = 4_000_000
+"""Most numbers of noise and histories in a block: 32 MB."""
+
+_LONG = 4_000_000
+"""Most ticks in a block: some tenths of a second, in which nobody can interrupt it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Machines:
+    """The machines of runs: 27 numbers each, and their limits.
+
+    Parameters
+    ----------
+    model : tuple
+        As `Model.numbers`: each a number, or a column (R,).
+    travel, tilt : tuple of two
+        Limits, each a number or a column [m, rad].
+    force : float or ndarray
+        Largest forces [N].
+    """
+
+    model: tuple[Any, ...]
+    travel: tuple[Any, Any]
+    tilt: tuple[Any, Any]
+    force: Any
+
+    @classmethod
+    def of(cls, columns: RunColumns, machine: Parameters) -> Machines:
+        """Return those of columns."""
+        limits = machine.limits
+        if columns.designs is None:
+            return cls(model_of(machine).numbers, limits.travel, limits.tilt, limits.force)
+        designs = columns.designs
+        folding = folding_of(tuple(designs.columns), designs.machine, designs.bodies)
+        given = {name: np.ravel(column) for name, column in designs.columns.items()}
+        folded = folding.fold(given).numbers[:27]
+
+        def limit(name: str, own: float) -> Any:
+            return given.get(f"limits.{name}", own)
+
+        return cls(
+            tuple(folded),
+            (limit("travel.low", limits.travel[0]), limit("travel.high", limits.travel[1])),
+            (limit("tilt.low", limits.tilt[0]), limit("tilt.high", limits.tilt[1])),
+            limit("force", limits.force),
+        )
+
+    def symmetric(self, count: int) -> NDArray[np.bool_]:
+        """Return which machines the smaller kernels serve, (R,)."""
+        zeros = ("gx", "gy", *SYMMETRIC_ZEROS)
+        found = np.ones(count, dtype=bool)
+        for name, number in zip(MODEL, self.model, strict=True):
+            if name in zeros:
+                found &= np.broadcast_to(np.asarray(number) == 0, count)
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Runs for the engine.
+
+    Parameters
+    ----------
+    engine : Engine
+        What they share.
+    task : Task
+        What is asked of every one.
+    columns : RunColumns
+        What differs.
+    machines : Machines
+        What is moved.
+    level : str
+        Of the extension.
+    kept : ndarray of int
+        Runs whose histories are kept.
+    """
+
+    engine: Engine
+    task: Task
+    columns: RunColumns
+    machines: Machines
+    level: str
+    kept: NDArray[np.int64]
+
+    def run(self, threads: int, progress: Progress | None) -> tuple[FloatArray, FloatArray | None, bool]:
+        """Run all; return the results (R, RESULT_WIDTH), the histories, and whether it was interrupted."""
+        count = self.columns.count
+        results = np.full((count, RESULT_WIDTH), np.nan)
+        results[:, 0] = self.columns.status
+        shape = (len(self.kept), self.engine.rows, HISTORY_WIDTH)
+        histories = np.full(shape, np.nan) if len(self.kept) else None
+        cancel = np.zeros(1, np.int64)
+
+        def work(runs: NDArray[np.int64], symmetric: bool, keep: bool) -> int:
+            found, history = self._block(runs, symmetric, keep, cancel)
+            done = np.isfinite(found[:, 0])
+            results[runs[done]] = found[done]
+            if history is not None and histories is not None:
+                histories[np.searchsorted(self.kept, runs)] = history
+            return int(done.sum())
+
+        made = int((self.columns.status != NOT_RUN).sum())
+        jobs = ((lambda block=block: work(*block)) for block in self._blocks())
+        interrupted = _on_threads(jobs, threads, cancel, made, count, progress)
+        return results, histories, interrupted
+
+    def _blocks(self) -> Iterator[tuple[NDArray[np.int64], bool, bool]]:
+        """Yield the runs of each block, whether they are symmetric, and whether their histories are kept."""
+        count = self.columns.count
+        wanted = self.columns.status == NOT_RUN
+        symmetric, keep = self.machines.symmetric(count), np.zeros(count, dtype=bool)
+        keep[self.kept] = True
+        ticks = self.engine.ticks
+        for form in (True, False):
+            for kept in (False, True):
+                runs = np.flatnonzero(wanted & (symmetric == form) & (keep == kept))
+                room = (6 * ticks if self.task.control.noise else 0) + (
+                    self.engine.rows * HISTORY_WIDTH if kept else 0
+                )
+                size = max(1, min(BLOCK, _NUMBERS // max(room, 1), max(32, _LONG // ticks)))
+                for start in range(0, len(runs), size):
+                    yield runs[start : start + size], form, kept
+
+    def _block(
+        self, runs: NDArray[np.int64], symmetric: bool, keep: bool, cancel: NDArray[np.int64]
+    ) -> tuple[FloatArray, FloatArray | None]:
+        rows = self._rows(runs, symmetric)
+        results = np.full((len(runs), RESULT_WIDTH), np.nan)
+        history = np.full((len(runs), self.engine.rows, HISTORY_WIDTH), np.nan) if keep else None
+        noise = self._noise(runs)
+        self.engine.run(self.level, symmetric, rows, results, cancel, noise, history)
+        return results, history
+
+    def _rows(self, runs: NDArray[np.int64], symmetric: bool) -> FloatArray:
+        own = {name: column[runs] for name, column in self.columns.own.items()}
+        rows, m, count = empty_inputs(len(runs)), self.machines, self.columns.count
+        for k, name in enumerate(START):
+            rows[:, INPUTS["x"].start + k] = own.get(name, self.task.start[k])
+
+        def of(value: Any) -> Any:
+            return value[runs] if np.ndim(value) and len(value) == count else value
+
+        side = set_machines(rows, tuple(of(number) for number in m.model), symmetric)
+        kinds = self.task.stop_at
+        if "singular pose" in kinds:
+            rows[:, INPUTS["side"].start] = np.where(side < 0, -1.0, 1.0)
+        first = INPUTS["bound"].start
+        for k, (kind, limit) in enumerate(
+            (("slider stop", m.travel[0]), ("slider stop", m.travel[1]), ("tilt limit", m.tilt[0]),
+             ("tilt limit", m.tilt[1]))
+        ):  # fmt: skip
+            if kind in kinds:
+                rows[:, first + k] = of(limit)
+        force = of(m.force)
+        limits = np.broadcast_to(np.reshape(force, (-1, 1)), (len(runs), 3))
+        saturation = self.task.control.saturation
+        cut = limits if saturation is True else self.task.control.largest_forces(np.inf)
+        fill(rows, self.task, own, cut)
+        return rows
+
+    def _noise(self, runs: NDArray[np.int64]) -> FloatArray | None:
+        """Return the numbers that `Encoders` of each run would draw."""
+        noise = self.task.control.noise
+        if noise is None:
+            return None
+        seeds = self.columns.own.get(SEED)
+        chosen = noise.seed + runs if seeds is None else seeds[runs].astype(np.int64)
+        return np.stack(
+            [np.random.default_rng(int(s)).standard_normal((self.engine.ticks, 6)) for s in chosen]
+        )
+
+
+def _on_threads(
+    jobs: Iterator[Callable[[], int]],
+    threads: int,
+    cancel: NDArray[np.int64],
+    done: int,
+    total: int,
+    progress: Progress | None,
+) -> bool:
+    """Do jobs on threads, a few ahead; return whether somebody interrupted them."""
+    pool = ThreadPoolExecutor(threads, "p3dof runs")
+    running: set[Future[int]] = set()
+    try:
+        while True:
+            for job in islice(jobs, 2 * threads - len(running)):
+                running.add(pool.submit(job))
+            if not running:
+                return False
+            finished, running = wait(running, return_when=FIRST_COMPLETED)
+            done += sum(future.result() for future in finished)
+            if progress is not None:
+                progress(done, total)
+    except KeyboardInterrupt:
+        cancel[0] = 1
+        return True
+    finally:
+        cancel[0] = 1
+        pool.shutdown(wait=True, cancel_futures=True)

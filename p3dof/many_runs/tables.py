@@ -1,0 +1,69 @@
+"""Tables of many runs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from p3dof.many_runs.results import ManyRuns, RunHistories
+from p3dof.parameters import LEGS
+from p3dof.tables import Table, html_of, notebook_html, number, table_of, time_text
+
+_QUANTILES = (0.05, 0.5, 0.95, 1.0)
+
+
+def figures_table(runs: ManyRuns) -> Table:
+    """Return how the figures of the finished runs are distributed.
+
+    Parameters
+    ----------
+    runs : ManyRuns
+        The runs.
+
+    Returns
+    -------
+    Table
+    """
+    good = runs.finished
+    columns = {
+        f"largest error in {axis} [{unit}]": scale * runs.peak_error[good, k]
+        for k, (axis, unit, scale) in enumerate((("y", "mm", 1e3), ("z", "mm", 1e3), ("θ", "mrad", 1e3)))
+    }
+    columns |= {f"largest force {leg} [N]": runs.peak_force[good, k] for k, leg in enumerate(LEGS)}
+    columns["work [J]"] = runs.work[good]
+    rows = {
+        name: tuple(f"{value:.4g}" for value in np.quantile(column, _QUANTILES))
+        for name, column in columns.items()
+        if len(column) and np.isfinite(column).all()
+    }
+    return table_of("Figures of the finished runs", ("figure", "5 %", "median", "95 %", "largest"), rows)
+
+
+def stops_table(runs: ManyRuns) -> Table:
+    """Return how many runs ended for each reason.
+
+    Parameters
+    ----------
+    runs : ManyRuns
+        The runs.
+
+    Returns
+    -------
+    Table
+    """
+    rows = {kind: (str(count), f"{100 * count / len(runs):.3g} %") for kind, count in runs.counts().items()}
+    return table_of("How the runs ended", ("reason", "runs", "share"), rows)
+
+
+@html_of.register(ManyRuns)
+def many_runs_html(runs: ManyRuns) -> str:
+    """Return how a notebook shows many runs, as HTML."""
+    facts = f"{len(runs)} runs in {time_text(runs.seconds)}, {runs.note}"
+    more = ["interrupted"] if runs.interrupted else []
+    return notebook_html("Many runs", facts, [stops_table(runs), figures_table(runs)], more)
+
+
+@html_of.register(RunHistories)
+def histories_html(kept: RunHistories) -> str:
+    """Return how a notebook shows histories, as HTML."""
+    facts = f"{len(kept.runs)} runs, {number(kept.time.shape[-1])} samples"
+    return notebook_html("RunHistories", facts, [], [])
