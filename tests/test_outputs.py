@@ -63,7 +63,10 @@ def test_every_result_goes_into_any_array(method, shape):
     robot = p3dof.load(MACHINE)
     for name, call in calls(robot, method, *part_of_states(shape)).items():
         expected = call(None)
-        for kind, out in arrays_of(expected.shape):
+        kinds = list(arrays_of(expected.shape))
+        for kind, out in (
+            kinds if method == "compiled" else kinds[::3]
+        ):  # the others write into any array alike
             assert call(out) is out, (name, kind)
             np.testing.assert_array_equal(out, expected, err_msg=f"{name}, {kind}")
 
