@@ -79,6 +79,7 @@ benchmark: $(DEV) ## time a sample, of all contenders
 	$(BIN)/python tests/benchmarks/simulation.py
 	$(BIN)/python tests/benchmarks/paths.py
 	$(BIN)/python tests/benchmarks/sweeps.py
+	$(BIN)/python tests/benchmarks/designs.py
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/benchmarks/loops.py
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/benchmarks/robots.py
 	$(BIN)/python tests/benchmarks/robots.py

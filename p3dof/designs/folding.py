@@ -169,6 +169,7 @@ def _tangents_of(folding: Folding) -> _FUNCTION:
     return function_of(tape, [*inputs, *seeds], moved, np)
 
 
+@lru_cache(maxsize=64)
 def folding_of(names: tuple[str, ...], machine: Parameters, bodies: BodiesOfDesigns) -> Folding:
     """Trace the formulas of some columns.
 

@@ -17,9 +17,11 @@ from p3dof.compiled.kernels import NUMPY
 from p3dof.designs.columns import Designs
 from p3dof.designs.figures import (
     BITS,
+    FIGURES,
     SAMPLE,
     STATUS,
     WIDTH,
+    Figure,
     FigureGroup,
     asked_figures,
     asked_for,
@@ -40,6 +42,7 @@ from p3dof.motion.wrenches import Load, WrenchOverTime
 BLOCK = 4096
 """Designs at a time: their constants stay in the second level of the cache."""
 
+_PLACES = {**FIGURES, "status_at": Figure("s", SAMPLE, 1)}
 _DOUBTFUL = 2
 """What the compiled loop says of designs that are not clearly good."""
 
@@ -149,10 +152,10 @@ class DesignProblem:
         self.check(designs)
         folding = folding_of(tuple(designs.columns), designs.machine, designs.bodies)
         status = status_of(designs)
-        rows = np.empty((len(designs), WIDTH))
+        found = self._room(len(designs))
         starts = range(0, len(designs), BLOCK)
         gradients: list[dict[str, dict[str, FloatArray]]] = [{} for _ in starts] or [self._no_gradients(0)]
-        work = partial(self._block, designs, folding, status, rows, gradients)
+        work = partial(self._block, designs, folding, status, found, gradients)
         self._loops(folding.friction)  # made once, before there are threads
         if self.threads == 1 or len(starts) < 2:
             for block in range(len(starts)):
@@ -162,14 +165,14 @@ class DesignProblem:
             with ThreadPoolExecutor(min(self.threads, len(starts)), "p3dof designs") as pool:
                 for done, _ in enumerate(pool.map(work, range(len(starts))), start=1):
                     _tell(progress, done, len(designs))
-        return self._results(designs, status, rows, _joined(gradients))
+        return self._results(designs, status, found, _joined(gradients))
 
     def _block(
         self,
         designs: Designs,
         folding: Folding,
         status: NDArray[np.uint8],
-        rows: FloatArray,
+        found: dict[str, FloatArray],
         gradients: list[dict[str, dict[str, FloatArray]]],
         block: int,
     ) -> None:
@@ -180,16 +183,21 @@ class DesignProblem:
         folded, offsets = folding.fold(columns), _offsets(columns, count)
         possible = status[part] == DesignStatus.FEASIBLE
         loops = self._loops(folding.friction)
-        found = rows[part]
+        loops = self._loops(folding.friction)
         if loops is None:
-            self._by_numpy(folded, offsets, found, np.flatnonzero(possible))
+            rows: FloatArray = np.full((count, WIDTH), np.nan)
+            self._by_numpy(folded, offsets, rows, np.flatnonzero(possible))
         else:
-            found[:] = loops.rows(folded.numbers, offsets, count)
-            doubtful = np.flatnonzero(possible & (found[:, STATUS] == _DOUBTFUL))
-            self._by_numpy(folded, offsets, found, doubtful)
-        known = found[:, STATUS].astype(np.uint8)
-        status[part] = np.where(possible, known, status[part])
-        found[~possible] = np.nan
+            rows = loops.rows(folded.numbers, offsets, count)
+            doubtful = np.flatnonzero(possible & (rows[:, STATUS] == _DOUBTFUL))
+            self._by_numpy(folded, offsets, rows, doubtful)
+        known = np.where(possible, rows[:, STATUS], status[part]).astype(np.uint8)
+        rows[known != DesignStatus.FEASIBLE, 4:] = np.nan
+        rows[~possible, SAMPLE:] = np.nan
+        status[part] = known
+        for name, values in found.items():
+            figure = _PLACES[name]
+            values[part] = rows[:, figure.place] if figure.width == 1 else rows[:, figure.place :][:, :3]
         if self.by:
             good = np.flatnonzero(status[part] == DesignStatus.FEASIBLE)
             gradients[block] = self._gradients(folding, columns, folded, offsets, good)
@@ -239,19 +247,21 @@ class DesignProblem:
             for by in self.by
         }
 
+    def _room(self, count: int) -> dict[str, FloatArray]:
+        """Return where the figures of all designs go, by name."""
+        names = ("status_at", *asked_figures(self.asked))
+        return {name: np.empty((count, 3) if _PLACES[name].width == 3 else count) for name in names}
+
     def _results(
         self,
         designs: Designs,
         status: NDArray[np.uint8],
-        rows: FloatArray,
+        found: dict[str, Any],
         gradients: dict[str, dict[str, FloatArray]],
     ) -> DesignForces:
-        found: dict[str, Any] = {}
-        for name, figure in asked_figures(self.asked).items():
-            values = rows[:, figure.place : figure.place + figure.width]
-            found[name] = np.ascontiguousarray(values if figure.width == 3 else values[:, 0])
         found["rms_force"] = np.sqrt(found["rms_force"])
-        found["peak_time"] = self._times(found["peak_time"])
+        for name in ("peak_time", "status_at"):
+            found[name] = self._times(found[name])
         if "work" in found:
             found["negative_work"] = np.minimum(found["work"] - found["positive_work"], 0.0)
         for derivatives in gradients.values():
@@ -261,7 +271,7 @@ class DesignProblem:
                 derivatives["negative_work"] = np.where(none, 0.0, rest)
         if self.asked & BITS["sliders"]:
             found |= self._margins(designs, found)
-        return DesignForces(status, self._times(rows[:, SAMPLE]), **found, gradients=gradients)
+        return DesignForces(status=status, **found, gradients=gradients)
 
     def _times(self, index: FloatArray) -> FloatArray:
         known = np.isfinite(index)

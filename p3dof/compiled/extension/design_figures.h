@@ -112,13 +112,33 @@ static P3DOF_TARGET void P3DOF_NAME(multiply)(ptrdiff_t n, const double *restric
         to[i] = a[i] * b[i];
 }
 
+/* Sums by lanes: of weighted numbers, and of what is positive. */
+static P3DOF_TARGET void P3DOF_NAME(add_weighted)(ptrdiff_t n, const double *restrict weight, const double *restrict x,
+                                                  double *restrict sum)
+{
+    for (ptrdiff_t i = 0; i < n; i += DESIGN_LANES) {
+        P3DOF_SIMD
+        for (int l = 0; l < DESIGN_LANES; ++l)
+            sum[l] += weight[i + l] * x[i + l];
+    }
+}
+
+static P3DOF_TARGET void P3DOF_NAME(add_positive)(ptrdiff_t n, const double *restrict x, double *restrict sum)
+{
+    for (ptrdiff_t i = 0; i < n; i += DESIGN_LANES) {
+        P3DOF_SIMD
+        for (int l = 0; l < DESIGN_LANES; ++l)
+            sum[l] += x[i + l] > 0.0 ? x[i + l] : 0.0;
+    }
+}
+
 /* The work of a power from each sample to the next, by the polynomial through those around. */
 static P3DOF_TARGET void P3DOF_NAME(steps_of)(const DesignMotion *motion, const double *restrict power,
                                               double *restrict step)
 {
     const ptrdiff_t steps = motion->samples - 1, points = motion->points, before = points / 2 - 1;
     const ptrdiff_t last = motion->samples - points;
-    for (ptrdiff_t i = 0; i < steps; ++i)
+    for (ptrdiff_t i = 0; i < motion->padded; ++i)
         step[i] = 0.0;
     for (ptrdiff_t k = 0; k < points; ++k) {
         const double *restrict weight = motion->steps + k * motion->padded;
@@ -135,4 +155,5 @@ static P3DOF_TARGET void P3DOF_NAME(steps_of)(const DesignMotion *motion, const 
 static const DesignReductions P3DOF_NAME(REDUCTIONS) = {
     P3DOF_NAME(reduce_forces), P3DOF_NAME(reduce_range), P3DOF_NAME(reduce_demand), P3DOF_NAME(reduce_sine),
     P3DOF_NAME(shift),         P3DOF_NAME(rates_of),     P3DOF_NAME(multiply),      P3DOF_NAME(steps_of),
+    P3DOF_NAME(add_weighted),  P3DOF_NAME(add_positive),
 };

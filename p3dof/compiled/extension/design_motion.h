@@ -31,4 +31,6 @@ typedef struct {
     void (*rates)(ptrdiff_t, const double *const *, const double *const *, double *const *);
     void (*multiply)(ptrdiff_t, const double *restrict, const double *restrict, double *restrict);
     void (*steps)(const DesignMotion *, const double *restrict, double *restrict);
+    void (*weighted)(ptrdiff_t, const double *restrict, const double *restrict, double *restrict);
+    void (*positive)(ptrdiff_t, const double *restrict, double *restrict);
 } DesignReductions;

@@ -168,51 +168,54 @@ static int run_samples(const DesignLoop *self, Design *design)
     return 1;
 }
 
-/* The work that one power gives: what is positive of its integral, from sample to sample and to where it turns. */
-static double given_by(const DesignMotion *motion, const double *power, const double *step)
+/* What a step in which the power turns gives more than as a whole: up to where it turns, and from there on. */
+static double more_of_turn(const DesignMotion *motion, const double *power, ptrdiff_t i, double step)
 {
     const ptrdiff_t points = motion->points, last = motion->samples - points;
-    double given = 0.0;
+    const double share = power[i] / (power[i] - power[i + 1]), *weight = motion->partial + i * points * points;
+    ptrdiff_t from = i - (points / 2 - 1);
+    double part = 0.0;
 
-    for (ptrdiff_t i = 0; i + 1 < motion->samples; ++i) {
-        if (!(power[i] * power[i + 1] < 0.0)) {
-            given += step[i] > 0.0 ? step[i] : 0.0;
-            continue;
-        }
-        const double share = power[i] / (power[i] - power[i + 1]);
-        const double *weight = motion->partial + i * points * points;
-        ptrdiff_t from = i - (points / 2 - 1);
-        double part = 0.0;
-        from = from < 0 ? 0 : from > last ? last : from;
-        for (ptrdiff_t m = points - 1; m >= 0; --m) {
-            double coefficient = 0.0;
-            for (ptrdiff_t k = 0; k < points; ++k)
-                coefficient += weight[m * points + k] * power[from + k];
-            part = (part + coefficient) * share;
-        }
-        given += (part > 0.0 ? part : 0.0) + (step[i] - part > 0.0 ? step[i] - part : 0.0);
+    from = from < 0 ? 0 : from > last ? last : from;
+    for (ptrdiff_t m = points - 1; m >= 0; --m) {
+        double coefficient = 0.0;
+        for (ptrdiff_t k = 0; k < points; ++k)
+            coefficient += weight[m * points + k] * power[from + k];
+        part = (part + coefficient) * share;
     }
+    const double rest = step - part;
+    return (part > 0.0 ? part : 0.0) + (rest > 0.0 ? rest : 0.0) - (step > 0.0 ? step : 0.0);
+}
+
+/* The work that one power gives: what is positive of its integral, from sample to sample and to where it turns. */
+static double given_by(const DesignLoop *self, const double *power, const double *step)
+{
+    double sums[DESIGN_LANES] = {0.0};
+
+    self->level->reductions->positive(self->motion.padded, step, sums);
+    double given = sum_of(sums);
+    for (ptrdiff_t i = 0; i + 1 < self->motion.samples; ++i)
+        if (power[i] * power[i + 1] < 0.0)
+            given += more_of_turn(&self->motion, power, i, step[i]);
     return given;
 }
 
 static void write_powers(const DesignLoop *self, Design *design, double *out)
 {
     const DesignMotion *motion = &self->motion;
+    const DesignReductions *reduce = self->level->reductions;
     double *step = design->power + 3 * motion->padded;
 
     for (int leg = 0; leg < 3; ++leg) {
         const double *power = design->power + leg * motion->padded;
-        double low[DESIGN_LANES], high[DESIGN_LANES], work = 0.0;
-        for (int l = 0; l < DESIGN_LANES; ++l)
-            low[l] = high[l] = 0.0;
-        self->level->reductions->range(motion->padded, power, low, high);
-        for (ptrdiff_t i = 0; i < motion->samples; ++i)
-            work += motion->work[i] * power[i];
-        self->level->reductions->steps(motion, power, step);
+        double low[DESIGN_LANES] = {0.0}, high[DESIGN_LANES] = {0.0}, work[DESIGN_LANES] = {0.0};
+        reduce->range(motion->padded, power, low, high);
+        reduce->weighted(motion->padded, motion->work, power, work);
+        reduce->steps(motion, power, step);
         out[AT_POWER + leg] = largest_of(high);
         out[AT_BRAKING + leg] = -least_of(low);
-        out[AT_WORK + leg] = work;
-        out[AT_GIVEN + leg] = given_by(motion, power, step);
+        out[AT_WORK + leg] = sum_of(work);
+        out[AT_GIVEN + leg] = given_by(self, power, step);
     }
 }
 

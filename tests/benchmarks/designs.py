@@ -1,0 +1,125 @@
+"""Designs a second on one thread, beside the kernel that they are made of.
+
+    python tests/benchmarks/designs.py [--rounds 7]
+
+CPU time of the thread, least of several rounds, all in one process; 200 samples of the paper's motion. Ratios
+mean more than numbers: the kernel alone is the same processor in the same minute.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from rich.console import Console
+
+import p3dof
+from p3dof.compiled.kernels import MachineKernels, levels
+from p3dof.designs import DesignProblem, Designs
+
+SAMPLES, DESIGNS = 200, 32_768
+MOTION = p3dof.paper_motion(SAMPLES)
+
+
+_CONSOLE = Console(highlight=False, width=170)
+
+
+def say(text: str) -> None:
+    """Print a line."""
+    _CONSOLE.print(text, markup=False)
+
+
+def least(work: Callable[[], object], rounds: int) -> float:
+    """Return the least CPU time of this thread [s]."""
+    found = float("inf")
+    for _ in range(rounds):
+        start = time.thread_time()
+        work()
+        found = min(found, time.thread_time() - start)
+    return found
+
+
+def kernel_alone(name: str, machine: p3dof.Parameters, level: str, rounds: int) -> float:
+    """Return the seconds that a kernel takes for a sample, on columns of 200 that stay in the cache."""
+    kernels = MachineKernels(machine, level, 1)
+    columns = [
+        np.ascontiguousarray(row) for row in (*MOTION.pose.T, *MOTION.velocity.T, *MOTION.acceleration.T)
+    ]
+    columns += [np.zeros(SAMPLES)] * (len(kernels.prepared(name)[0].inputs) - 9)
+    outputs = [np.empty(SAMPLES) for _ in range(4)]
+    from p3dof.compiled.extension import _compiled
+
+    used, constants = kernels.prepared(name)
+    call = _compiled.Call(used.name, level, constants, columns, outputs)
+    return least(lambda: [call() for _ in range(1000)], rounds) / 1000 / SAMPLES
+
+
+def columns(kind: str, rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """Return designs: lengths, and what makes a kind of them."""
+    found = {"R [mm]": rng.uniform(235, 265, DESIGNS), "L": rng.uniform(0.39, 0.45, DESIGNS)}
+    more = {
+        "symmetric": {"platform.mass": rng.uniform(5, 9, DESIGNS)},
+        "symmetric, of solids": {"rod_radius [mm]": rng.uniform(8, 12, DESIGNS)},
+        "general": {"leg.com.y [mm]": rng.uniform(-3, 3, DESIGNS)},
+        "general, with friction": {
+            "leg.com.y [mm]": rng.uniform(-3, 3, DESIGNS),
+            "friction.viscous.sliders": rng.uniform(1, 3, DESIGNS),
+        },
+    }
+    return found | more[kind]
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rounds", type=int, default=7)
+    rounds = parser.parse_args().rounds
+    rng, level = np.random.default_rng(0), levels()[-1]
+    say(
+        f"{DESIGNS} designs, {SAMPLES} samples, {level}, one thread: million designs a second "
+        "(as a share of the kernel alone)"
+    )
+    skew = p3dof.Designs({"leg.com.y [mm]": [1.0]})[0]
+    rough = p3dof.Designs({"leg.com.y [mm]": [1.0], "friction.viscous.sliders": [1.0]})[0]
+    alone = {
+        "symmetric": kernel_alone("inverse_dynamics", p3dof.PAPER, level, rounds),
+        "symmetric, of solids": kernel_alone("inverse_dynamics", p3dof.PAPER, level, rounds),
+        "general": kernel_alone("inverse_dynamics", skew, level, rounds),
+        "general, with friction": kernel_alone("inverse_dynamics_with_friction", rough, level, rounds),
+    }
+    for kind, kernel in alone.items():
+        designs = Designs(columns(kind, rng), bodies="solids" if "solids" in kind else "kept")
+        told = []
+        for name, figures in (
+            ("forces, reach", ()),
+            ("+ singularity", ("singularity",)),
+            ("+ power", ("power",)),
+        ):
+            problem = DesignProblem(MOTION, figures=figures, threads=1)
+            rate = DESIGNS / least(partial(problem.evaluate, designs), rounds) / 1e6
+            told.append(f"{name} {rate:.3f} ({rate * 1e6 * SAMPLES * kernel:.2f})")
+        say(f"{kind:24s} kernel {kernel * 1e9:.2f} ns a sample;  {';  '.join(told)}")
+    few = Designs({name: column[:256] for name, column in columns("symmetric", rng).items()})
+    for names in (("R",), ("R", "L", "platform.mass")):
+        problem = DesignProblem(MOTION, figures=("power",), gradients=names, threads=1)
+        each = least(partial(problem.evaluate, few), rounds) / len(few)
+        say(f"all figures and their gradients by {len(names)}: {each * 1e6:.0f} µs a design")
+    robot = p3dof.load()
+    state = MOTION.pose, MOTION.velocity, MOTION.acceleration
+    one = (
+        least(
+            lambda: [np.abs(robot.forces(*state, method="compiled")).max(axis=0) for _ in range(100)], rounds
+        )
+        / 100
+    )
+    new = (
+        least(lambda: [p3dof.load(few[k]).forces(*state, method="compiled") for k in range(20)], rounds) / 20
+    )
+    say(f"robot.forces of one motion: {one * 1e6:.1f} µs; of a new machine: {new * 1e6:.0f} µs")
+
+
+if __name__ == "__main__":
+    main()
