@@ -55,7 +55,7 @@ from .simulation import (
 from .compiled import BoundInverseDynamics, MachineKernels
 
 # Many designs at once
-from .designs import DesignForces, DesignProblem, Designs, DesignStatus, DesignSweep, forces_of_designs
+from .designs import DesignForces, DesignProblem, Designs, DesignStatus, forces_of_designs
 
 # Many runs at once
 from .many_runs import ManyRuns, RunHistories, simulate_many
@@ -114,7 +114,6 @@ __all__ = [
     "DesignForces",
     "DesignProblem",
     "DesignStatus",
-    "DesignSweep",
     "Designs",
     "Dimensions",
     "DriveError",

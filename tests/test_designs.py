@@ -17,7 +17,6 @@ from p3dof import (
     Friction,
     Geometry,
     InputError,
-    blocks,
     forces_of_designs,
 )
 from p3dof.compiled import designs as compiled_designs
@@ -459,7 +458,6 @@ def test_a_problem_can_be_sent_elsewhere():
 
 
 def test_other_processes_compute_the_same_bits(monkeypatch):
-    """By an executor, and as a problem that is computed in blocks."""
     from concurrent.futures import ProcessPoolExecutor
     from multiprocessing import get_context
 
@@ -477,74 +475,6 @@ def test_other_processes_compute_the_same_bits(monkeypatch):
     assert told == [(40, 100), (80, 100), (100, 100)]
     for name, column in found.to_columns().items():
         np.testing.assert_array_equal(column, wanted[name], err_msg=name)
-
-
-class Listed:
-    """A sampling as `p3dof.blocks` has it: rows of columns in memory."""
-
-    def __init__(self, columns):
-        self.columns = columns
-        self.names, self.count = tuple(columns), len(columns["R"])
-
-    def settings(self):
-        return {"kind": "rows"}
-
-    def draw(self, block):
-        return {name: column[block.start : block.stop] for name, column in self.columns.items()}
-
-
-def test_designs_are_a_problem_in_blocks():
-    import json
-    from types import SimpleNamespace
-
-    given_columns = {"R": np.linspace(0.24, 0.26, 10), "L": np.full(10, 0.4)}
-    problem = DesignProblem(MOTION, figures=EVERYTHING, gradients=("R",), threads=1)
-    sweep = pickle.loads(pickle.dumps(p3dof.DesignSweep(problem, Listed(given_columns))))  # noqa: S301 - our own
-    assert sweep.count == 10
-    parts = [sweep.compute(SimpleNamespace(start=start, stop=start + 5)) for start in (0, 5)]
-    wanted = problem.evaluate(Designs(given_columns))
-    assert tuple(parts[0]) == sweep.columns
-    assert {"R", "L", "status", "peak_force_a", "d_peak_force_c.geometry.R"} < set(sweep.columns)
-    peaks = np.concatenate([part["peak_force_b"] for part in parts])
-    np.testing.assert_array_equal(peaks, wanted.peak_force[:, 1])
-    told = json.loads(json.dumps(sweep.settings()))
-    assert told == json.loads(json.dumps(p3dof.DesignSweep(problem, Listed(given_columns)).settings()))
-    faster = p3dof.Motion(MOTION.time / 2, MOTION.pose, 2 * MOTION.velocity, 4 * MOTION.acceleration)
-    for other in (
-        p3dof.DesignSweep(DesignProblem(faster, figures=EVERYTHING, gradients=("R",)), Listed(given_columns)),
-        p3dof.DesignSweep(DesignProblem(MOTION, figures=EVERYTHING), Listed(given_columns)),
-        p3dof.DesignSweep(problem, Listed(given_columns), GENERAL),
-        p3dof.DesignSweep(problem, Listed(given_columns), bodies="solids"),
-    ):
-        assert other.settings() != told
-    with pytest.raises(InputError, match="unknown column 'colour'"):
-        p3dof.DesignSweep(problem, Listed({"R": np.zeros(1), "colour": np.zeros(1)}))
-
-
-def test_a_sweep_stores_and_reduces_designs(tmp_path):
-    """Interrupted after a block, resumed to the same bits; the best of all without storing any."""
-    sampling = blocks.Samples({"R": blocks.Uniform(0.235, 0.265), "L": blocks.Uniform(0.15, 0.45)}, 1000)
-    problem = p3dof.DesignSweep(DesignProblem(MOTION, threads=1), sampling)
-    whole = blocks.sweep(problem, tmp_path / "whole", block_size=300, seed=7)
-    assert len(whole) == 1000
-
-    def interrupt(*_):
-        raise KeyboardInterrupt
-
-    with pytest.raises(blocks.SweepInterrupted):
-        blocks.sweep(problem, tmp_path / "again", block_size=300, seed=7, progress=interrupt)
-    again = blocks.sweep(problem, tmp_path / "again", block_size=300, seed=7, resume=True).columns()
-    whole = whole.columns()
-    for name in problem.columns:
-        np.testing.assert_array_equal(again[name], whole[name], err_msg=name)
-    assert {0, DesignStatus.OUT_OF_REACH} <= set(whole["status"].tolist())
-    wanted = forces_of_designs({"R": whole["R"], "L": whole["L"]}, MOTION)
-    np.testing.assert_array_equal(whole["peak_force_c"], wanted.peak_force[:, 2])
-    best = blocks.TopK("peak_force_a", 3)
-    found = blocks.sweep(problem, tmp_path / "best", block_size=300, seed=7, keep=None, reductions=[best])
-    top = found.reductions[best.name]
-    order = np.argsort(np.where(np.isnan(whole["peak_force_a"]), np.inf, whole["peak_force_a"]))
-    assert top.index.tolist() == order[:3].tolist()
 
 
 def test_results_as_columns_and_back(tmp_path):

@@ -6,14 +6,13 @@
 - `samples`: the motion with the weights of its means and integrals.
 - `figures`, `formula`, `gradients`: what is computed, on NumPy, and its derivatives.
 - `problem`, `sweep`: all of it over blocks of designs, compiled where it can be; `results`.
-- `files`, `stream`: tables of any length; `clients`: workers elsewhere, and `p3dof.blocks`.
+- `files`, `stream`: tables of any length; `clients`: workers elsewhere.
 """
 
-from p3dof.designs.clients import DesignSweep
 from p3dof.designs.columns import Designs
 from p3dof.designs.problem import DesignProblem
 from p3dof.designs.results import DesignForces
 from p3dof.designs.status import DesignStatus
 from p3dof.designs.sweep import forces_of_designs
 
-__all__ = ["DesignForces", "DesignProblem", "DesignStatus", "DesignSweep", "Designs", "forces_of_designs"]
+__all__ = ["DesignForces", "DesignProblem", "DesignStatus", "Designs", "forces_of_designs"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -92,18 +91,6 @@ class DesignProblem:
         groups = tuple(group for group, bit in BITS.items() if self.asked & bit)
         level = self._level or NUMPY  # other processes take the same, so that their numbers are the same
         return DesignProblem, (self.motion, self._wrench, groups, self.by, level, self._threads)
-
-    def settings(self) -> dict[str, Any]:
-        """Return everything that figures depend on, as plain data: numbers of the motion by their SHA-256."""
-        digest = hashlib.sha256(np.ascontiguousarray(self.samples.rows, "<f8").tobytes())
-        digest.update(np.ascontiguousarray(self.samples.time, "<f8").tobytes())
-        return {
-            "motion": digest.hexdigest(),
-            "samples": len(self.samples),
-            "figures": [group for group, bit in BITS.items() if self.asked & bit],
-            "gradients": list(self.by),
-            "level": self._level or NUMPY,
-        }
 
     def _loops(self, friction: bool) -> DesignLoops | None:
         if self._level is None:

@@ -61,7 +61,7 @@ def forces_of_designs(
         Called with the number of designs done and of all.
     client : distributed.Client or concurrent.futures.Executor, optional
         Who computes, in blocks of 65,536 designs and to the same bits; this process by default. Where designs
-        are too many for the memory, or must survive interruptions, see `DesignSweep`.
+        are too many for the memory, or must survive interruptions, see `p3dof.sweeps`.
 
     Returns
     -------
