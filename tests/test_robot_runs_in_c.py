@@ -27,7 +27,8 @@ from p3dof.simulation import (
     simulate_robot,
     simulate_robot_many,
 )
-from p3dof.simulation.compiled_robot_runs import RobotRunInC, runs_of
+from p3dof.simulation.compiled_robot_runs import RobotRunInC
+from p3dof.simulation.robot_movers import runs_of
 
 pytestmark = pytest.mark.skipif(build.compiler() is None, reason="no C compiler here")
 EXACT = Integration(rtol=1e-12, atol=1e-14)
@@ -485,3 +486,81 @@ def test_what_is_done_is_kept_when_it_is_interrupted():
 def test_columns_that_do_not_fit_are_refused(columns, told):
     with pytest.raises(InputError, match=told):
         simulate_robot_many(kept("five_bar")[0], 0.1, columns)
+
+
+# Adaptive steps
+
+
+def by_scipy(monkeypatch, *arguments, **options):
+    """The same run with compiled accelerations, integrated in Python."""
+    with monkeypatch.context() as patch:
+        patch.setattr(RobotRunInC, "__call__", lambda *_: None)
+        return simulate_robot(*arguments, **options)
+
+
+@pytest.mark.parametrize(
+    "name", ["pd", "gravity", "computed", "feedforward", "called", "standing", "falling"]
+)
+def test_adaptive_steps_are_those_of_scipy(in_c, monkeypatch, name):
+    loop, compiled = kept("five_bar")
+    q, home = home_of(loop)
+    wanted = swinging(home)
+    start = loop.complete(*wanted.at(0.0), q)
+    control = ControlLoop() if name in ("standing", "falling") else ControlLoop(100.0, saturation=3.0)
+    acting = {
+        **CONTROLLERS,
+        "standing": lambda *_: JointPD(loop, home + 0.05, 60.0, 4.0, gravity=True),
+        "falling": lambda *_: None,
+    }[name](loop, wanted)
+    tip = loop.model.frames[loop.model.nframes - 1].name
+    options = {
+        "controller": acting,
+        "control": control,
+        "samples": 34,
+        "stop_at": (),
+        "external": {tip: [0, 0.5, -1.0, 0, 0, 0]} if name == "standing" else None,
+        "method": "compiled" if name == "standing" else compiled,
+    }
+    found = simulate_robot(loop, 0.25, start.q, start.v, **options)
+    python = by_scipy(monkeypatch, loop, 0.25, start.q, start.v, **options)
+    assert in_c == [True]
+    assert len(found) == len(python) == 34
+    assert abs(found.evaluations - python.evaluations) <= 0.03 * python.evaluations
+    for attribute, allowed in (("q", 1e-10), ("v", 1e-9), ("a", 1e-6), ("forces", 1e-8), ("gap", 1e-10)):
+        mine, theirs = getattr(found, attribute), getattr(python, attribute)
+        size = max(1.0, np.abs(theirs).max())
+        np.testing.assert_allclose(mine, theirs, rtol=0, atol=allowed * size, err_msg=attribute)
+
+
+@pytest.mark.parametrize("control", [ControlLoop(), ControlLoop(40.0)])
+def test_adaptive_runs_end_at_limits_when_those_of_scipy_do(in_c, monkeypatch, control):
+    loop, _ = kept("five_bar")
+    q, home = home_of(loop)
+    stay = JointPD(loop, home + 0.2, 4.0, 0.05) if control.rate else None
+    free = simulate_robot(loop, 0.4, q, controller=stay, control=control, samples=4001)
+    at = free.actuated[:, 0]
+    turn = int(np.argmax(np.abs(at - at[0])))
+    for share, inside in ((0.3, 0.0), (0.7, 0.0), (1.0, 1e-6)):
+        way = at[turn] - at[0]
+        value = at[0] + share * way - inside * np.sign(way)
+        other = limited(loop, loop.actuated[0], *((-9.0, value) if way > 0 else (value, 9.0)))
+        options = {"controller": stay, "control": control, "samples": 9, "method": "compiled"}
+        found = simulate_robot(other, 0.4, q, **options)
+        python = by_scipy(monkeypatch, other, 0.4, q, **options)
+        assert found.stop.reason == python.stop.reason
+        assert found.stop.time == pytest.approx(python.stop.time, abs=1e-9)
+        assert len(found) == len(python)
+        np.testing.assert_allclose(found.q[-1], python.q[-1], rtol=0, atol=1e-9)
+    assert in_c == [True] * 3
+
+
+@pytest.mark.parametrize("seed", [20, 47])
+def test_any_closed_tree_falls_as_by_scipy(in_c, monkeypatch, seed):
+    loop = trees.random_robot(seed, joints=4 + seed % 3, loops=1 + seed % 2, several=0.3 * (seed % 2))
+    moving = trees.motions(loop, 1, seed)
+    options = {"stop_at": (), "samples": 5, "method": loop.compile(around=moving.q[0])}
+    found = simulate_robot(loop, 0.03, moving.q[0], moving.v[0], **options)
+    python = by_scipy(monkeypatch, loop, 0.03, moving.q[0], moving.v[0], **options)
+    assert in_c == [True]
+    np.testing.assert_allclose(found.q, python.q, rtol=0, atol=1e-9)
+    assert abs(found.evaluations - python.evaluations) <= 0.03 * python.evaluations

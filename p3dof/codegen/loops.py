@@ -44,6 +44,7 @@ _TEXTS = {
     "checked_forward_dynamics": "Acceleration under forces of the motors, and how far it is likewise.",
     "completion": "Velocity and acceleration of the tree from those of the independent speeds, and why.",
     "flow": "Rates of a configuration and the independent speeds under forces of the motors.",
+    "stabilised_flow": "Rates of configuration and velocity under forces, with Baumgarte's stabilisation.",
     "model_forces": "Forces of the motors for their accelerations, from the independent speeds.",
     "motion": "Velocity and acceleration of the tree, and forces, from those of the independent speeds.",
     "step": "One step of Newton's method for the dependent coordinates.",

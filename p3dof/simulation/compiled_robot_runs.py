@@ -1,9 +1,10 @@
 """Runs of any robot in C: what of a run has a compiled form, and the run by it.
 
-Compiled are steps of rk4 under forces that are held or stay, constant wrenches, limits of joints. `JointPD`,
+Compiled are both schemes under forces that are held or stay, constant wrenches, limits of joints. `JointPD`,
 `JointFeedforward` and `JointComputedTorque` act in C; other controllers, and encoders with errors, are called
-at their rate. Closures are projected after every step, so that no stabilisation is needed. Where the compiled
-dynamics is not to be trusted there is no run: the robot's own way has to make it.
+at their rate. The steps of rk4 project the closures, so that no stabilisation is needed; those of DOP853 are
+SciPy's on the same stabilised equations. Where the compiled dynamics is not to be trusted there is no run:
+the robot's own way has to make it.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 from p3dof.checks import FloatArray, Progress
 from p3dof.closed_loop import ClosedLoopModel, CompiledLoop
 from p3dof.closed_loop.compiled import runs
-from p3dof.closed_loop.compiled.runs import CompiledRuns, Limited, PreparedRuns
+from p3dof.closed_loop.compiled.runs import Limited
 from p3dof.closed_loop.compiling_model import ENOUGH
 from p3dof.errors import ControllerError, P3dofError
 from p3dof.simulation.actuation import Actuation
@@ -27,13 +28,12 @@ from p3dof.simulation.margins import Stop
 from p3dof.simulation.plants import ConstrainedPlant
 from p3dof.simulation.robot_loads import Loads
 from p3dof.simulation.robot_margins import RobotMargins
+from p3dof.simulation.robot_movers import AdaptiveSteps, Course, EqualSteps, Mover
 from p3dof.simulation.settings import ControlLoop, Integration
-from p3dof.simulation.step_plans import step_plan
+from p3dof.simulation.step_plans import ticks_of
 
 _CHUNK = 500
 """Ticks, or steps, between two looks at Ctrl-C."""
-_EVALUATIONS = 4
-"""Of a step."""
 
 
 class Acting(NamedTuple):
@@ -123,6 +123,8 @@ class Setting(NamedTuple):
     largest: FloatArray
     times: FloatArray
     kinks: FloatArray
+    longest: float
+    shortest: float
     progress: Progress | None
 
     @property
@@ -130,10 +132,12 @@ class Setting(NamedTuple):
         """What is compiled of the robot; None if the run has no compiled form."""
         states, control = self.plant.compiled, self.control
         works = states is not None and states.loop.level != "numpy"
-        works = works and self.integration.scheme == "rk4" and not self.margins.events
+        works = works and not self.margins.events
         works = works and self.loads.stays and not control.delay
         works = works and control.drives(len(self.largest)) is None
-        if not works or (callable(self.controller) and not control.rate):
+        if callable(self.controller) and not control.rate:
+            works = works and self.integration.scheme != "rk4" and _stands(self.controller)
+        if not works:
             return None
         return states.loop if states is not None else None
 
@@ -145,37 +149,41 @@ class RobotRunInC:
     ----------
     setting : Setting
         The run, of which `compiled` says what is compiled.
+    compiled : CompiledLoop
+        That.
     state : (nq + nv,) array
         Where it starts.
     """
 
     def __init__(self, setting: Setting, compiled: CompiledLoop, state: FloatArray) -> None:
-        self._of, self._compiled = setting, compiled
-        nq = setting.loop.model.nq
-        q, v = setting.plant.split(state)
-        self._free = list(compiled.independent_places)
-        control = setting.control
-        acts = acting_in_c(setting.loop, setting.controller, compiled, q)
-        own = control.encoders(len(setting.largest)) is None
-        self.acting = acts if own or (acts is not None and not callable(setting.controller)) else None
-        shown = self.acting or Acting(runs.CONSTANT, {})
-        plan, ticks = step_plan(setting.times, control.period, setting.integration.step, setting.kinks)
-        if not control.period:
-            plan.tick[:] = 1  # so that it may go on from anywhere
-        self._plan, self._ticks = plan, ticks
-        given = {"q": q[None].copy(), "v": v[self._free], "most": setting.largest, **shown.given}
+        self._of, control = setting, setting.control
+        acts = acting_in_c(setting.loop, setting.controller, compiled, setting.plant.split(state)[0])
+        own = control.encoders(len(setting.largest)) is None or not callable(setting.controller)
+        self.acting = acts if own else None
+        self.recording = Recording()
+        self._mover: Mover | None = None
+        if self.acting is None and not control.rate:
+            return
+        shown, integration = self.acting or Acting(runs.CONSTANT, {}), setting.integration
+        ticks = ticks_of(setting.times, control.period, setting.kinks)
+        given = {"most": setting.largest, **shown.given}
         given |= {f"wrench_{name}": rows[0] for name, rows in setting.loads.over(np.zeros(1)).items()}
-        made = runs_of(compiled, shown.model)
-        self._runs: PreparedRuns = made.prepare(
-            plan,
+        given["stabilisation"] = np.array([integration.stabilisation])
+        course = Course(
+            state,
+            setting.times,
+            control.period,
+            setting.kinks,
             given,
-            shown.rows(ticks, control.period),
+            shown.rows(ticks[0][:-1][ticks[1].astype(bool)], control.period),
             limited(setting.margins),
             shown.control,
-            len(setting.times) + 1,
         )
-        self._nq = nq
-        self.recording = Recording()
+        if integration.scheme == "rk4":
+            self._mover = EqualSteps(compiled, shown.model, course, integration.step)
+        else:
+            tolerances = integration.rtol, integration.atol, setting.longest, setting.shortest
+            self._mover = AdaptiveSteps(compiled, shown.model, course, tolerances)
 
     def __call__(self, actuation: Callable[[], Actuation]) -> Recording | None:
         """Make the run; return None if it cannot be trusted.
@@ -185,68 +193,50 @@ class RobotRunInC:
         ControllerError
             If a controller fails; `recording` holds the samples so far.
         """
-        begun = clock.perf_counter()
+        if self._mover is None:
+            return None
+        mover, begun = self._mover, clock.perf_counter()
         act = None if self.acting is not None else actuation()
         try:
-            reason, steps = self._go(act)
+            reason = self._go(mover, act)
         except ControllerError as error:
-            self._record(Stop("controller", error.time, str(error.__cause__)))
+            self._record(mover, Stop("controller", error.time, str(error.__cause__)))
             raise
         finally:
             self.recording.seconds = clock.perf_counter() - begun
         if reason == runs.DOUBTFUL:
             return None
-        time = float(self._runs.out[0][0])
-        self._record(self._of.margins.stop(reason - 1, time) if reason else None)
-        self.recording.evaluations = _EVALUATIONS * steps
+        self._record(mover, self._of.margins.stop(reason - 1, mover.end) if reason else None)
+        self.recording.evaluations = mover.evaluations
         return self.recording
 
-    def _go(self, act: Actuation | None) -> tuple[int, int]:
-        """Go from part to part; return why it ended, and the steps that were taken."""
-        prepared, plan = self._runs, self._plan
-        rows = range(0, np.count_nonzero(plan.tick), _CHUNK if act is None else 1)
-        begins = np.flatnonzero(plan.tick)[rows]
-        ends, reason = np.append(begins[1:], len(plan.tick)).tolist(), 0
+    def _go(self, mover: Mover, act: Actuation | None) -> int:
+        """Go from part to part; return why it ended."""
+        rows = range(0, len(mover.begins), _CHUNK if act is None else 1)
+        begins, reason = mover.begins[rows], 0
+        ends, total = np.append(begins[1:], mover.parts).tolist(), len(self._of.times)
         for row, begin, end in zip(rows, begins.tolist(), ends, strict=True):
             if act is not None:
-                self._command(act, float(plan.time[begin]))
-            reason = prepared.advance(begin, end - begin, end == len(plan.tick), row)
+                self._command(mover, act, mover.when(begin))
+            reason = mover.advance(begin, end - begin, end == mover.parts, row)
             if reason:
-                return reason, end
-            prepared.parts[0][0] = prepared.out[1][0]
-            prepared.parts[1][:] = prepared.out[2][0, self._free]
+                return reason
             if self._of.progress is not None:
-                self._of.progress(min(int(prepared.taken[0]), len(self._of.times)), len(self._of.times))
-        return reason, len(plan.tick)
+                self._of.progress(min(mover.taken, total), total)
+        return reason
 
-    def _command(self, act: Actuation, time: float) -> None:
+    def _command(self, mover: Mover, act: Actuation, time: float) -> None:
         """Let a controller act at the present state."""
-        prepared, plant = self._runs, self._of.plant
-        v = prepared.out[2][0] if time > 0 else self._start_speeds()
-        state = np.concatenate([prepared.parts[0][0], v])
         try:
-            forces, asked = act(time, *plant.actuated(state))
+            _, asked = act(time, *self._of.plant.actuated(mover.state()))
         except Exception as error:
             words = f"the controller failed at t = {time:.6g} s: {error}"
             raise ControllerError(words, time) from error
-        prepared.parts[5][:] = asked
-        del forces  # they are cut off in C likewise
+        mover.hold(asked)  # cut off in C as by the actuation
 
-    def _start_speeds(self) -> FloatArray:
-        found = self._compiled.rows(
-            "completion",
-            {
-                "q": self._runs.parts[0],
-                "v_independent": self._runs.parts[1][None],
-                "a_independent": np.zeros((1, len(self._free))),
-            },
-        )
-        return np.array(found["v"][0])
-
-    def _record(self, stop: Stop | None) -> None:
-        prepared, record, times = self._runs, self.recording, self._of.times
-        count = int(prepared.taken[0])
-        q, v, a, forces, asked = (array[0, :count] for array in prepared.past)
+    def _record(self, mover: Mover, stop: Stop | None) -> None:
+        record, times, count = self.recording, self._of.times, mover.taken
+        q, v, a, forces, asked = (array[:count] for array in mover.past)
         when = times[: min(count, len(times))].tolist()
         if stop is not None and stop.kind != "controller":
             when = [*times[: count - 1].tolist(), stop.time]
@@ -257,13 +247,9 @@ class RobotRunInC:
         record.loads = [self._of.loads(time) for time in when]
 
 
-def runs_of(compiled: CompiledLoop, model: CompiledLoop | None = None) -> CompiledRuns:
-    """Return the runs of what is compiled, made once."""
-    key = "runs", id(model)
-    found = compiled.kept.get(key)
-    if not isinstance(found, CompiledRuns):
-        found = compiled.kept[key] = CompiledRuns(compiled, model)
-    return found
+def _stands(controller: Any) -> bool:
+    """Whether a controller depends on the state only."""
+    return type(controller) in (JointPD, JointComputedTorque) and not controller.reference.duration
 
 
 def limited(margins: RobotMargins) -> Limited:

@@ -139,8 +139,21 @@ def simulate_robot(
     def actuation() -> Actuation:
         return Actuation(plant.measurement, controller, control.period, limits, control.encoders(count))
 
+    longest = integration.longest_step(_careful_step(control, controller, loads))
     setting = Setting(
-        loop, plant, controller, control, integration, loads, margins, limits, times, kinks, progress
+        loop,
+        plant,
+        controller,
+        control,
+        integration,
+        loads,
+        margins,
+        limits,
+        times,
+        kinks,
+        longest,
+        SHORTEST,
+        progress,
     )
     compiled = None if noted else setting.compiled
     if compiled is not None:
@@ -156,7 +169,6 @@ def simulate_robot(
         if made is not None:
             return finish(made)
     drives = control.drives(count)
-    longest = integration.longest_step(_careful_step(control, controller, loads))
     _require_affordable(plant, state, count, times, longest, control, integration.time_limit)
     schedule = Schedule(times, control.period, kinks, control.lateness)
     tolerances = Tolerances(integration.rtol, integration.atol, longest, integration.scheme)

@@ -19,11 +19,12 @@ from p3dof.closed_loop.compiled import runs
 from p3dof.closed_loop.compiled.runs import RunsFound
 from p3dof.errors import InputError, P3dofError
 from p3dof.motion.times import evenly, sample_count
-from p3dof.simulation.compiled_robot_runs import Acting, acting_in_c, limited, runs_of
+from p3dof.simulation.compiled_robot_runs import Acting, acting_in_c, limited
 from p3dof.simulation.joint_controllers import JointPD
 from p3dof.simulation.margins import Stop
 from p3dof.simulation.robot_loads import ExternalOverTime
 from p3dof.simulation.robot_margins import ROBOT_KINDS, RobotMargins
+from p3dof.simulation.robot_movers import runs_of
 from p3dof.simulation.robot_runs import RobotRuns
 from p3dof.simulation.robots import CLOSED, ObservedPlant, RobotController, simulate_robot
 from p3dof.simulation.settings import ControlLoop, Integration

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.compiled.runs import StepPlan
@@ -29,24 +30,45 @@ def step_plan(
     kinks : (K,) array
         Other times at which a step must end [s].
     """
+    edges, tick_edges = ticks_of(times, period, kinks)
+    slack = _slack(times, period)
+    ticks = edges[:-1][tick_edges.astype(bool)]
     end = float(times[-1])
-    ticks: FloatArray = np.zeros(1)
-    if period:
-        ticks = np.asarray(period * np.arange(math.ceil(end / period - _EDGE)), dtype=float)
-    slack = max(1e-15 * end, _EDGE * period)
-    inner = kinks[(kinks > 0) & (kinks < end)]
-    edges = np.unique(np.concatenate([ticks, inner, [end]]))
-    edges = edges[np.append(True, np.diff(edges) > slack)]
     lengths = np.diff(edges)
     counts = np.maximum(1, np.ceil(lengths / step - _EDGE)).astype(int)
     begins = np.repeat(edges[:-1], counts)
     within = np.arange(len(begins)) - np.repeat(np.cumsum(counts) - counts, counts)
     time = np.append(begins + within * np.repeat(lengths / counts, counts), end)
     tick = np.zeros(len(begins), dtype=np.uint8)
-    tick[(np.cumsum(counts) - counts)[np.searchsorted(edges[:-1], ticks - slack)]] = 1
+    tick[(np.cumsum(counts) - counts)[tick_edges.astype(bool)]] = 1
     place = np.clip(np.searchsorted(time, times + slack, side="right") - 1, 0, len(time) - 1)
     share = times - time[place]
     inside = (share > slack) & (place < len(begins))
     lengths_at = np.diff(np.append(time, np.inf))[place]
     share = np.where(inside, share / lengths_at, 0.0)
     return StepPlan(time, tick, place.astype(np.intp), share), ticks
+
+
+def ticks_of(times: FloatArray, period: float, kinks: FloatArray) -> tuple[FloatArray, NDArray[np.uint8]]:
+    """Return when steps must end (K + 1,), the beginning first, and at which of them are ticks (K,).
+
+    Parameters
+    ----------
+    times, period, kinks
+        As of `step_plan`.
+    """
+    end, slack = float(times[-1]), _slack(times, period)
+    ticks: FloatArray = np.zeros(1)
+    if period:
+        ticks = np.asarray(period * np.arange(math.ceil(end / period - _EDGE)), dtype=float)
+    inner = kinks[(kinks > 0) & (kinks < end)]
+    edges = np.unique(np.concatenate([ticks, inner, [end]]))
+    edges = edges[np.append(True, np.diff(edges) > slack)]
+    edges[-1] = end
+    tick = np.zeros(len(edges) - 1, dtype=np.uint8)
+    tick[np.searchsorted(edges[:-1], ticks - slack)] = 1
+    return edges, tick
+
+
+def _slack(times: FloatArray, period: float) -> float:
+    return max(1e-15 * float(times[-1]), _EDGE * period)

@@ -12,7 +12,7 @@ from p3dof.closed_loop.compiled.function import Builder, Function
 from p3dof.closed_loop.compiled.limits import MARGIN_OF_STATES, applied, nothing_missing, stays_closed
 from p3dof.closed_loop.compiled.pivots import solve_symmetric
 from p3dof.closed_loop.compiled.rates import moved, seeds_of
-from p3dof.closed_loop.compiled.run_functions import flow, model_forces
+from p3dof.closed_loop.compiled.run_functions import flow, model_forces, stabilised_flow
 from p3dof.closed_loop.compiled.solutions import (
     Borne,
     accelerated,
@@ -260,6 +260,7 @@ FUNCTIONS: Mapping[str, Callable[[Robot], Function]] = {
     "motion": motion,
     "completion": completion,
     "flow": flow,
+    "stabilised_flow": stabilised_flow,
     "model_forces": model_forces,
     "step": step,
     "integrate": integrate,

@@ -13,6 +13,7 @@ from p3dof.closed_loop.compiled.solutions import (
     accelerated,
     actuator_forces,
     drift_of,
+    evidence_of_state,
     heavy,
     independent_accelerations,
     projected_mass,
@@ -45,6 +46,29 @@ def flow(robot: Robot) -> Function:
     build.give("a", at.completed(found, drift))
     build.evidence(at, NEARLY_CLOSED, heavy(at, free, mass), MARGIN_OF_STATES)
     return build.function("flow")
+
+
+def stabilised_flow(robot: Robot) -> Function:
+    """Return the rates of a state (q, v) under forces of the motors, with Baumgarte's stabilisation.
+
+    They are those that `p3dof.simulation.plants.ConstrainedPlant` integrates: circles and quaternions are of
+    length one before anything else.
+    """
+    build = Builder()
+    tree, free = robot.tree, robot.independent
+    q, v = build.take("q", tree.nq), build.take("v", tree.nv)
+    tau = build.take("tau", len(robot.motors))
+    robot, load = build.loaded(robot)
+    beta = build.take("stabilisation", 1)[0]
+    at = At(robot, build.tape, with_units(tree, build.tape, q))
+    moving = Moving(at, v, load)
+    mass, drift = projected_mass(at, free, free), drift_of(at, moving, beta)
+    found = independent_accelerations(at, moving, tau, mass, drift)
+    build.give("q", at.q)
+    build.give("rate", rates_of(at, v))
+    build.give("a", at.completed(found, drift))
+    evidence_of_state(build, at, v, heavy(at, free, mass))
+    return build.function("stabilised_flow")
 
 
 def model_forces(robot: Robot) -> Function:
