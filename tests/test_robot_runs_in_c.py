@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
+import closed_loop_robots as robots
 import closed_trees as trees
 import numpy as np
 import pinocchio as pin
@@ -27,7 +28,7 @@ from p3dof.simulation import (
     simulate_robot,
     simulate_robot_many,
 )
-from p3dof.simulation.compiled_robot_runs import RobotRunInC
+from p3dof.simulation.compiled_robot_runs import RobotRunInC, Setting
 from p3dof.simulation.robot_movers import runs_of
 
 pytestmark = pytest.mark.skipif(build.compiler() is None, reason="no C compiler here")
@@ -564,3 +565,33 @@ def test_any_closed_tree_falls_as_by_scipy(in_c, monkeypatch, seed):
     assert in_c == [True]
     np.testing.assert_allclose(found.q, python.q, rtol=0, atol=1e-9)
     assert abs(found.evaluations - python.evaluations) <= 0.03 * python.evaluations
+
+
+@pytest.mark.parametrize("stop_at", [(), ("singular closures",)])
+def test_the_robot_itself_gives_rates_near_a_singular_partition(in_c, monkeypatch, stop_at):
+    bar = kept("four_bar")[0]
+    loop = ClosedLoopModel(bar.model, replace(bar.sidecar, actuated=("rocker_joint",)))
+    q = loop.assemble().q
+    asked, own = [], Setting.decided
+    monkeypatch.setattr(Setting, "decided", lambda *given: asked.append(given) or own(*given))
+    options = {"samples": 13, "stop_at": stop_at, "method": "compiled"}
+    found = simulate_robot(loop, 0.6, q, **options)
+    python = by_scipy(monkeypatch, loop, 0.6, q, **options)
+    assert in_c == [True]
+    assert 0 < len(asked) < 0.1 * found.evaluations
+    assert found.evaluations == python.evaluations
+    np.testing.assert_allclose(found.q, python.q, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found.a, python.a, rtol=0, atol=1e-6 * np.abs(python.a).max())
+
+
+def test_closures_that_become_dependent_end_it_as_ever(monkeypatch):
+    """A parallelogram that unfolds comes to a line, where it may go on in two ways."""
+    loop = p3dof.ClosedLoopModel.from_urdf(robots.four_bar(0.4, 0.3, 0.4, 0.3), robots.FOUR_BAR_SIDECAR)
+    q = loop.assemble([0.5]).q
+    free = trees.free(loop, q)[:, 0]
+    options = {"samples": 5, "stop_at": ["singular closures"], "method": "compiled"}
+    found = simulate_robot(loop, 1.0, q, -2.0 * free / free[0], **options)
+    python = by_scipy(monkeypatch, loop, 1.0, q, -2.0 * free / free[0], **options)
+    assert str(found.stop) == str(python.stop)
+    assert found.stop.kind == "singular closures"
+    assert found.stop.time == pytest.approx(python.stop.time, abs=1e-9)

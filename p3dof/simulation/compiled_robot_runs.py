@@ -3,8 +3,8 @@
 Compiled are both schemes under forces that are held or stay, constant wrenches, limits of joints. `JointPD`,
 `JointFeedforward` and `JointComputedTorque` act in C; other controllers, and encoders with errors, are called
 at their rate. The steps of rk4 project the closures, so that no stabilisation is needed; those of DOP853 are
-SciPy's on the same stabilised equations. Where the compiled dynamics is not to be trusted there is no run:
-the robot's own way has to make it.
+SciPy's on the same stabilised equations. Where the compiled dynamics is not to be trusted, the robot itself
+is asked for the rates of adaptive steps; else there is no run, and the robot's own way has to make it.
 """
 
 from __future__ import annotations
@@ -32,6 +32,8 @@ from p3dof.simulation.robot_movers import AdaptiveSteps, Course, EqualSteps, Mov
 from p3dof.simulation.settings import ControlLoop, Integration
 from p3dof.simulation.step_plans import ticks_of
 
+_NEAR_DEPENDENT = 1e-3
+"""Room to dependent closures below which their margin has to be watched all the way."""
 _CHUNK = 500
 """Ticks, or steps, between two looks at Ctrl-C."""
 
@@ -141,6 +143,12 @@ class Setting(NamedTuple):
             return None
         return states.loop if states is not None else None
 
+    def decided(self, state: FloatArray, forces: FloatArray) -> FloatArray | None:
+        """Return the derivative of a state by the robot itself; None near closures that become dependent."""
+        if self.margins.room(self.plant.split(state)[0]) < _NEAR_DEPENDENT:
+            return None
+        return self.plant.rate(state, forces, self.loads(0.0))
+
 
 class RobotRunInC:
     """A run of a robot in C.
@@ -178,6 +186,7 @@ class RobotRunInC:
             shown.rows(ticks[0][:-1][ticks[1].astype(bool)], control.period),
             limited(setting.margins),
             shown.control,
+            setting.decided,
         )
         if integration.scheme == "rk4":
             self._mover = EqualSteps(compiled, shown.model, course, integration.step)

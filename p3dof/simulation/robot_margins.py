@@ -100,10 +100,10 @@ class RobotMargins:
         values = q[self.limited_q]
         happening = [event.at(time, q, v) for event in self.events]
         return np.concatenate(
-            [values - self.lower, self.upper - values, [self._room(q)], self._signs * happening]
+            [values - self.lower, self.upper - values, [self.room(q)], self._signs * happening]
         )
 
-    def _room(self, q: FloatArray) -> float:
+    def room(self, q: FloatArray) -> float:
         """Return how far the closures are from becoming dependent."""
         if not self._rank:
             return np.inf

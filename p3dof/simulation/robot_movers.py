@@ -10,7 +10,7 @@ import numpy as np
 from p3dof.checks import FloatArray
 from p3dof.closed_loop import CompiledLoop
 from p3dof.closed_loop.batch.linear import IndexArray
-from p3dof.closed_loop.compiled.adaptive import Adaptation, AdaptiveRun, CompiledAdaptation
+from p3dof.closed_loop.compiled.adaptive import Adaptation, AdaptiveRun, CompiledAdaptation, Other
 from p3dof.closed_loop.compiled.runs import CompiledRuns, Limited
 from p3dof.simulation.step_plans import step_plan, ticks_of
 
@@ -79,6 +79,8 @@ class Course(NamedTuple):
         Where it ends.
     control : int
         What gives the forces.
+    other : callable
+        What decides where the compiled dynamics is not to be trusted, of adaptive steps.
     """
 
     state: FloatArray
@@ -89,6 +91,7 @@ class Course(NamedTuple):
     rows: Sequence[FloatArray]
     limited: Limited
     control: int
+    other: Other
 
 
 class EqualSteps:
@@ -196,6 +199,7 @@ class AdaptiveSteps:
             course.limited,
             course.control,
             continuous,
+            course.other,
         )
         self.begins: IndexArray = np.flatnonzero(tick)
         self.parts = len(tick)

@@ -99,9 +99,9 @@ def simulate_robot(
     method : {"general", "compiled"} or CompiledLoop
         What computes accelerations: the robot; C that is compiled for it now, or taken from the cache; or
         what `ClosedLoopModel.compile` returned, for many runs. Where compiled dynamics are not to be trusted
-        the robot decides, so that runs end for the same reasons. With ``scheme="rk4"`` of the integration the
-        whole run is made in C, its closures projected instead of stabilised, if all that acts has a compiled
-        form; see `p3dof.simulation.compiled_robot_runs`.
+        the robot decides, so that runs end for the same reasons. If all that acts has a
+        compiled form the whole run is made in C; with ``scheme="rk4"`` of the integration its closures are
+        projected instead of stabilised. See `p3dof.simulation.compiled_robot_runs`.
 
     Returns
     -------

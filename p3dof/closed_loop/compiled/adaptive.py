@@ -8,9 +8,9 @@ decide.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,11 @@ from p3dof.closed_loop.compiled.adaptive_source import adaptive_source
 from p3dof.closed_loop.compiled.compiled_loop import CompiledLoop
 from p3dof.closed_loop.compiled.kernels import pointers, sizes
 from p3dof.closed_loop.compiled.runs import Limited
+
+Other: TypeAlias = Callable[[FloatArray, FloatArray], FloatArray | None]
+"""State and forces of the motors to the derivative of the state; None if it has to be given up."""
+_DOUBLES = ctypes.POINTER(ctypes.c_double)
+_OTHER = ctypes.CFUNCTYPE(ctypes.c_int, _DOUBLES, _DOUBLES, _DOUBLES)
 
 
 class _Adaptive(ctypes.Structure):
@@ -35,6 +40,7 @@ class _Adaptive(ctypes.Structure):
         *((name, ctypes.c_double) for name in ("span", "period", "end")),
         *((name, ctypes.c_void_p) for name in ("edge", "tick", "times", "lower", "upper", "given")),
         *((name, ctypes.c_void_p) for name in ("rows", "row_strides", "y", "asked", "past", "room", "found")),
+        ("other", _OTHER),
     )
 
 
@@ -110,6 +116,8 @@ class AdaptiveRun:
         What gives the forces.
     continuous : bool
         Whether these change with the state all the time.
+    other : callable, optional
+        What decides at states where the compiled dynamics is not to be trusted; without it they end the run.
     """
 
     def __init__(
@@ -122,6 +130,7 @@ class AdaptiveRun:
         limited: Limited,
         control: int,
         continuous: bool,
+        other: Other | None = None,
     ) -> None:
         flow, count = made.flow, len(how.times) + 1
         nq, nv, n = flow.inputs["q"], flow.inputs["v"], flow.inputs["tau"]
@@ -155,6 +164,7 @@ class AdaptiveRun:
             *(array.ctypes.data for array in arrays),
             *(inputs, targets, strides, self.state.ctypes.data, room[0].ctypes.data, past),
             *(room[1].ctypes.data, room[2].ctypes.data),
+            _OTHER(0) if other is None else _called(other, nq + nv, n),
         )
         self._kept = tables, arrays, room, lists
         self._call = made.library.adaptive
@@ -193,3 +203,21 @@ class AdaptiveRun:
     def evaluations(self) -> int:
         """Of the equations of motion."""
         return int(self._run.evaluations)
+
+
+def _called(other: Other, size: int, count: int) -> Any:
+    """Return a function for C."""
+
+    def call(y: Any, tau: Any, rate: Any) -> int:
+        state = np.array(np.ctypeslib.as_array(y, (size,)))
+        forces = np.array(np.ctypeslib.as_array(tau, (max(count, 1),)))[:count]
+        try:
+            found = other(state, forces)
+        except Exception:
+            return 0
+        if found is None:
+            return 0
+        np.ctypeslib.as_array(rate, (size,))[:] = found
+        return 1
+
+    return _OTHER(call)
