@@ -10,6 +10,7 @@ import p3dof
 from p3dof import plots
 from p3dof.closed_loop import ClosedLoopModel, Sidecar
 from p3dof.errors import FileError, InputError, MissingExtraError
+from p3dof.plots import common
 from p3dof.simulation import Event, JointPD, simulate_robot
 
 
@@ -93,3 +94,12 @@ def test_the_figure_of_any_robots_run_has_its_joints_and_forces(tmp_path):
     assert [axis.get_visible() for axis in figure.axes] == [True, False, True, False, True, True]
     with pytest.raises(InputError, match="run: expected a RobotRun"):
         plots.robot_run_figure(3)
+
+
+def test_axes_of_decades_keep_their_ticks():
+    figure = common.new_figure((4, 3))
+    axis = figure.subplots()
+    axis.loglog([1, 1e6], [1e-9, 1e-3])
+    before = axis.get_xticks()
+    common.tidy(axis)
+    np.testing.assert_array_equal(axis.get_xticks(), before)

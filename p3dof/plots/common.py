@@ -148,7 +148,8 @@ def new_figure(figsize: tuple[float, float]) -> Figure:
 
 def few_ticks(axis: Axes) -> None:
     """Give a panel about six ticks each way: each is drawn as five things, which is most of the work."""
-    axis.locator_params("x", nbins=TICKS)
+    if axis.get_xscale() == "linear":
+        axis.locator_params("x", nbins=TICKS)
     if axis.get_yscale() == "linear":
         axis.locator_params("y", nbins=TICKS)
 

@@ -121,7 +121,8 @@ def _formulas(
     def faster_than(name: str) -> _Formula:
         return lambda pick, machine: pick(OTHERS, name, PAPER) / kernel_(pick, machine)
 
-    yield Target("port bound / forces", 0.5, at_least=True), BOTH, share("bound")
+    yield Target("port bound / forces, general", 0.55, at_least=True), (GENERAL,), share("bound")
+    yield Target("port bound / forces, symmetric", 0.58, at_least=True), (PAPER,), share("bound")
     yield (
         Target("port bound / forces, counted as if all arithmetic shared ports", 0.5, at_least=True),
         BOTH,
@@ -144,7 +145,9 @@ def _formulas(
         yield wanted, BOTH, lambda p, m, one=name, many=both: p(STREAMED, one, m) / p(STREAMED, many, m)
     yield from _single_samples(over)
     yield Target("forces and derivatives / forces", 3.5), BOTH, over(MORE, "forces and their derivatives")
-    yield Target("forward dynamics / forces", 1.5), BOTH, over(MORE, "forward dynamics")
+    forces = MORE, "forces"
+    yield Target("forward dynamics / forces", 1.15), BOTH, over(MORE, "forward dynamics", forces)
+    yield Target("forces with friction / forces", None), BOTH, over(MORE, "forces with friction", forces)
     yield Target("mass matrix / forces", 1.5), BOTH, over(MORE, "mass matrix")
     for name, limit in ((BATCH_QVA, 15), (BATCH_POSE, 60)):
         yield Target(name, limit, "µs"), (PAPER,), lambda p, m, n=name: p(OTHERS, n, m) * 1e6
