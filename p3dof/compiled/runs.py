@@ -208,6 +208,7 @@ class CompiledRun:
         self._run = _compiled.MachineRun(forward.name, kernels.level, tables, numbers)
         self._run.hold(forces.held)
         self._live, self._held = np.empty(_ROW), np.empty(6)
+        self._sliders, self._speeds = self._live[7:10], self._live[10:13]
 
     def advance(self, told: Callable[[int], object] | None = None) -> int:
         """Go on until the run ends or forces are to be held.
@@ -226,9 +227,8 @@ class CompiledRun:
 
     def actuated(self) -> tuple[float, FloatArray, FloatArray]:
         """Return the time [s], and positions and velocities of the sliders, (3,) each [m, m/s]."""
-        live = self._live
-        self._run.live(live)
-        return float(live[0]), live[7:10].copy(), live[10:13].copy()
+        self._run.live(self._live)
+        return float(self._live[0]), self._sliders.copy(), self._speeds.copy()
 
     def state(self) -> FloatArray:
         """Return pose and velocity, (6,)."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, Protocol
 
@@ -66,6 +67,7 @@ class Actuation:
             raise InputError(f"controller: expected an object, got the class {controller.__name__}")
         self._controller = controller if callable(controller) else _constant(controller, self.size)
         self._period, self.limits = period, limits
+        self._endless = not np.isfinite(limits).any()
         self._encoders = encoders
         self._saturated = np.zeros(self.size, dtype=bool)
         reset = getattr(controller, "reset", None)
@@ -89,7 +91,10 @@ class Actuation:
             positions, velocities = self._encoders.read(positions, velocities)
         measured = self._measure(time, self._period, positions, velocities, self._saturated)
         asked = _checked(self._controller(measured), self.size)
-        forces = np.clip(asked, -self.limits, self.limits)
+        if self._endless:
+            self._saturated = np.zeros(self.size, dtype=bool)
+            return asked, asked
+        forces = np.minimum(np.maximum(asked, -self.limits), self.limits)
         self._saturated = forces != asked
         return forces, asked
 
@@ -100,9 +105,11 @@ def _constant(forces: ArrayLike | None, size: int) -> Callable[[Any], FloatArray
 
 
 def _checked(forces: ArrayLike, size: int) -> FloatArray:
-    array = as_floats("controller", forces).copy()  # it may be the same array every time
+    usual = isinstance(forces, np.ndarray) and forces.dtype.char == "d"
+    given: FloatArray = np.asarray(forces) if usual else as_floats("controller", forces)
+    array = given.copy()  # it may be the same array every time
     if array.shape != (size,):
         raise InputError(f"controller: expected forces of shape ({size},), got {array.shape}")
-    if not np.isfinite(array).all():
+    if not all(map(math.isfinite, array.tolist())):
         raise InputError(f"controller: expected finite forces, got {array.tolist()}")
     return array
