@@ -21,8 +21,8 @@ from .description import Mechanism
 
 # What it does, and what acts on it
 from .motion import Curve, Motion, WrenchHistory, paper_motion
-from .tasks import Plan, Task, Waypoint, read_task, write_task
-from .manipulator import TaskForces, forces_of_task, size_drives
+from .tasks import AxisLimits, Plan, Task, Waypoint, read_task, write_task
+from .manipulator import TaskForces, fastest_plan, forces_of_task, size_drives
 
 # Where it is
 from .kinematics import BodyMotion, InverseKinematics, MechanismMotion, Singularity
@@ -99,6 +99,7 @@ __all__ = [
     "PD",
     "SOLIDS",
     "AssemblyError",
+    "AxisLimits",
     "Bodies",
     "Body",
     "BodyMotion",
@@ -186,6 +187,7 @@ __all__ = [
     "codegen",
     "drives",
     "engines",
+    "fastest_plan",
     "forces_of_designs",
     "forces_of_task",
     "load",

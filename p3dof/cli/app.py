@@ -35,6 +35,7 @@ COMMANDS = {
     "designs": ("p3dof.cli.designs", "Compare many machines over one motion, from a table."),
     "energy": ("p3dof.cli.energy", "Say what moves most, and what the drives must do."),
     "export": ("p3dof.cli.export", "Write the model for other tools, with its loops."),
+    "fastest": ("p3dof.cli.plan", "Find the fastest motion of a task within the limits."),
     "forces": ("p3dof.cli.forces", "Compute the forces over a motion by one method."),
     "loop": ("p3dof.cli.loop", "Assemble, weigh and move any robot with closed loops."),
     "plan": ("p3dof.cli.plan", "Plan the motion of a task, and say what it takes."),

@@ -1,87 +1,164 @@
-"""`p3dof plan`: the motion of a task, and what it takes."""
+"""`p3dof plan` and `p3dof fastest`: the motion of a task, and what it takes."""
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import click
 
 from p3dof.cli.app import app
 from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, source, write_results
-from p3dof.cli.options import FIGURE, METHOD, PARAMETERS, POSITIVE, Whole, machine_of
+from p3dof.cli.options import FIGURE, METHOD, PARAMETERS, POSITIVE, Number, Whole, machine_of
 from p3dof.cli.output import print_plain, progress_bar, show
 from p3dof.errors import InputError
 from p3dof.files import together, write_table
-from p3dof.manipulator.tasks import forces_of_task, pieces_table, sizing_table
+from p3dof.manipulator import Manipulator, fastest_plan, forces_of_task
+from p3dof.manipulator.fastest import NODES
+from p3dof.manipulator.tasks import pieces_table, sizing_table
 from p3dof.motion import WrenchHistory
-from p3dof.tasks import read_task
+from p3dof.tasks import AxisLimits, Plan, Task, read_task
+
+_OPTIONS = (
+    click.argument("task_file", metavar="TASK", type=InputFile()),
+    PARAMETERS,
+    click.option(
+        "--samples",
+        type=Whole(2, 1_000_000),
+        default=1001,
+        show_default=True,
+        help="Least number of samples of the motion, evenly spaced.",
+    ),
+    METHOD,
+    click.option(
+        "--out",
+        type=OutputFile("table", stream=True),
+        help="Motion file to write (CSV), - for the standard output: what --motion of other commands takes.",
+    ),
+    click.option(
+        "--wrench-out",
+        type=OutputFile("table"),
+        help="File for the external load over the task (CSV): what --wrench of other commands takes.",
+    ),
+    click.option(
+        "--forces-out", type=OutputFile("table"), help="File for forces, power and what is carried (CSV)."
+    ),
+    FIGURE,
+)
+
+
+def _with_task(command: Callable[..., Plan]) -> Callable[..., int]:
+    """Give a command that makes a plan of a task and a machine its files, and what is told of the plan."""
+
+    @functools.wraps(command)
+    def wrapped(
+        task_file: Path,
+        parameters: Path | None,
+        method: str,
+        out: Path | None,
+        wrench_out: Path | None,
+        forces_out: Path | None,
+        figure: Path | None,
+        **others: Any,
+    ) -> int:
+        protect((task_file, parameters), (out, wrench_out, forces_out, figure))
+        task, robot = read_task(source(task_file)), machine_of(parameters)
+        planned = command(task, robot, **others)
+        return _told(task, robot, planned, method, out, wrench_out, forces_out, figure)
+
+    found: Callable[..., int] = wrapped
+    for option in reversed(_OPTIONS):
+        found = option(found)
+    return found
 
 
 @app.command()
-@click.argument("task_file", metavar="TASK", type=InputFile())
-@PARAMETERS
+@_with_task
 @click.option(
     "--duration",
     type=POSITIVE,
     help="Time of the whole task, dwells included [s]; not needed where all stops have one in the file.",
 )
+def plan(task: Task, _: Manipulator, samples: int, duration: float | None) -> Plan:
+    """Plan the motion of a task file: from stop to stop, with blends, dwells, payloads and loads.
+
+    The tables say what each piece of the way takes, how much of the machine's limits is used, when and where.
+    Exit code 1 when a limit of the machine is exceeded, or it cannot make the motion.
+    """
+    return task.plan(duration, samples)
+
+
+@app.command()
+@_with_task
+@click.option("--force", type=POSITIVE, help="Largest force of each actuator [N]; the machine's without it.")
+@click.option("--speed", type=POSITIVE, help="Largest slider speed [m/s]; the machine's without it.")
+@click.option("--power", type=POSITIVE, help="Largest power that each actuator gives [W]; any without it.")
 @click.option(
-    "--samples",
-    type=Whole(2, 1_000_000),
-    default=1001,
+    "--reflected-mass",
+    type=Number(min=0),
+    default=0.0,
     show_default=True,
-    help="Least number of samples of the motion, evenly spaced.",
-)
-@METHOD
-@click.option(
-    "--out",
-    type=OutputFile("table", stream=True),
-    help="Motion file to write (CSV), - for the standard output: what --motion of other commands takes.",
+    help="What motor and screw add to each slider's mass [kg], for the force limit.",
 )
 @click.option(
-    "--wrench-out",
-    type=OutputFile("table"),
-    help="File for the external load over the task (CSV): what --wrench of other commands takes.",
+    "--nodes",
+    type=Whole(10, 20_000),
+    default=NODES,
+    show_default=True,
+    help="Steps along each way between two stops: more come nearer to the least time.",
 )
-@click.option(
-    "--forces-out", type=OutputFile("table"), help="File for forces, power and what is carried (CSV)."
-)
-@FIGURE
-def plan(
-    task_file: Path,
-    parameters: Path | None,
-    duration: float | None,
+def fastest(
+    task: Task,
+    robot: Manipulator,
     samples: int,
+    force: float | None,
+    speed: float | None,
+    power: float | None,
+    reflected_mass: float,
+    nodes: int,
+) -> Plan:
+    """Find the fastest motion of a task file within force, speed and power limits, friction included.
+
+    The limits hold between the nodes too. Tables and files are those of 'plan'. Exit code 1 when another
+    limit of the machine is exceeded, such as its stroke.
+    """
+    own = robot.parameters.limits
+    limits = AxisLimits(
+        own.force if force is None else force,
+        own.speed if speed is None else speed,
+        float("inf") if power is None else power,
+        reflected_mass,
+    )
+    with progress_bar("ways", len(task.paths)) as progress:
+        return fastest_plan(robot, task, limits, nodes=nodes, samples=samples, progress=progress)
+
+
+def _told(
+    task: Task,
+    robot: Manipulator,
+    planned: Plan,
     method: str,
     out: Path | None,
     wrench_out: Path | None,
     forces_out: Path | None,
     figure: Path | None,
 ) -> int:
-    """Plan the motion of a task file: from stop to stop, with blends, dwells, payloads and loads.
-
-    The tables say what each piece of the way takes, how much of the machine's limits is used, when and where.
-    Exit code 1 when a limit of the machine is exceeded, or it cannot make the motion.
-    """
-    protect((task_file, parameters), (out, wrench_out, forces_out, figure))
-    task = read_task(source(task_file))
-    robot = machine_of(parameters)
-    planned = task.plan(duration, samples)
+    """Compute the forces of a plan, write its files and print its tables; return the exit code."""
     load = planned.wrench
     if wrench_out is not None and load is None:
         raise InputError("--wrench-out: there is no external load in this task")
     with progress_bar("forces", len(planned.pieces)) as progress:
-        found = forces_of_task(robot, planned, method, progress)
+        found = forces_of_task(robot, planned, method, progress)  # type: ignore[arg-type,unused-ignore]
     from p3dof import plots
 
     with together():
-        written = [] if forces_out is None else [found.to_csv(forces_out)]
+        others = [] if forces_out is None else [found.to_csv(forces_out)]
         if wrench_out is not None and load is not None:
-            written.append(_write_load(load, wrench_out))
-        written = [
-            *write_results(planned.motion.to_csv, out, lambda: plots.task_figure(found), figure),
-            *written,
-        ]
+            others.append(_write_load(load, wrench_out))
+        drawn = functools.partial(plots.task_figure, found)
+        written = [*write_results(planned.motion.to_csv, out, drawn, figure), *others]
     console = console_beside(out)
     limits = robot.parameters.limits
     show(console, pieces_table(found), sizing_table(found, limits), notes=True)
@@ -89,8 +166,7 @@ def plan(
         print_plain(console, "the task does not end where it began: it cannot be repeated as it is")
     for path in written:
         print_plain(console, f"wrote {path}")
-    shares = [one.share for one in found.utilisations(limits)]
-    return 0 if all(share <= 1 for share in shares) else 1
+    return 0 if all(one.share <= 1 + 1e-9 for one in found.utilisations(limits)) else 1
 
 
 def _write_load(load: WrenchHistory, path: Path) -> Path:

@@ -2,6 +2,7 @@
 
 from p3dof.manipulator.comparison import Comparison, Opinion
 from p3dof.manipulator.facade import Manipulator, load
+from p3dof.manipulator.fastest import fastest_plan
 from p3dof.manipulator.sizing import size_drives
 from p3dof.manipulator.tables import agreement_table, opinions_table
 from p3dof.manipulator.tasks import TaskForces, forces_of_task
@@ -19,6 +20,7 @@ __all__ = [
     "Opinion",
     "TaskForces",
     "agreement_table",
+    "fastest_plan",
     "forces_of_task",
     "load",
     "opinions_table",

@@ -10,8 +10,8 @@ import numpy as np
 from p3dof.checks import FloatArray
 from p3dof.motion import Motion, WrenchHistory
 from p3dof.parameters import Body
+from p3dof.tasks.laws import Law
 from p3dof.tasks.paths import Path
-from p3dof.tasks.profiles import Profile
 from p3dof.tasks.waypoints import Waypoint
 
 _JUMP = 1e-9
@@ -28,14 +28,14 @@ class Stretch:
         Where it goes.
     first, last : int
         The waypoints at its ends.
-    duration : float
-        How long it takes [s].
+    law : Law
+        How it is covered in time.
     """
 
     path: Path
     first: int
     last: int
-    duration: float
+    law: Law
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +135,6 @@ def planned(
     names: Sequence[str],
     carrying: Body | None,
     stretches: Sequence[Stretch],
-    profile: Profile,
     samples: int,
     name: str,
 ) -> Plan:
@@ -151,8 +150,6 @@ def planned(
         What the platform carries at the beginning.
     stretches : sequence of Stretch
         The ways between the stops.
-    profile : callable
-        How each is covered in time.
     samples : int
         Least number of samples.
     name : str
@@ -162,11 +159,13 @@ def planned(
     -------
     Plan
     """
-    spans = list(_spans(waypoints, carrying, stretches, profile))
+    spans = list(_spans(waypoints, carrying, stretches))
     ends = np.array([0.0, *(span.end for span in spans)])
-    time = np.union1d(np.linspace(0.0, ends[-1], samples), ends)
+    kinks = [np.asarray(begin + stretch.law.kinks) for begin, stretch in _begun(waypoints, stretches)]
+    time = np.union1d(np.linspace(0.0, ends[-1], samples), np.concatenate([ends, *kinks]))
+    time = time[time <= ends[-1]]
     time = time[np.append(True, np.diff(time) > 1e-12 * ends[-1]) | np.isin(time, ends)]
-    motion = _moved(waypoints, stretches, profile, time)
+    motion = _moved(waypoints, stretches, time)
     pieces = []
     for span in spans:
         begin, end = np.searchsorted(time, [span.start, span.end])
@@ -179,14 +178,36 @@ def planned(
     return Plan(name, motion, tuple(pieces), tuple(names), times)
 
 
+def payloads(waypoints: Sequence[Waypoint], carrying: Body | None) -> list[Body | None]:
+    """Return what the platform carries on the way to each waypoint; to the first, at the beginning.
+
+    Parameters
+    ----------
+    waypoints : sequence of Waypoint
+        All of them.
+    carrying : Body, optional
+        What the platform carries at the beginning.
+
+    Returns
+    -------
+    list of Body or None
+    """
+    found = []
+    for point in waypoints:
+        found.append(carrying)
+        carrying = None if point.put_down else carrying
+        carrying = carrying if point.pick_up is None else point.pick_up
+    return found
+
+
 def _spans(
-    waypoints: Sequence[Waypoint], carrying: Body | None, stretches: Sequence[Stretch], profile: Profile
+    waypoints: Sequence[Waypoint], carrying: Body | None, stretches: Sequence[Stretch]
 ) -> Iterator[_Span]:
     """Go through a task: dwells at stops, and ways from waypoint to waypoint."""
     none, time = np.zeros(6), 0.0
     for stretch in (None, *stretches):
         if stretch is not None:
-            passed = _passed(stretch, profile)
+            passed = stretch.law.when(stretch.path.at_waypoints)
             for k in range(stretch.first, stretch.last):
                 begin, end = time + passed[k - stretch.first : k - stretch.first + 2]
                 yield _Span(k, k + 1, float(begin), float(end), carrying, waypoints[k + 1].wrench)
@@ -203,35 +224,25 @@ def _spans(
             carrying = None
 
 
-def _passed(stretch: Stretch, profile: Profile) -> FloatArray:
-    """Return when the waypoints of a way are passed, after its beginning [s]."""
-    from scipy.optimize import brentq
-
-    def ahead(time: float, share: float) -> float:
-        return float(profile(np.array([time]))[0][0]) - share
-
-    shares = (stretch.path.at_waypoints / stretch.path.end).tolist()
-    passed = [brentq(ahead, 0.0, 1.0, args=(share,), xtol=1e-15) for share in shares[1:-1]]
-    return stretch.duration * np.array([0.0, *passed, 1.0])
+def _begun(waypoints: Sequence[Waypoint], stretches: Sequence[Stretch]) -> Iterator[tuple[float, Stretch]]:
+    """Go through the ways with the times at which they begin [s]."""
+    begin = waypoints[0].dwell
+    for stretch in stretches:
+        yield begin, stretch
+        begin = begin + stretch.law.duration + waypoints[stretch.last].dwell
 
 
-def _moved(
-    waypoints: Sequence[Waypoint], stretches: Sequence[Stretch], profile: Profile, time: FloatArray
-) -> Motion:
+def _moved(waypoints: Sequence[Waypoint], stretches: Sequence[Stretch], time: FloatArray) -> Motion:
     """Return the motion of the platform at times."""
     pose = np.tile(waypoints[0].pose, (len(time), 1))
     velocity, acceleration = np.zeros_like(pose), np.zeros_like(pose)
-    begin = waypoints[0].dwell
-    for stretch in stretches:
-        end = begin + stretch.duration
+    for begin, stretch in _begun(waypoints, stretches):
+        end = begin + stretch.law.duration
         rows = (time > begin) & (time < end)
-        share, rate, change = profile((time[rows] - begin) / stretch.duration)
-        length, period = stretch.path.end, stretch.duration
-        place, slope, bend = stretch.path.at(length * share)
-        speed, growth = length * rate[:, None] / period, length * change[:, None] / period**2
+        parameter, speed, change = stretch.law.at(time[rows] - begin)
+        place, slope, bend = stretch.path.at(np.clip(parameter, 0.0, stretch.path.end))
         pose[rows] = place
-        velocity[rows] = slope * speed
-        acceleration[rows] = bend * speed**2 + slope * growth
+        velocity[rows] = slope * speed[:, None]
+        acceleration[rows] = bend * speed[:, None] ** 2 + slope * change[:, None]
         pose[time >= end] = waypoints[stretch.last].pose
-        begin = end + waypoints[stretch.last].dwell
     return Motion(time, pose, velocity, acceleration, check=False)

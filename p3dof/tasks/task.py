@@ -13,6 +13,7 @@ from p3dof.checks import FloatArray, positive, shown
 from p3dof.errors import TaskError
 from p3dof.motion.times import sample_count
 from p3dof.parameters import Body
+from p3dof.tasks.laws import ProfileLaw
 from p3dof.tasks.paths import Path
 from p3dof.tasks.plan import Plan, Stretch, planned
 from p3dof.tasks.profiles import PROFILES
@@ -164,12 +165,10 @@ class Task:
         count = sample_count(samples, least=2)
         times = self._times(duration)
         stretches = [
-            Stretch(path, a, b, time)
+            Stretch(path, a, b, ProfileLaw(PROFILES[self.profile], path.end, float(time)))
             for path, (a, b), time in zip(self.paths, self.stretches, times, strict=True)
         ]
-        return planned(
-            self.waypoints, self.names, self.carrying, stretches, PROFILES[self.profile], count, self.name
-        )
+        return planned(self.waypoints, self.names, self.carrying, stretches, count, self.name)
 
     def _times(self, duration: float | None) -> FloatArray:
         """Return how long each way takes [s]."""

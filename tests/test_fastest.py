@@ -1,0 +1,229 @@
+"""The fastest way along a path: published times, limits that hold in between, friction, power, bad input."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_cli import run
+
+import p3dof
+from p3dof import AxisLimits, Waypoint, fastest_plan, forces_of_task
+from p3dof.errors import InputError, TaskError
+from p3dof.manipulator.fastest import WayOfMachine
+from p3dof.methods.utilisation import time_of_peak
+from p3dof.tasks.fastest import _DENSE, _Points, fastest_law
+from p3dof.tasks.files import parse
+from p3dof.tasks.laws import SpeedLaw
+
+BLENDED = parse(
+    """
+waypoints:
+  - {name: pick, pose: [-150 mm, 0, -15 deg]}
+  - {pose: [-150 mm, 25 mm], blend: 25 mm}
+  - {pose: [150 mm, 25 mm], blend: 25 mm}
+  - {name: place, pose: [150 mm, 0, 15 deg]}
+"""
+)
+LINE = parse("waypoints: [{pose: [-150 mm, 0, -15 deg]}, {pose: [150 mm, 30 mm, 15 deg]}]")
+NONE = np.zeros((1, 6))
+
+
+class PapersPath:
+    """The path of the paper's motion, by its time."""
+
+    end = 1.0
+    at_waypoints = np.array([0.0, 1.0])
+
+    def at(self, t):
+        w = 4 * np.pi
+        return (
+            np.column_stack(
+                [-(t**2) * (t**2 - 1.3 * t + 0.3), 0.2 * t**2 * (2 * t**2 - t - 1), 0.4 * np.sin(w * t)]
+            ),
+            np.column_stack(
+                [-t * (4 * t**2 - 3.9 * t + 0.6), 0.2 * t * (8 * t**2 - 3 * t - 2), 0.4 * w * np.cos(w * t)]
+            ),
+            np.column_stack(
+                [-(12 * t**2 - 7.8 * t + 0.6), 0.2 * (24 * t**2 - 6 * t - 2), -0.4 * w**2 * np.sin(w * t)]
+            ),
+        )
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return p3dof.load()
+
+
+@pytest.fixture(scope="module")
+def lossy(robot):
+    friction = p3dof.Friction(viscous={"sliders": 40, "joints": 0.02}, coulomb={"sliders": 8})
+    return p3dof.load(replace(robot.parameters, friction=friction))
+
+
+# --- published numbers --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("force", "speed", "nodes", "expected", "within"),
+    [(500, 2, 800, 0.20529, 1e-5), (120, 1, 300, 0.47872, 2e-4), (200, 1.5, 400, 0.32812, 4e-5)],
+)
+def test_the_least_time_of_a_blended_path(robot, force, speed, nodes, expected, within):
+    """Found elsewhere by two ways, TOPP-RA and an interior-point method, equal to 2e-6."""
+    found = fastest_plan(robot, BLENDED, AxisLimits(force, speed), nodes=nodes)
+    assert found.duration == pytest.approx(expected, abs=within)
+
+
+@pytest.mark.parametrize(
+    ("force", "speed", "mass", "expected"),
+    [(500, 2, 14.8044066, 0.52410), (1000, 2, 14.8044066, 0.37183), (1000, 2, 0, 0.23665)],
+)
+def test_the_least_time_of_the_papers_path(robot, force, speed, mass, expected):
+    limits = AxisLimits(force, speed, reflected_mass=mass)
+    way = WayOfMachine(robot, PapersPath(), NONE, limits.reflected_mass)
+    even = np.linspace(0, 1, 401)
+    law = fastest_law(even**2 * (3 - 2 * even), way, limits)
+    assert law.duration == pytest.approx(expected, abs=3e-5)
+
+
+def test_the_least_time_of_a_straight_line(robot):
+    assert fastest_plan(robot, LINE, AxisLimits(500, 2)).duration == pytest.approx(0.15834, abs=1e-5)
+
+
+def test_more_nodes_come_nearer(robot):
+    times = [fastest_plan(robot, LINE, AxisLimits(300, 1), nodes=n).duration for n in (25, 50, 100, 400)]
+    errors = np.array(times[:-1]) - times[-1]
+    assert (errors > 0).all()
+    assert errors[2] < errors[0] / 4
+
+
+# --- the limits hold ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("power", [np.inf, 60.0])
+@pytest.mark.parametrize("friction", [False, True])
+def test_the_limits_hold_along_the_way_and_one_is_reached(robot, lossy, friction, power):
+    machine = lossy if friction else robot
+    task = p3dof.Task(
+        [
+            Waypoint([-0.1, 0, -0.2], "a", pick_up=p3dof.Body(1.5, np.zeros(3), np.zeros((3, 3)))),
+            Waypoint([0, 0.03, 0.1], "b", blend=0.02, wrench=[0, 0, -30, 0, 0, 0]),
+            Waypoint([0.1, 0, 0.2], "c"),
+        ]
+    )
+    plan = fastest_plan(machine, task, AxisLimits(250, 1.2, power), nodes=150, samples=7001)
+    found = forces_of_task(machine, plan)
+    force, speed = np.abs(found.forces) / 250, np.abs(found.slider_velocities) / 1.2
+    used = [force, speed]
+    if np.isfinite(power):
+        used.append(found.forces * found.slider_velocities / power)
+    assert np.max(used) < 1 + 2e-4
+    most = np.max([part.max(axis=1) for part in used], axis=0)
+    assert np.median(most) > 0.99  # one of the limits is reached nearly everywhere
+
+
+def test_friction_takes_time(robot, lossy):
+    with_, without = (fastest_plan(m, LINE, AxisLimits(300, 2), nodes=60).duration for m in (lossy, robot))
+    assert with_ > 1.001 * without
+
+
+def test_a_limit_that_is_left_out_would_be_noticed(robot):
+    """The dense check is what finds it: half the force at one place of a law that keeps the other limit."""
+    limits = AxisLimits(300, 2)
+    way = WayOfMachine(robot, LINE.paths[0], NONE, limits.reflected_mass)
+    nodes = LINE.paths[0].end * np.linspace(0, 1, 101)
+    law = fastest_law(nodes, way, limits)
+    dense = _Points(nodes, np.repeat(np.arange(100), len(_DENSE)), np.tile(_DENSE, 100), way)
+    assert dense.shares(law, limits).max() <= 1
+    assert dense.shares(law, AxisLimits(150, 2)).max() > 1.5
+
+
+def test_a_law_of_speeds_is_a_motion():
+    """Time, parameter, speed and acceleration belong together, for slopes of either sign and none."""
+    nodes = np.array([0.0, 0.1, 0.3, 0.6, 1.0])
+    law = SpeedLaw(nodes, np.array([0.0, 0.4, 0.9, 0.5, 0.0]), np.array([3.0, -4.0, 0.0, 1e-9]))
+    time = np.linspace(0, law.duration, 40_001)
+    place, speed, change = law.at(time)
+    assert place[-1] == pytest.approx(1.0, abs=1e-12)
+    np.testing.assert_allclose(law.at(law.kinks)[0], nodes, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        np.interp(time, time, place)[1:],
+        np.cumsum(np.diff(time) * (speed[1:] + speed[:-1]) / 2),
+        rtol=0,
+        atol=1e-8,
+    )
+    inside = np.abs(time[:, None] - law.kinks).min(axis=1) > 2 * time[1]
+    np.testing.assert_allclose(np.gradient(speed, time)[inside], change[inside], rtol=0, atol=2e-6)
+
+
+def test_stops_payloads_and_given_durations_are_kept(robot):
+    task = parse(
+        """
+waypoints:
+  - {name: a, pose: [0, 0, 0], dwell: 0.1}
+  - {name: b, pose: [0.1, 0, 0], dwell: 0.2}
+  - {name: c, pose: [0, 0, 0], duration: 0.5}
+"""
+    )
+    plan = fastest_plan(robot, task, AxisLimits(300, 1.5))
+    assert plan.times[2] - plan.times[1] == pytest.approx(0.7, abs=1e-12)
+    assert plan.times[1] < 0.1 + 0.3
+
+
+def test_the_time_of_a_peak_at_a_jump_is_that_of_the_jump():
+    time, values = np.array([0.0, 1.0, 1.0, 2.0]), np.array([0.0, 1.0, 3.0, 2.0])
+    assert time_of_peak(time, values, 2) == 1.0
+
+
+# --- bad input ----------------------------------------------------------------------------------------------
+
+BAD = {
+    "force: expected above zero": lambda _: AxisLimits(0, 1),
+    "speed: expected": lambda _: AxisLimits(1, [1, 2]),
+    "power: expected": lambda _: AxisLimits(1, 1, np.nan),
+    "reflected_mass: expected zero or more": lambda _: AxisLimits(1, 1, reflected_mass=-1),
+    "waypoint 1 to waypoint 2: force: ": lambda robot: fastest_plan(robot, LINE, AxisLimits(30, 1)),
+    "pick to place: force: ": lambda robot: fastest_plan(robot, BLENDED, AxisLimits([500, 500, 20], 1)),
+}
+
+
+@pytest.mark.parametrize(("words", "call"), BAD.items())
+def test_limits_that_do_not_fit_are_one_clear_error(robot, words, call):
+    with pytest.raises(TaskError, match=r"\A[^\n]*\Z") as found:
+        call(robot)
+    assert str(found.value).startswith(words)
+
+
+def test_other_things_are_refused(robot):
+    for call in (
+        lambda: fastest_plan(None, LINE),
+        lambda: fastest_plan(robot, None),
+        lambda: fastest_plan(robot, LINE, 500),
+        lambda: fastest_plan(robot, LINE, nodes=5),
+        lambda: fastest_plan(robot, LINE, nodes=True),
+    ):
+        with pytest.raises(InputError, match="expected"):
+            call()
+
+
+# --- the command --------------------------------------------------------------------------------------------
+
+
+def test_the_command_keeps_the_limits(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    p3dof.write_task(BLENDED, "task.yaml")
+    code, out, _ = run(
+        capsys, "fastest", "task.yaml", "--force", 200, "--speed", 1.5, "--nodes", 150, "--out", "fast.csv"
+    )
+    assert code == 0
+    motion = p3dof.Motion.from_csv("fast.csv", check=False)
+    assert motion.duration == pytest.approx(0.32812, abs=3e-4)
+    assert "does not end where it began" in out
+
+
+def test_a_limit_that_cannot_hold_the_machine_is_one_line(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    p3dof.write_task(BLENDED, "task.yaml")
+    code, _, err = run(capsys, "fastest", "task.yaml", "--force", 20)
+    assert code == 2
+    assert "to stand still" in err
+    assert err.count("\n") == 1
