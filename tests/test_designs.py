@@ -557,6 +557,28 @@ def test_a_design_of_many_is_a_machine_that_may_have_friction():
     assert overridden[0].friction.viscous["slide_b"] == 1.0
 
 
+def test_the_figure_shows_every_design_in_its_place(tmp_path):
+    given_columns = lengths(30) | {"L [cm]": np.r_[np.full(4, 16.0), np.linspace(39, 45, 26)]}
+    del given_columns["L"]
+    designs = Designs(given_columns)
+    found = forces_of_designs(designs, MOTION)
+    figure = p3dof.plots.designs_figure(designs, found, "R [mm]", "L")
+    left, _, right = figure.axes
+    assert (left.get_xlabel(), left.get_ylabel()) == ("R [mm]", "L [m]")
+    points, colours = left.collections[0].get_offsets(), left.collections[0].get_array()
+    np.testing.assert_allclose(
+        points, np.column_stack([given_columns["R [mm]"], given_columns["L [cm]"] / 100])[4:]
+    )
+    np.testing.assert_array_equal(colours, found.peak_force.max(axis=1)[4:])
+    np.testing.assert_allclose(left.lines[0].get_xdata(), given_columns["R [mm]"][:4])
+    assert (np.diff(right.lines[-1].get_ydata()) >= 0).all()
+    assert p3dof.plots.save(figure, tmp_path / "designs.png").stat().st_size > 10_000
+    with pytest.raises(InputError, match="expected columns of the designs, got 'r'"):
+        p3dof.plots.designs_figure(designs, found, "r", "L")
+    with pytest.raises(InputError, match="expected results of 12 designs, got 30"):
+        p3dof.plots.designs_figure(designs.part(0, 12), found, "R", "L")
+
+
 def test_progress_is_told():
     told = []
     forces_of_designs(lengths(2 * BLOCK), MOTION, progress=lambda done, total: told.append((done, total)))

@@ -1,6 +1,7 @@
 """Figures; they need the extra ``plot`` (matplotlib), which is imported when one is drawn."""
 
 from p3dof.plots.common import save, save_all
+from p3dof.plots.designs import designs_figure
 from p3dof.plots.energy import energy_figure
 from p3dof.plots.forces import forces_figure
 from p3dof.plots.joints import joints_figure
@@ -12,6 +13,7 @@ from p3dof.plots.tasks import task_figure
 from p3dof.plots.tracking import tracking_figure
 
 __all__ = [
+    "designs_figure",
     "energy_figure",
     "forces_figure",
     "joints_figure",
