@@ -595,3 +595,34 @@ def test_closures_that_become_dependent_end_it_as_ever(monkeypatch):
     assert str(found.stop) == str(python.stop)
     assert found.stop.kind == "singular closures"
     assert found.stop.time == pytest.approx(python.stop.time, abs=1e-9)
+
+
+def test_many_runs_with_noise_have_seeds_of_their_own(in_c):
+    loop, compiled = kept("five_bar")
+    home = home_of(loop)[1]
+    control = ControlLoop(200.0, noise=Noise(1e-4, 1e-2))
+    stay = JointPD(loop, home + 0.02, 60.0, 4.0)
+    found = simulate_robot_many(
+        loop, 0.1, {"seed": [[3], [4]]}, stay, control=control, samples=5, integration=steps()
+    )
+    assert in_c == [True, True]
+    assert not found.general.any()
+    for i, seed in enumerate((3, 4)):
+        alone = simulate_robot(
+            loop,
+            0.1,
+            controller=stay,
+            control=replace(control, noise=Noise(1e-4, 1e-2, seed)),
+            samples=5,
+            integration=steps(),
+            method=compiled,
+        )
+        np.testing.assert_allclose(found.past["q"][i], alone.q, rtol=0, atol=1e-12)
+    assert np.abs(found.q[0] - found.q[1]).max() > 1e-7
+
+
+def test_what_is_no_robot_is_refused():
+    with pytest.raises(InputError, match="loop: expected a ClosedLoopModel"):
+        simulate_robot_many("robot", 0.1, {})
+    with pytest.raises(InputError, match="expected the scheme 'rk4'"):
+        simulate_robot_many(kept("five_bar")[0], 0.1, {}, integration=EXACT)

@@ -22,7 +22,7 @@ Where to look, from what a user has to what is computed:
   `derivatives_model`, `identification_model`, `margins_model`, `batch_model` (many samples),
   `compiling_model` (which keeps what is compiled), `compiled_model` (``method="compiled"``), `model`
   (`ClosedLoopModel`); `scaled_model` and `units` serve robots much smaller or larger than a metre;
-- many samples: `batch`; in C: `compiled`.
+- many samples: `batch`; in C: `compiled`, with the runs in time that `p3dof.simulation` makes.
 """
 
 from p3dof.closed_loop.assembly_results import Assembly, State

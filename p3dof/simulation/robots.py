@@ -120,7 +120,7 @@ def simulate_robot(
     ModelError
         If the robot cannot be compiled.
     """
-    _check(loop, control, integration)
+    check_robot(loop, control, integration)
     times = evenly(0.0, positive("duration", duration, InputError), sample_count(samples, least=2))
     loads, chosen = Loads(loop, external), checked_events(events)
     beta = integration.stabilisation
@@ -257,7 +257,14 @@ class _Finish:
         )
 
 
-def _check(loop: Any, control: Any, integration: Any) -> None:
+def check_robot(loop: Any, control: Any, integration: Any) -> None:
+    """Raise unless these are a robot with joints, and settings.
+
+    Raises
+    ------
+    InputError
+        With the name of the one that is not.
+    """
     if not isinstance(loop, ClosedLoopModel):
         raise InputError(f"loop: expected a ClosedLoopModel, got {shown(loop)}")
     if not loop.model.nv:

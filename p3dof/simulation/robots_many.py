@@ -17,6 +17,7 @@ from p3dof.closed_loop import ClosedLoopModel
 from p3dof.closed_loop.batch.linear import IndexArray
 from p3dof.closed_loop.compiled import runs
 from p3dof.closed_loop.compiled.runs import RunsFound
+from p3dof.closed_loop.compiling_model import Method
 from p3dof.errors import InputError, P3dofError
 from p3dof.motion.times import evenly, sample_count
 from p3dof.simulation.compiled_robot_runs import Acting, acting_in_c, limited
@@ -26,7 +27,7 @@ from p3dof.simulation.robot_loads import ExternalOverTime
 from p3dof.simulation.robot_margins import ROBOT_KINDS, RobotMargins
 from p3dof.simulation.robot_movers import runs_of
 from p3dof.simulation.robot_runs import RobotRuns
-from p3dof.simulation.robots import CLOSED, ObservedPlant, RobotController, simulate_robot
+from p3dof.simulation.robots import CLOSED, ObservedPlant, RobotController, check_robot, simulate_robot
 from p3dof.simulation.settings import ControlLoop, Integration
 from p3dof.simulation.step_plans import step_plan
 from p3dof.threads import thread_count
@@ -37,7 +38,7 @@ _CLOSING = 1e-6
 """Share of its velocity by which a start may open its loops."""
 EQUAL_STEPS = Integration(scheme="rk4")
 AT_1_KHZ = ControlLoop(rate=1000.0)
-_PLAIN = ("q", "v", "kp", "kd", "forces", "saturation")
+_PLAIN = ("q", "v", "kp", "kd", "forces", "saturation", "seed")
 
 
 def simulate_robot_many(
@@ -55,9 +56,10 @@ def simulate_robot_many(
 ) -> RobotRuns:
     """Follow many runs of any robot in time, in C: each in a lane of a vector, whatever its neighbours do.
 
-    Runs whose compiled dynamics is not to be trusted are made again by the robot itself, one after the other;
-    so are all of them where there is no C compiler, or what acts has no compiled form. After Ctrl-C what is
-    done is returned.
+    Runs whose compiled dynamics is not to be trusted are made again by the robot itself, one after the other.
+    All of them are made one after the other, by `simulate_robot`, where there is no C compiler, or what acts
+    has no form in lanes: controllers that are called, noise, counts, delays, lags. After Ctrl-C what is done
+    is returned.
 
     Parameters
     ----------
@@ -69,7 +71,8 @@ def simulate_robot_many(
         What differs between N runs, a row each, or is the same for all: ``q`` (nq,) and ``v`` (nv,), where
         they start; ``kp`` and ``kd`` (n,), gains; ``forces`` (n,), which stay; ``saturation`` (n,);
         ``external.FRAME`` (6,), a wrench on a frame; ``inertia.JOINT`` (10,), inertial parameters of the body
-        of a joint, as `pinocchio.Inertia.toDynamicParameters`. At least one has N rows.
+        of a joint, as `pinocchio.Inertia.toDynamicParameters`; ``seed`` (1,), of the noise. At least one has
+        N rows.
     controller : JointPD, JointFeedforward, JointComputedTorque or (n_actuated,) array, optional
         As of `simulate_robot`; what is the same for all runs.
     control : ControlLoop
@@ -97,6 +100,7 @@ def simulate_robot_many(
         If the robot cannot be compiled.
     """
     begun = clock.perf_counter()
+    check_robot(loop, control, integration)
     if integration.scheme != "rk4":
         raise InputError(f"integration: expected the scheme 'rk4', got {shown(integration.scheme)}")
     end = positive("duration", duration, InputError)
@@ -105,7 +109,8 @@ def simulate_robot_many(
     result = many.result
     try:
         if many.acting is None:
-            many.alone(np.arange(many.count), result, progress)
+            method: Method = "general" if many.compiled.level == "numpy" else many.compiled
+            many.alone(np.arange(many.count), result, progress, method)
         else:
             many.in_c(many.acting, result, progress, thread_count(threads))
     except KeyboardInterrupt:
@@ -230,14 +235,16 @@ class _Many:
         for i, reason, when in zip(at, found.reason[good].tolist(), found.time[good].tolist(), strict=True):
             self.stops[i] = self.margins.stop(reason - 1, when) if reason else None
 
-    def alone(self, which: IndexArray, result: RobotRuns, progress: Progress | None) -> None:
-        """Make some of the runs one after the other, by the robot itself."""
+    def alone(
+        self, which: IndexArray, result: RobotRuns, progress: Progress | None, method: Method = "general"
+    ) -> None:
+        """Make some of the runs one after the other."""
         for done, i in enumerate(which.tolist(), self.count - len(which) + 1):
             try:
-                self._alone(i, result)
+                self._alone(i, result, "general" if self.joints else method)
             except P3dofError as error:
                 self.stops[i] = Stop("accuracy", 0.0, str(error))
-            result.general[i] = True
+            result.general[i] = self.joints or method == "general"
             if progress is not None:
                 progress(done, self.count)
 
@@ -245,7 +252,7 @@ class _Many:
         array = self.columns[name]
         return array[i] if array.ndim == 2 else array
 
-    def _alone(self, i: int, result: RobotRuns) -> None:
+    def _alone(self, i: int, result: RobotRuns, method: Method) -> None:
         import pinocchio as pin
 
         loop = self.loop
@@ -265,6 +272,8 @@ class _Many:
         control = self.control
         if "saturation" in self.columns:
             control = replace(control, saturation=self._row("saturation", i))
+        if "seed" in self.columns and control.noise is not None:
+            control = replace(control, noise=replace(control.noise, seed=int(self._row("seed", i)[0])))
         external: ExternalOverTime = {name: self._row(f"external.{name}", i) for name in self.frames}
         count = len(self.times) or 1 + math.ceil(
             self.end * (control.rate or 1 / self.integration.step) - 1e-9
@@ -280,6 +289,7 @@ class _Many:
             stop_at=self.stop_at,
             samples=max(2, count),
             integration=self.integration,
+            method=method,
         )
         self.stops[i], result.time[i] = run.stop, run.time[-1]
         result.q[i], result.v[i], result.gap[i] = run.q[-1], run.v[-1], run.gap.max()
@@ -299,7 +309,7 @@ def _columns(loop: ClosedLoopModel, columns: Mapping[str, ArrayLike]) -> dict[st
     if not isinstance(columns, Mapping):
         raise InputError(f"columns: expected a mapping of names to arrays, got {shown(columns)}")
     model, n = loop.model, len(loop.actuated)
-    sizes = {"q": model.nq, "v": model.nv, "kp": n, "kd": n, "forces": n, "saturation": n}
+    sizes = {"q": model.nq, "v": model.nv, "kp": n, "kd": n, "forces": n, "saturation": n, "seed": 1}
     sizes |= {f"external.{frame.name}": 6 for frame in model.frames}
     sizes |= {f"inertia.{name}": 10 for name in list(model.names)[1:]}
     found: dict[str, FloatArray] = {}

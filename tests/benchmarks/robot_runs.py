@@ -76,8 +76,8 @@ def rows(name: str) -> list[tuple[str, float, float]]:
         ("in C", SECONDS, 1, lambda: run(SECONDS, compiled), 7),
         ("in C, with gravity", SECONDS, 1, lambda: run(SECONDS, compiled, acts=level), 7),
         ("in lanes, each", SECONDS, MANY, many, 3),
-        ("Python, compiled accelerations", 0.5, 1, lambda: run(0.5, compiled, Integration()), 1),
-        ("Python, rk4, the robot itself", 0.5, 1, lambda: run(0.5, "general"), 1),
+        ("in C, adaptive steps", SECONDS, 1, lambda: run(SECONDS, compiled, Integration()), 3),
+        ("Python, rk4, general", 0.5, 1, lambda: run(0.5, "general"), 1),
     ):
         least, one = best(call, turns)
         found.append((words, count * seconds / least, float(np.max(one.gap))))
