@@ -7,11 +7,11 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
+from importlib.resources import files
 from pathlib import Path
 
 from p3dof.codegen.filling import fill
 from p3dof.codegen.wasm_section import with_section
-from p3dof.codegen.waves import wave
 from p3dof.codegen.webassembly import WebModule
 from p3dof.errors import MissingExtraError, ModelError
 
@@ -110,9 +110,29 @@ def _sources(header: str, library: str, module: WebModule) -> dict[str, str]:
         f"{prefix}.h": header,
         f"{prefix}.c": library,
         "exports.c": module.exports(),
-        "mathematics.c": fill("wasm_math.in", note=module.note, wave=wave()),
-        "include/math.h": fill("wasm_math_h.in", note=module.note),
-        "include/string.h": fill("wasm_string_h.in", note=module.note),
+        **mathematics(module.note),
+    }
+
+
+def mathematics(note: str) -> dict[str, str]:
+    """Return what stands for a C library, by file name.
+
+    Parameters
+    ----------
+    note : str
+        What files begin with.
+
+    Returns
+    -------
+    dict of str to str
+    """
+    shared = files("p3dof.tracing")
+    names = ("sincos.h", "tanh.h", "atan2.h")
+    return {
+        "mathematics.c": fill("wasm_math.in", note=note),
+        "include/math.h": fill("wasm_math_h.in", note=note),
+        "include/string.h": fill("wasm_string_h.in", note=note),
+        **{f"include/{name}": (shared / name).read_text(encoding="utf-8") for name in names},
     }
 
 
