@@ -16,6 +16,7 @@ from runs_in_c import both, difference, in_python, random_run, result
 import p3dof
 from p3dof import PD, ComputedTorque, ControlLoop, Feedforward, Friction, Integration, Springs
 from p3dof.compiled import levels
+from p3dof.compiled.lanes import lane_kernel
 from p3dof.errors import ControllerError, DynamicsError, InputError, ReachError
 from p3dof.simulation import Noise
 from p3dof.simulation.compiled_machine import pace, serves
@@ -341,6 +342,10 @@ enum { CACHE_LINE = 8, BLOCK = 80, LINE = 88 };
 #include "p3dof/compiled/extension/vector_math.h"
 #include "p3dof/compiled/extension/generated/batch_kernels.h"
 #include "p3dof/compiled/extension/machine_run.h"
+#define P3DOF_LANE(f) P3DOF_NAME(f##_single)
+#define P3DOF_LANES 1
+#include "p3dof/compiled/extension/generated/lane_kernels.h"
+#include "p3dof/compiled/extension/control.h"
 @TABLES@
 
 static int polls;
@@ -348,6 +353,20 @@ static int poll(MachineRun *m)
 {
     (void)m;
     return ++polls > 3;
+}
+
+static double plan[9 * 100], errors[6 * 100]; /* the motion rests at home */
+
+static void act(MachineRun *m, const double *sliders)
+{
+    Control_single_here *control = m->control;
+    const ptrdiff_t tick = (ptrdiff_t)m->ticks;
+    const double *noise = errors;
+    control_wanted_single_here(m->path, control, &tick);
+    control_act_single_here(m->path, control, &tick, &noise, (const double(*)[1])sliders);
+    control_switch_single_here(m->path, control, &tick);
+    memcpy(m->held, control->held, sizeof control->held);
+    memcpy(m->held + 3, control->asked, sizeof control->asked);
 }
 
 static int run(int drive, double period, double size, int friction, double end, double room)
@@ -392,6 +411,23 @@ static int run(int drive, double period, double size, int friction, double end, 
     m.longest = INFINITY;
     m.poll = poll;
     m.out = out;
+    const int kind = size > 0.0 ? CONTROL_TORQUE : CONTROL_FEEDBACK;
+    const ControlPath path = {.kind = kind, .noisy = 1, .counting = 1, .differencing = 1, .integrating = 1,
+                              .ring = 1, .period = period, .table = plan, .assembly = assembly,
+                              .torque = torque, .inverse = inverse};
+    Control_single_here control = {0};
+    for (int k = 0; k < 3; ++k) {
+        control.gain[k][0] = 900.0;
+        control.damping[k][0] = 60.0;
+        control.share[k][0] = 0.01;
+        control.cut[k][0] = 500.0;
+        control.count[k][0] = 1e-6;
+    }
+    m.control = &control;
+    m.path = &path;
+    m.act = act;
+    m.planned = 100;
+    m.huge = INFINITY;
     int status;
     do {
         status = advance_here(&m);
@@ -409,6 +445,9 @@ int main(void)
     run(DRIVE_HELD, 1e-3, 1.0, 0, 0.1, 9.0);
     run(DRIVE_HELD, 0.0, 1e300, 0, 0.5, 0.0);
     run(DRIVE_HELD, 0.0, NAN, 0, 0.5, 0.0);
+    run(DRIVE_CONTROL, 1e-3, 1.0, 0, 0.1, 9.0);
+    run(DRIVE_CONTROL, 1e-3, 0.0, 1, 0.05, 9.0);
+    run(DRIVE_CONTROL, 1e-3, 1.0, 0, 0.2, 9.0);
     polls = 0;
     run(DRIVE_SPRINGS, 0.0, 9.0, 0, 5000.0, 9.0);
     return 0;
@@ -429,6 +468,7 @@ def test_sanitizers_find_nothing(tmp_path):
         "rough": kernels.prepared("forward_dynamics_with_friction")[1],
         "kinematics": kernels.prepared("kinematics")[1],
         "limits": kernels.prepared("limits")[1],
+        **{name: lane_kernel(name).of(kernels.model) for name in ("assembly", "torque", "inverse")},
         "lengths": (g.r, g.R, g.L),
         "bounds": bounds,
         "signs": signs,
@@ -446,4 +486,4 @@ def test_sanitizers_find_nothing(tmp_path):
     program = tmp_path / "driver"
     subprocess.run([compiler, *flags, "-o", program, source, "-lm"], check=True)
     ran = subprocess.run([program], check=True, capture_output=True, text=True)
-    assert set(ran.stdout.split()) == {"0", "2", "3", "4"}
+    assert set(ran.stdout.split()) == {"0", "2", "3", "4", "5"}
