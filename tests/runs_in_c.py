@@ -77,6 +77,8 @@ def random_run(seed):
         rate = rate or 100.0
     noise = Noise(1e-6, 1e-4, seed) if rate and rng.random() < 0.3 else None
     encoders = {"resolution": 1e-5, "differencing": True} if rate and rng.random() < 0.3 else {}
+    if rate and rng.random() < 0.3:
+        encoders["delay"] = int(rng.integers(1, 5)) / rate
     time = np.sort(rng.uniform(0, 0.4, 4))
     wrench = [None, rng.normal(0, mass, 6), WrenchHistory(time, rng.normal(0, mass, (4, 6)))][rng.integers(3)]
     counted = [kind for kind in KINDS if rng.random() < 0.8]

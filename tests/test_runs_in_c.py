@@ -124,7 +124,9 @@ def test_what_has_no_compiled_form_is_done_in_python(monkeypatch):
     assert not asked(method="virtual-power")
     assert not asked(controller=lambda _: HOME)
     assert not asked(wrench=lambda t: np.full(6, t))
-    assert not asked(control=ControlLoop(100, delay=0.01))
+    assert asked(control=ControlLoop(100, delay=0.01))
+    assert not asked(control=ControlLoop(100, delay=0.005))
+    assert not asked(control=ControlLoop(100, delay=0.2))
     assert not asked(control=ControlLoop(100, bandwidth=50))
     assert not asked(integration=Integration(scheme="rk4"))
 
@@ -318,7 +320,7 @@ def test_what_the_extension_refuses():
         broken = [*tables[:place], wrong, *tables[place + 1 :]]
         with pytest.raises(ValueError, match=r"must have|do not fit"):
             MachineRun(forward.name, level, tuple(broken), numbers)
-    torque = [*tables[:9], np.ones(7), np.zeros(29), np.zeros(9), *tables[12:]]
+    torque = [*tables[:9], np.ones(8), np.zeros(29), np.zeros(9), *tables[12:]]
     with pytest.raises(ValueError, match="the model of the controller does not fit"):
         MachineRun(forward.name, level, tuple(torque), numbers)
     with pytest.raises(TypeError, match="must be a buffer of doubles"):

@@ -76,9 +76,9 @@ class Controller(NamedTuple):
 
     Parameters
     ----------
-    settings : ndarray, shape (7,)
-        Whether it is computed torque, noisy, counting, differencing, integrating, of a symmetric model; and
-        the size of forces that need a second look [N].
+    settings : ndarray, shape (8,)
+        Whether it is computed torque, noisy, counting, differencing, integrating, of a symmetric model; the
+        size of forces that need a second look [N], and how many periods they are late.
     given : ndarray, shape (29,)
         Gain 3, damping 3, share of an error that joins its integral 3; forces 3, sliders 3 and their
         velocities 3 if there is no table; largest forces 3; counts of encoders 3; noise 2; bandwidth of

@@ -20,6 +20,9 @@ from p3dof.motion import states_of
 from p3dof.simulation.controllers import PD, ComputedTorque, Feedforward, Springs
 from p3dof.simulation.task import Task
 
+MOST_LATE = 16
+"""Periods that forces may be late, in C."""
+
 MOST_TICKS = 2_000_000
 """Longer runs ask Python at every tick, for want of memory."""
 
@@ -77,7 +80,7 @@ def controller_of(task: Task, largest: FloatArray) -> Controller:
     integrating = isinstance(controller, PD) and controller.integral_time < math.inf
     huge = controller.huge if isinstance(controller, Feedforward | ComputedTorque) else math.inf
     return Controller(
-        settings=np.array([*flags, integrating, symmetric, huge], dtype=float),
+        settings=np.array([*flags, integrating, symmetric, huge, control.lateness[0]], dtype=float),
         given=np.concatenate([given, counts, sigma, np.full(3, math.inf)]),
         table=_table(controller, times, control.period / 2).ravel(),
         noise=noise,

@@ -1,13 +1,14 @@
 """Runs of the manipulator in C, where everything that is asked for has a compiled form.
 
-What has none: loads that are functions of Python, controllers that are and act continuously, forces that come
-late, drives that lag, equal steps, and machines without the extension. `p3dof.simulation.integration` serves
-these, and is what the runs in C are compared with.
+What has none: loads that are functions of Python, controllers that act continuously but for springs, forces
+late by a part of a period, drives that lag, equal steps, and machines without the extension.
+`p3dof.simulation.integration` serves these, and is what the runs in C are compared with.
 """
 
 from __future__ import annotations
 
 import time as clock
+from collections import deque
 from dataclasses import fields
 from typing import Any
 
@@ -22,7 +23,7 @@ from p3dof.kinematics import reachable_poses
 from p3dof.methods import JointStates
 from p3dof.motion import Load, Motion, WrenchHistory
 from p3dof.parameters import Geometry
-from p3dof.simulation.compiled_controllers import controller_of, has_table
+from p3dof.simulation.compiled_controllers import MOST_LATE, controller_of, has_table
 from p3dof.simulation.controllers import Springs
 from p3dof.simulation.integration import BEYOND, FAILED, NEAR
 from p3dof.simulation.limits import Limiter
@@ -46,9 +47,11 @@ def serves(task: Task) -> bool:
     if task.method != "compiled" or not runs.available(task.machine.kernels) or task.begin.joints is not None:
         return False
     control, wrench = task.control, task.wrench
-    late = control.delay > 0 or control.drives() is not None
+    whole, rest = control.lateness
+    late = rest > 0 or whole > MOST_LATE
     return (
         not late
+        and control.drives() is None
         and task.integration.scheme == "dop853"
         and (not callable(wrench) or type(wrench) is WrenchHistory)
         and (bool(control.rate) or not callable(task.controller) or type(task.controller) is Springs)
@@ -189,6 +192,7 @@ class _Runner:
         """Go on to the end of the run; return why it ended."""
         progress, total = self._task.progress, len(self._task.times)
         told = None if progress is None else lambda done: progress(done, total)
+        late: deque[tuple[FloatArray, FloatArray]] = deque(maxlen=self._task.control.lateness[0] + 1)
         advance, hold, actuated = self._run.advance, self._run.hold, self._run.actuated
         while True:
             status = advance(told)
@@ -200,7 +204,8 @@ class _Runner:
             except Exception as error:
                 failed = f"the controller failed at t = {time:.6g} s: {error}"
                 raise ControllerError(failed, time) from error
-            hold(forces, asked)
+            late.append((forces, asked))  # until the first act that are late, the first of all do
+            hold(*late[0])
         if progress is not None:
             progress(min(self._run.count, total), total)
         return status

@@ -1,6 +1,6 @@
 /* `MachineRun`: a run of one machine in time, without Python between its steps. */
 
-enum { RUN_TABLES = 16, RUN_NUMBERS = 17, RUN_LIVE = 13, RUN_SETTINGS = 7, RUN_GIVEN = 29 };
+enum { RUN_TABLES = 16, RUN_NUMBERS = 17, RUN_LIVE = 13, RUN_SETTINGS = 8, RUN_GIVEN = 29 };
 
 /* What lets a controller of control.h act, in one lane of every level. */
 #define RUN_CONTROL(level)                                                                        \
@@ -189,7 +189,8 @@ static int set_controller(RunObject *self, const Py_ssize_t *lengths)
     path->differencing = tables[0][3] != 0.0;
     path->integrating = tables[0][4] != 0.0;
     path->symmetric = tables[0][5] != 0.0;
-    path->ring = 1;
+    path->whole = (int)fmin(tables[0][7], MOST_LATE);
+    path->ring = path->whole > 0 ? path->whole + 2 : 1;
     path->period = m->period;
     path->table = lengths[11] ? tables[2] : NULL;
     path->assembly = tables[4];
@@ -319,7 +320,7 @@ PyDoc_STRVAR(Run_doc,
              "    count 12; springs: stiffness 3, rest 3, damping 3, preload 3, or nothing; times of the load, its\n"
              "    rows of F_y, F_z, M_y; kinks; times of the samples. A controller of control.h, or seven empty ones:\n"
              "    whether it is computed torque, noisy, counting, differencing, integrating, of a symmetric model,\n"
-             "    and largest forces; gains; its table; noise; constants of assembly, torque and inverse.\n"
+             "    largest forces, and how many periods they are late; gains; its table; noise; constants of assembly, torque and inverse.\n"
              "numbers : buffer of 17 doubles\n"
              "    r, R, L, period, rtol, atol, longest step, largest forces 3, whether a controller outside acts\n"
              "    at every tick, pose 3, velocity 3.\n\n"
