@@ -31,6 +31,9 @@ from p3dof.simulation.margins import Stop
 from p3dof.simulation.run import Simulation
 from p3dof.simulation.task import Task
 
+IN_C = frozenset({"compiled"})
+"""Methods whose runs can be in C."""
+
 
 def serves(task: Task) -> bool:
     """Return whether a run can be in C.
@@ -44,7 +47,7 @@ def serves(task: Task) -> bool:
     -------
     bool
     """
-    if task.method != "compiled" or not runs.available(task.machine.kernels) or task.begin.joints is not None:
+    if task.method not in IN_C or not runs.available(task.machine.kernels) or task.begin.joints is not None:
         return False
     control, wrench = task.control, task.wrench
     whole, rest = control.lateness
