@@ -20,6 +20,7 @@ from p3dof import (
     Noise,
     Springs,
 )
+from p3dof.cli import main
 from p3dof.compiled import levels
 from p3dof.errors import InputError
 from p3dof.many_runs import figures_table, running, stops_table
@@ -398,3 +399,65 @@ def test_a_deliberate_error_would_be_seen(monkeypatch):
     wrong = ROBOT.simulate_many(0.1, columns(2), **loop)
     one = ROBOT.simulate_many(0.1, columns(2), **loop, integration=PRECISE)
     assert apart(wrong, one, "pose") > 1e-6
+
+
+@compiled
+def test_the_command_line_reads_runs_and_writes_figures(tmp_path, capsys):
+    table, out = tmp_path / "runs.csv", tmp_path / "found.csv"
+    table.write_text("L [mm],platform.mass,frequency,seed\n500,2.0,5,1\n501,2.5,6,2\n500,nan,5,3\n", "utf-8")
+    arguments = ["runs", str(table), "--noise", "1e-6", "1e-4", "--duration", "0.05", "--out", str(out)]
+    assert main(arguments) == 1
+    text = capsys.readouterr().out
+    assert "finished" in text
+    assert "run 3: machine: a number is not finite" in text
+    with out.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    machine = p3dof.load(p3dof.Designs({"L [mm]": [501.0], "platform.mass": [2.5]})[0])
+    entered = p3dof.paper_motion(1001).from_rest(0.2)
+    run = machine.simulate(
+        0.05,
+        start=InitialState(entered.pose[0], entered.velocity[0]),
+        controller=PD(PAPER, entered, 6.0),
+        control=ControlLoop(1000, noise=Noise(1e-6, 1e-4, 2)),
+        method="compiled",
+        samples=51,
+    )
+    assert float(rows[1]["peak_force A [N]"]) == pytest.approx(np.abs(run.forces[:, 0]).max(), rel=1e-8)
+    assert [row["stop"] for row in rows[:2]] == ["-1", "-1"]
+    two = tmp_path / "two.csv"
+    two.write_text("frequency\n5\n6\n", "utf-8")
+    assert main(["runs", str(two), "--duration", "0.01"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "expected names of columns and at least one run"),
+        ("L\n", "expected names of columns and at least one run"),
+        ("L,L\n1,2\n", "expected different names of columns, got 'L'"),
+        ("L,\n1,2\n", "expected different names of columns"),
+        ("L,R\n1\n", "run 1: expected 2 numbers, got 1"),
+        ("L,R\n1,2\n1,x\n", "run 2: could not convert"),
+        ("wheel\n1\n", "runs: unknown column 'wheel'"),
+    ],
+)
+def test_bad_tables_are_one_clear_error(tmp_path, capsys, text, message):
+    table = tmp_path / "runs.csv"
+    table.write_text(text, "utf-8")
+    assert main(["runs", str(table)]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("p3dof: error: ")
+    assert message in error
+    assert error.count("\n") == 1
+
+
+def test_the_figure_has_all_finished_runs():
+    pytest.importorskip("matplotlib")
+    from p3dof import plots
+
+    many = ROBOT.simulate_many(0.02, columns(5), controller=PD(PAPER, MOTION), control=AT_1_KHZ)
+    figure = plots.many_runs_figure(many)
+    assert [sum(bar.get_height() for bar in axis.patches) for axis in figure.axes] == [5] * 6
+    fallen = ROBOT.simulate_many(1.0, 2)
+    with pytest.raises(InputError, match="there is none"):
+        plots.many_runs_figure(fallen)

@@ -42,6 +42,7 @@ COMMANDS = {
     "plots": ("p3dof.cli.plots", "Draw all figures of a motion."),
     "reactions": ("p3dof.cli.reactions", "Compute forces and moments in all joints."),
     "report": ("p3dof.cli.report", "Write one page that tells all about a motion."),
+    "runs": ("p3dof.cli.runs", "Run many machines in time, from a table."),
     "show": ("p3dof.cli.show", "Show the machine and its forces in the browser."),
     "simulate": ("p3dof.cli.simulate", "Follow a motion under controllers, in time."),
     "size": ("p3dof.cli.size", "Say which drives fit a task."),

@@ -133,7 +133,7 @@ def simulate(
     figures = [out / f"tracking.{ending}" for ending in ("png", "svg")]
     case.protect(*files.values(), *figures)
     case.robot.inverse_kinematics(case.motion.pose)  # names a pose that is out of reach before anything moves
-    chosen = _ramp(case.motion) if ramp is None else ramp
+    chosen = natural_ramp(case.motion) if ramp is None else ramp
     motion = case.motion.from_rest(chosen) if chosen else case.motion
     samples = max(SAMPLES, len(motion))
     control = actuation.loop(rate, saturation or False)
@@ -175,7 +175,7 @@ def simulate(
     return 0 if all(run.finished for run in runs.values()) else 1
 
 
-def _ramp(motion: Motion) -> float:
+def natural_ramp(motion: Motion) -> float:
     """Return how long a motion takes to come from rest, if nobody says so: no time if it starts there."""
     speed = np.abs(motion.velocity)
     at_rest = np.all(speed[0] <= AT_REST * speed.max(axis=0))

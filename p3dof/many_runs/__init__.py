@@ -3,11 +3,20 @@
 - `columns`, `stops`: what differs between runs, and why one ended or could not begin.
 - `plan`: what all share, for the engine in the compiled extension; `running`: blocks on threads.
 - `singly`: one by one by `p3dof.simulation`, for what the engine cannot do.
-- `many`: `simulate_many`; `results`, `tables`.
+- `many`: `simulate_many`; `results`, `tables`, `files`.
 """
 
+from p3dof.many_runs.files import read_runs
 from p3dof.many_runs.many import EQUAL_STEPS, simulate_many
 from p3dof.many_runs.results import ManyRuns, RunHistories
 from p3dof.many_runs.tables import figures_table, stops_table
 
-__all__ = ["EQUAL_STEPS", "ManyRuns", "RunHistories", "figures_table", "simulate_many", "stops_table"]
+__all__ = [
+    "EQUAL_STEPS",
+    "ManyRuns",
+    "RunHistories",
+    "figures_table",
+    "read_runs",
+    "simulate_many",
+    "stops_table",
+]

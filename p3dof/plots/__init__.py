@@ -5,6 +5,7 @@ from p3dof.plots.designs import designs_figure
 from p3dof.plots.energy import energy_figure
 from p3dof.plots.forces import forces_figure
 from p3dof.plots.joints import joints_figure
+from p3dof.plots.many_runs import many_runs_figure
 from p3dof.plots.mechanism import mechanism_figure
 from p3dof.plots.reactions import reactions_figure
 from p3dof.plots.robot_run import robot_run_figure
@@ -17,6 +18,7 @@ __all__ = [
     "energy_figure",
     "forces_figure",
     "joints_figure",
+    "many_runs_figure",
     "mechanism_figure",
     "reactions_figure",
     "robot_run_figure",
