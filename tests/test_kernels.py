@@ -15,10 +15,12 @@ from test_friction import random_friction
 import p3dof
 from p3dof import kinematics
 from p3dof.compiled import MachineKernels, levels
+from p3dof.compiled.poses import pose_at
 from p3dof.errors import InputError, ReachError, SingularityError
 from p3dof.methods import compiled
 from p3dof.methods.compiled import CompiledMethod
 from p3dof.motion import states_of
+from p3dof.simulation.control import Measurement
 
 HOME = np.zeros(3)
 
@@ -591,3 +593,25 @@ def test_forward_kinematics_refuses_what_the_closed_form_refuses(level):
     assert robot.forward_kinematics(np.empty((0, 3))).shape == (0, 3)
     with pytest.raises(InputError, match="on_invalid"):
         robot.forward_kinematics(sliders[8], on_invalid="skip")
+
+
+def test_a_controllers_pose_is_that_of_the_closed_form():
+    machine = random_machine(11)
+    geometry, poses = machine.geometry, random_states(machine, 11, 50).pose
+    for row in kinematics.inverse_kinematics(geometry, poses).sliders:
+        expected = kinematics.forward_kinematics(geometry, row)
+        found = pose_at(geometry, row)
+        assert found.shape == (3,)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11)
+    with pytest.raises(ReachError, match="do not assemble"):
+        pose_at(geometry, np.array([0.0, 9 * geometry.L, 0.0]))
+    with pytest.raises(InputError, match="finite"):
+        pose_at(geometry, np.array([0.0, np.nan, 0.0]))
+
+
+def test_a_controller_does_not_take_the_way_of_batches(monkeypatch):
+    sliders = np.array([0.01, -0.02, 0.015])
+    measured = Measurement(0.0, 1e-3, sliders, np.zeros(3), np.zeros(3, bool), p3dof.PAPER.geometry)
+    expected = kinematics.forward_kinematics(p3dof.PAPER.geometry, sliders)
+    monkeypatch.setattr("p3dof.compiled.poses.forward_kinematics", None)
+    np.testing.assert_allclose(measured.pose, expected, rtol=0, atol=1e-14)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from p3dof import kinematics
 from p3dof.checks import FloatArray
+from p3dof.compiled.poses import pose_at
 from p3dof.parameters import Geometry
 
 
@@ -47,7 +48,7 @@ class Measurement:
         Sliders do not tell on which side of a singular pose (det J = 0) the platform is: behind one this is
         another pose than the machine's.
         """
-        return kinematics.forward_kinematics(self.geometry, self.sliders)
+        return pose_at(self.geometry, self.sliders)
 
     @cached_property
     def velocity(self) -> FloatArray:

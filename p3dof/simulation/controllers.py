@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from p3dof import kinematics
 from p3dof.checks import FloatArray, as_floats, batch_of, frozen_array, positive, shown
+from p3dof.compiled.poses import pose_at
 from p3dof.errors import InputError
 from p3dof.methods.virtual_power import VirtualPowerMethod
 from p3dof.motion import Motion, states_of
@@ -234,7 +235,7 @@ class ComputedTorque(PD):
 
     def __call__(self, measured: Measurement) -> FloatArray:
         """Return the forces [N]."""
-        pose = kinematics.forward_kinematics(self.model.geometry, measured.sliders)
+        pose = pose_at(self.model.geometry, measured.sliders)
         J = np.reshape(self.equations.jacobian(*pose.tolist()), (3, 3))
         velocity = np.linalg.solve(J, measured.slider_velocities)
         half = measured.period / 2
