@@ -1,6 +1,7 @@
 """Sweeps over machines: problems for `p3dof.sweep`, and the files that describe them.
 
 - `designs`: `DesignSweep`, the forces of machines over one motion;
+- `runs`: `RunSweep`, runs in time;
 - `rows`: inputs from a file of designs;
 - `problem_file`: a sweep as a YAML file, as the command line takes it.
 """
@@ -8,5 +9,6 @@
 from p3dof.sweeps.designs import DesignSweep
 from p3dof.sweeps.problem_file import SweepPlan, read_sweep
 from p3dof.sweeps.rows import FileRows
+from p3dof.sweeps.runs import RunSweep
 
-__all__ = ["DesignSweep", "FileRows", "SweepPlan", "read_sweep"]
+__all__ = ["DesignSweep", "FileRows", "RunSweep", "SweepPlan", "read_sweep"]

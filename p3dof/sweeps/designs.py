@@ -19,6 +19,7 @@ from p3dof.designs.names import columns_of
 from p3dof.motion import Motion
 from p3dof.motion.wrenches import Load, WrenchOverTime
 from p3dof.parameters import PAPER, Parameters
+from p3dof.sweeps.description import motion_settings
 
 WORST = ("peak_force", "rms_force", "peak_speed", "peak_power", "peak_braking")
 """Figures of three actuators of which there is a column with the largest too."""
@@ -92,16 +93,10 @@ class DesignSweep:
 
     def settings(self) -> dict[str, Any]:
         """Return everything that the results depend on."""
-        motion = self.forces.motion
         return {
             "machine": self.machine.to_dict(),
             "bodies": self.bodies,
-            "motion": {
-                "samples": len(motion),
-                "from": float(motion.time[0]),
-                "to": float(motion.time[-1]),
-                "sha256": digest(motion.time, motion.pose, motion.velocity, motion.acceleration),
-            },
+            "motion": motion_settings(self.forces.motion),
             "wrench": None if self._load is None else digest(self._load),
             "figures": [group for group, bit in BITS.items() if self.forces.asked & bit],
             "level": self.level,
