@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import pickle
+import shutil
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -618,3 +624,61 @@ def test_the_compiled_loop_refuses_what_does_not_fit():
             loop(*arguments)
     with pytest.raises(TypeError, match="by position"):
         loop(constants)
+
+
+UNDER_SANITIZERS = """
+import importlib.util, sys
+import numpy as np
+import p3dof.compiled.extension as room
+spec = importlib.util.spec_from_file_location("p3dof.compiled.extension._compiled", sys.argv[1])
+room._compiled = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(room._compiled)
+import p3dof
+from p3dof.compiled.kernels import levels
+rng, paper, D = np.random.default_rng(0), p3dof.paper_motion(101), 20
+for count in (1, 2, 3, 6, 7, 8, 9, 101, 159, 160, 161, 321):
+    motion = paper.resampled(np.sort(rng.uniform(0, 1, count))) if count > 1 else paper[3:4]
+    for level in levels():
+        for more in (
+            {},
+            {f"offset.{name}": rng.uniform(-0.5, 0.5, D) for name in ("y", "z", "theta")},
+            {"leg.com.y": rng.choice([0, 1e-3], D), "friction.viscous.sliders": rng.uniform(-1, 3, D)},
+        ):
+            L = rng.choice([np.nan, np.inf, 0, 0.15, 0.2, 0.4, 1e300, 1e-300, -1], D)
+            columns = {"R": rng.uniform(0.1, 0.3, D), "L": L, **more}
+            p3dof.forces_of_designs(columns, motion, figures=("singularity", "power"), level=level, threads=2)
+print("clean")
+"""
+
+
+@pytest.mark.fuzz
+@pytest.mark.skipif(sys.platform != "linux" or not shutil.which("gcc"), reason="gcc's sanitizers on Linux")
+def test_the_compiled_loop_under_sanitizers(tmp_path):
+    """Compiling the extension so takes half a minute."""
+    root = Path(p3dof.__file__).parents[1]
+    source, made = root / "p3dof/compiled/extension/_compiled.c", tmp_path / "_compiled.so"
+    flags = [
+        "-shared",
+        "-fPIC",
+        "-O0",
+        "-fsanitize=address,undefined",
+        "-fno-sanitize-recover=all",
+        "-fno-math-errno",
+    ]
+    include = sysconfig.get_path("include")
+    subprocess.run(["gcc", *flags, f"-I{include}", str(source), "-o", str(made)], check=True)
+    libraries = [
+        subprocess.run(
+            ["gcc", f"-print-file-name={name}"], check=True, capture_output=True, text=True
+        ).stdout.strip()
+        for name in ("libasan.so", "libubsan.so")
+    ]
+    environment = {
+        **os.environ,
+        "LD_PRELOAD": " ".join(libraries),
+        "ASAN_OPTIONS": "detect_leaks=0",  # the interpreter has its own
+        "PYTHONPATH": str(root),
+    }
+    command = [sys.executable, "-W", "ignore", "-c", UNDER_SANITIZERS, str(made)]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.stdout == "clean\n", done.stderr[-3000:]

@@ -277,7 +277,7 @@ def shares_of(power: FloatArray) -> tuple[Any, FloatArray]:
     return turns, np.where(turns, before / np.where(turns, before - after, 1.0), 0.0)
 
 
-def blocks_of(count: int, samples: int, most: int = 65_536) -> Sequence[slice]:
+def blocks_of(count: int, samples: int, most: int = 16_384) -> Sequence[slice]:
     """Return designs in blocks whose arrays over samples stay small."""
     size = max(1, most // samples)
     return [slice(start, min(start + size, count)) for start in range(0, count, size)]

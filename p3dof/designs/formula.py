@@ -84,7 +84,9 @@ def derivatives(
     -------
     Outputs
     """
-    return _grouped(_tangents(len(numbers))(*numbers, *inputs, *by_numbers, *by_pose))
+    rates = (*by_numbers, *by_pose)
+    moving = tuple(i for i, rate in enumerate(rates) if np.any(rate))  # the rest costs nothing
+    return _grouped(_tangents(len(numbers), moving)(*numbers, *inputs, *(rates[i] for i in moving)))
 
 
 def _grouped(found: Sequence[Any]) -> Outputs:
@@ -130,10 +132,10 @@ def _values(count: int, namespace: Any) -> Callable[..., tuple[Any, ...]]:
     return function_of(trace.tape, (*trace.numbers, *trace.inputs), trace.results, namespace)
 
 
-@lru_cache(maxsize=32)
-def _tangents(count: int) -> Callable[..., tuple[Any, ...]]:
+@lru_cache(maxsize=128)
+def _tangents(count: int, which: tuple[int, ...]) -> Callable[..., tuple[Any, ...]]:
     trace = _trace(count)
-    tape, moving = trace.tape, (*trace.numbers, *trace.inputs[:3])
-    seeds = tape.symbols(f"d{i}" for i in range(len(moving)))
-    moved = tangent(trace.results, {symbol.index: seed for symbol, seed in zip(moving, seeds, strict=True)})
-    return function_of(tape, (*trace.numbers, *trace.inputs, *seeds), moved, np)
+    tape, movable = trace.tape, (*trace.numbers, *trace.inputs[:3])
+    seeds = {movable[i].index: tape.symbol(f"d{i}") for i in which}
+    moved = tangent(trace.results, dict(seeds))
+    return function_of(tape, (*trace.numbers, *trace.inputs, *seeds.values()), moved, np)
