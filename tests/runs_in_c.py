@@ -79,6 +79,8 @@ def random_run(seed):
     encoders = {"resolution": 1e-5, "differencing": True} if rate and rng.random() < 0.3 else {}
     if rate and rng.random() < 0.3:
         encoders["delay"] = int(rng.integers(1, 5)) / rate
+    if rate and rng.random() < 0.3:
+        encoders["bandwidth"] = rng.uniform(5, 100, 3)
     time = np.sort(rng.uniform(0, 0.4, 4))
     wrench = [None, rng.normal(0, mass, 6), WrenchHistory(time, rng.normal(0, mass, (4, 6)))][rng.integers(3)]
     counted = [kind for kind in KINDS if rng.random() < 0.8]
@@ -134,7 +136,10 @@ def _other_end(one, other):
 def _other_samples(one, other):
     if len(one) != len(other):
         return f"{len(one)} against {len(other)} samples"
-    if abs(one.evaluations - other.evaluations) > 0.25 * other.evaluations:  # much is rounding, see the tests
+    lagging = len(one.forces) and (one.forces != one.asked).any()  # more states, by the one in Python
+    if (
+        not lagging and abs(one.evaluations - other.evaluations) > 0.25 * other.evaluations
+    ):  # much is rounding
         return f"{one.evaluations} against {other.evaluations} evaluations"
     for name in ("time", "pose", "velocity", "forces", "asked", "sliders", "slider_velocities", "wrench"):
         a, b = getattr(one, name), getattr(other, name)

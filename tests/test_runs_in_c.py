@@ -44,6 +44,7 @@ def test_evaluations_are_those_of_the_integrator_in_python(seed):
     """Within 3 %, at a tolerance where the error of a step, from which the next follows, is not rounding."""
     machine, duration, run = random_run(seed)
     run["integration"] = Integration(rtol=1e-8, atol=1e-10)
+    run["control"] = replace(run["control"], bandwidth=np.inf)  # the one in Python has a state for each drive
     one = machine.simulate(duration, method="compiled", **run)
     other = in_python(machine, duration, **run)
     assert one.evaluations == pytest.approx(other.evaluations, rel=0.03)
@@ -127,7 +128,8 @@ def test_what_has_no_compiled_form_is_done_in_python(monkeypatch):
     assert asked(control=ControlLoop(100, delay=0.01))
     assert not asked(control=ControlLoop(100, delay=0.005))
     assert not asked(control=ControlLoop(100, delay=0.2))
-    assert not asked(control=ControlLoop(100, bandwidth=50))
+    assert asked(control=ControlLoop(100, bandwidth=50))
+    assert not asked(control=ControlLoop(bandwidth=50))
     assert not asked(integration=Integration(scheme="rk4"))
 
     class Stiffer(Springs):
@@ -299,7 +301,7 @@ def test_what_the_extension_refuses():
     tables = [constants, *(robot.kernels.prepared(name)[1] for name in ("kinematics", "limits"))]
     tables += [np.zeros(36), np.zeros(0), np.zeros(1), np.zeros(3), np.zeros(0), np.ones(1)]
     tables += [np.zeros(0)] * 7
-    level, numbers = robot.kernels.level, np.zeros(17)
+    level, numbers = robot.kernels.level, np.zeros(20)
     run = MachineRun(forward.name, level, tuple(tables), numbers)
     with pytest.raises(ValueError, match="expected a row of 13 doubles"):
         run.live(np.zeros(12))
@@ -313,7 +315,7 @@ def test_what_the_extension_refuses():
         MachineRun("kinematics", level, tuple(tables), numbers)
     with pytest.raises(ValueError, match="no kernel 'magic'"):
         MachineRun("magic", level, tuple(tables), numbers)
-    with pytest.raises(ValueError, match="numbers must have 17 numbers, not 16"):
+    with pytest.raises(ValueError, match="numbers must have 20 numbers, not 16"):
         MachineRun(forward.name, level, tuple(tables), numbers[:16])
     for place, size in ((0, 2), (3, 35), (6, 4), (8, 0), (4, 3), (9, 7)):
         wrong = np.zeros(size)
@@ -430,6 +432,9 @@ static int run(int drive, double period, double size, int friction, double end, 
     m.act = act;
     m.planned = 100;
     m.huge = INFINITY;
+    m.lagging = friction && period > 0.0;
+    m.lag[0] = m.lag[1] = 100.0;
+    m.lag[2] = INFINITY;
     int status;
     do {
         status = advance_here(&m);

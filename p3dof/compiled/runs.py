@@ -63,12 +63,15 @@ class Forces(NamedTuple):
         Where forces are cut off [N].
     outside : bool
         Whether `held` is given anew at every tick.
+    lag : ndarray, shape (3,)
+        2 π bandwidth of the drives [1/s]; infinite for none.
     """
 
     held: FloatArray
     springs: FloatArray
     largest: FloatArray
     outside: bool
+    lag: FloatArray
 
 
 class Controller(NamedTuple):
@@ -204,7 +207,7 @@ class CompiledRun:
             *controller.model,
         )
         tolerances = timing.period, timing.rtol, timing.atol, timing.longest
-        numbers = np.array([g.r, g.R, g.L, *tolerances, *forces.largest, forces.outside, *state], dtype=float)
+        numbers = np.array([g.r, g.R, g.L, *tolerances, *forces.largest, forces.outside, *state, *forces.lag])
         self._run = _compiled.MachineRun(forward.name, kernels.level, tables, numbers)
         self._run.hold(forces.held)
         self._live, self._held = np.empty(_ROW), np.empty(6)

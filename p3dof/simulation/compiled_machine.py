@@ -1,8 +1,8 @@
 """Runs of the manipulator in C, where everything that is asked for has a compiled form.
 
-What has none: loads that are functions of Python, controllers that act continuously but for springs, forces
-late by a part of a period, drives that lag, equal steps, and machines without the extension.
-`p3dof.simulation.integration` serves these, and is what the runs in C are compared with.
+What has none: loads that are functions of Python, controllers that act continuously but for springs, and
+drives that lag behind these, forces late by a part of a period, equal steps, and machines without the
+extension. `p3dof.simulation.integration` serves these, and is what the runs in C are compared with.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def serves(task: Task) -> bool:
     late = rest > 0 or whole > MOST_LATE
     return (
         not late
-        and control.drives() is None
+        and (bool(control.rate) or control.drives() is None)
         and task.integration.scheme == "dop853"
         and (not callable(wrench) or type(wrench) is WrenchHistory)
         and (bool(control.rate) or not callable(task.controller) or type(task.controller) is Springs)
@@ -170,7 +170,9 @@ class _Runner:
         elif controller is not None and not callable(controller):
             asked = np.asarray(controller, dtype=float)
             held = np.concatenate([np.clip(asked, -largest, largest), asked])
-        return Forces(held, springs, largest, outside)
+        drives = task.control.drives()
+        lag = np.full(3, np.inf) if drives is None else 2 * np.pi * drives
+        return Forces(held, springs, largest, outside, lag)
 
     def result(self) -> Simulation | None:
         """Integrate, and return what the run left; None if it cannot be in C."""

@@ -49,6 +49,8 @@ struct MachineRun {
     const double *noise;      /* six normal numbers a tick */
     ptrdiff_t planned;        /* ticks that there are tables for */
     double huge;              /* forces that need a second look */
+    int lagging;              /* whether the drives follow `held` by a first-order lag, since `switched` from `begun` */
+    double lag[3], begun[3], before[3], switched; /* lag: 2 pi bandwidth [1/s], or infinity */
     /* When something happens. */
     const double *times, *kinks;
     ptrdiff_t samples, kink_count;

@@ -60,6 +60,15 @@ static P3DOF_TARGET void P3DOF_NAME(place_sliders)(const MachineRun *m, const do
     }
 }
 
+/* Write what the drives deliver of the forces that are held, (3). */
+static P3DOF_TARGET void P3DOF_NAME(delivered)(const MachineRun *m, double t, double *forces)
+{
+    for (int i = 0; i < 3; ++i) {
+        const double rest = m->lag[i] < INFINITY ? exp(-m->lag[i] * (t - m->switched)) : 0.0;
+        forces[i] = m->held[i] + (m->begun[i] - m->held[i]) * rest;
+    }
+}
+
 /* Write the forces of A, B, C, and those asked for, (6). */
 static P3DOF_TARGET void P3DOF_NAME(actuate)(const MachineRun *m, const double *y, double *forces)
 {
@@ -85,6 +94,10 @@ static P3DOF_TARGET void P3DOF_NAME(rate)(MachineRun *m, double t, const double 
     P3DOF_NAME(load_at)(m, t, load);
     if (m->period == 0.0 && m->drive != DRIVE_HELD) {
         P3DOF_NAME(actuate)(m, y, forces);
+        acting = forces;
+    }
+    else if (m->lagging) {
+        P3DOF_NAME(delivered)(m, t, forces);
         acting = forces;
     }
     const double *const in[12] = {y, y + 1, y + 2, y + 3, y + 4, y + 5, acting, acting + 1, acting + 2,
@@ -249,6 +262,8 @@ static P3DOF_TARGET void P3DOF_NAME(record)(MachineRun *m, double t, const doubl
         memcpy(row + 7, m->held, 6 * sizeof *row);
     else
         P3DOF_NAME(actuate)(m, y, row + 7);
+    if (m->lagging)
+        P3DOF_NAME(delivered)(m, t, row + 7);
 }
 
 /* Take the sample that is due at t, if one is. */
@@ -369,6 +384,8 @@ static P3DOF_TARGET int P3DOF_NAME(advance)(MachineRun *m)
     int found = -1;
     while (m->t < end && found < 0) {
         if (m->period > 0.0 && fabs(m->t - m->ticks * m->period) <= P3DOF_NAME(slack)(m, m->t)) {
+            if (m->lagging && !m->answered)
+                P3DOF_NAME(delivered)(m, m->t, m->before);
             if (m->outside && !m->answered) {
                 m->answered = 1;
                 return RUN_TICK;
@@ -377,6 +394,8 @@ static P3DOF_TARGET int P3DOF_NAME(advance)(MachineRun *m)
                 found = RUN_BEYOND;
                 break;
             }
+            memcpy(m->begun, m->ticks > 0.0 ? m->before : m->held, sizeof m->begun); /* drives start settled */
+            m->switched = m->t;
             m->ticks += 1.0;
             m->answered = 0;
         }

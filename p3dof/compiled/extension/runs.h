@@ -1,6 +1,6 @@
 /* `MachineRun`: a run of one machine in time, without Python between its steps. */
 
-enum { RUN_TABLES = 16, RUN_NUMBERS = 17, RUN_LIVE = 13, RUN_SETTINGS = 8, RUN_GIVEN = 29 };
+enum { RUN_TABLES = 16, RUN_NUMBERS = 20, RUN_LIVE = 13, RUN_SETTINGS = 8, RUN_GIVEN = 29 };
 
 /* What lets a controller of control.h act, in one lane of every level. */
 #define RUN_CONTROL(level)                                                                        \
@@ -227,6 +227,9 @@ static void set_numbers(MachineRun *m, const double *numbers)
     memcpy(m->cut, numbers + 7, sizeof m->cut);
     m->outside = numbers[10] != 0.0;
     memcpy(m->y, numbers + 11, sizeof m->y);
+    memcpy(m->lag, numbers + 17, sizeof m->lag);
+    for (int i = 0; i < 3; ++i)
+        m->lagging |= m->period > 0.0 && m->lag[i] < INFINITY;
 }
 
 static Bound bound_kernel(const Level *level, const Kernel *kernel)
@@ -320,18 +323,19 @@ PyDoc_STRVAR(Run_doc,
              "    count 12; springs: stiffness 3, rest 3, damping 3, preload 3, or nothing; times of the load, its\n"
              "    rows of F_y, F_z, M_y; kinks; times of the samples. A controller of control.h, or seven empty ones:\n"
              "    whether it is computed torque, noisy, counting, differencing, integrating, of a symmetric model,\n"
-             "    largest forces, and how many periods they are late; gains; its table; noise; constants of assembly, torque and inverse.\n"
-             "numbers : buffer of 17 doubles\n"
-             "    r, R, L, period, rtol, atol, longest step, largest forces 3, whether a controller outside acts\n"
-             "    at every tick, pose 3, velocity 3.\n\n"
+             "    largest forces, and how many periods they are late; gains; its table; noise; constants of assembly,\n"
+             "    torque and inverse.\n"
+             "numbers : buffer of 20 doubles\n"
+             "    r, R, L, period, rtol, atol, longest step, largest forces 3, whether a controller outside\n"
+             "    acts at every tick, pose 3, velocity 3, 2 pi bandwidth of the drives 3.\n\n"
              "Raises\n------\n"
              "TypeError\n    If something is not a buffer of doubles.\n"
              "ValueError\n    If a name is unknown, or a buffer does not fit.");
 
 PyDoc_STRVAR(advance_doc, "advance(told, /)\n--\n\n"
                           "Go on; return 0 at the end, 1 where forces are to be held, 2 at a limit, 3 where no step is "
-                          "small enough, 5 where the controller has no answer. `told`, or None, is called with the number "
-                          "of samples every now and then.");
+                          "small enough, 5 where the controller has no answer. `told`, or None, is called with the "
+                          "number of samples every now and then.");
 PyDoc_STRVAR(hold_doc, "hold(forces, /)\n--\n\nTake the forces of A, B, C, and those asked for, 6.");
 PyDoc_STRVAR(live_doc, "live(into, /)\n--\n\nWrite time, pose 3, velocity 3, sliders 3 and their velocities 3.");
 PyDoc_STRVAR(samples_doc,
