@@ -98,7 +98,7 @@ def _two_loops(kernel: Kernel) -> list[str]:
 def work_of(kernel: Kernel) -> list[int]:
     """Return what is done for each sample, what waits for a minimum last: without vectors that is a branch.
 
-    Compilers fuse products and sums between branches only, so one sample rounds as a vector of them does.
+    Gcc fuses products and sums between branches only, so one sample rounds as a vector of them does.
 
     Parameters
     ----------
