@@ -199,6 +199,8 @@ def test_a_worker_that_dies_is_replaced(whole, tmp_path):
     gate = tmp_path / "gate"
     waiting = sweep_problems.gated(gate, 4)
     with blocks.Processes(2) as client:
+        assert list(client.map(abs, [-1, 2], [])) == []
+        assert list(client.map(abs, [-1, 2])) == [1, 2]
         killed = []
 
         def kill_one(done, _):

@@ -8,7 +8,7 @@ import pickle
 import signal
 import threading
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
@@ -56,6 +56,12 @@ class Processes(Executor):
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Let a worker call a function that can be pickled."""
         return self._pool.submit(fn, *args, **kwargs)
+
+    def map(
+        self, fn: Callable[..., Any], *iterables: Any, timeout: float | None = None, chunksize: int = 1
+    ) -> Iterator[Any]:
+        """Call a function for each item, as any executor does; parameters as of the built-in one."""
+        return self._pool.map(fn, *iterables, timeout=timeout, chunksize=chunksize)
 
     def renew(self) -> None:
         """Start other processes for those that are broken."""
