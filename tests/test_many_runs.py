@@ -157,6 +157,18 @@ def test_no_run_depends_on_another(kind, level):
 
 
 @compiled
+@pytest.mark.parametrize("kind", [PD, ComputedTorque])
+def test_runs_one_after_the_other_are_the_same_but_for_rounding(kind):
+    loop = {"controller": kind(PAPER, MOTION), "control": ControlLoop(1000, delay=0.5e-3, bandwidth=300)}
+    beside = ROBOT.simulate_many(0.1, columns(5), **loop, histories=2)
+    after = ROBOT.simulate_many(0.1, columns(5), **loop, histories=2, lanes=False)
+    assert after.note.startswith("in C")
+    assert apart(beside, after, "pose") < 1e-14
+    assert apart(beside, after, "peak_force") < 1e-9
+    assert np.abs(beside.history(1)["pose"] - after.history(1)["pose"]).max() < 1e-14
+
+
+@compiled
 def test_blocks_and_threads_change_nothing(monkeypatch):
     loop = {"controller": PD(PAPER, MOTION), "control": ControlLoop(1000, noise=Noise())}
     whole = ROBOT.simulate_many(0.02, columns(100), **loop, threads=1)

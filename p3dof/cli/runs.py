@@ -103,7 +103,7 @@ def runs(
     console = Console()
     print_payloads(console, case)
     show(console, stops_table(found), figures_table(found))
-    notes = [found.note] if not found.note.startswith("lanes") else []
+    notes = [found.note] if found.note.startswith("one by one") else []
     notes += ["interrupted: the runs that were done are kept"] if found.interrupted else []
     first = np.flatnonzero(found.done & ~found.finished)[:1].tolist()
     print_warnings(console, [*notes, *(f"run {k + 1}: {found.reason(k)}" for k in first)])

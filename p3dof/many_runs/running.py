@@ -106,6 +106,8 @@ class Batch:
         Of the extension.
     kept : ndarray of int
         Runs whose histories are kept.
+    lanes : bool
+        Side by side; else one after the other.
     """
 
     engine: Engine
@@ -114,6 +116,7 @@ class Batch:
     machines: Machines
     level: str
     kept: NDArray[np.int64]
+    lanes: bool = True
 
     def run(self, threads: int, progress: Progress | None) -> tuple[FloatArray, FloatArray | None, bool]:
         """Run all; return the results (R, RESULT_WIDTH), the histories, and whether it was interrupted."""
@@ -161,7 +164,7 @@ class Batch:
         results = np.full((len(runs), RESULT_WIDTH), np.nan)
         history = np.full((len(runs), self.engine.rows, HISTORY_WIDTH), np.nan) if keep else None
         noise = self._noise(runs)
-        self.engine.run(self.level, symmetric, rows, results, cancel, noise, history)
+        self.engine.run(self.level, symmetric, rows, results, cancel, noise, history, self.lanes)
         return results, history
 
     def _rows(self, runs: NDArray[np.int64], symmetric: bool) -> FloatArray:
