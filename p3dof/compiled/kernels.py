@@ -201,7 +201,7 @@ class MachineKernels:
         Returns
         -------
         callable
-            (out, *rows) → `out`, or a new array where that is None; or None, for what is no plain row of
+            ``(out, *rows)`` to `out`, or a new array where that is None; or None, for what is no plain row of
             doubles or not clearly good. Always None on NumPy.
         """
         used, constants = self.prepared(name)
