@@ -454,7 +454,7 @@ def test_a_batch_with_frames_and_of_other_sizes():
     ("prescribed", "message"),
     [
         (np.ones((3, 4)), r"prescribed: expected|prescribed left_yaw: expected shape \(2,"),
-        (np.ones(4), r"prescribed: expected shape \(N, 4\)"),
+        (np.ones(4), r"prescribed: expected shape \(2, 4\)"),
         ({"left_yaw": [1.0, 2.0, 3.0]}, r"prescribed left_yaw: expected shape \(2,\)"),
         ({"base": np.ones((3, 6))}, r"prescribed base: expected shape \(2, 6\)"),
         ({"left_yam": 1.0}, "the joint 'left_yam' does not exist"),

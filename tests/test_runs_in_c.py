@@ -265,13 +265,22 @@ def test_an_interrupt_ends_a_run_in_c():
         going.wait(60)
         signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
 
+    usual = signal.signal(signal.SIGINT, signal.default_int_handler)  # a process for tests may ignore it
     thread = threading.Thread(target=interrupt)
     thread.start()
-    with pytest.raises(KeyboardInterrupt):
-        robot.simulate(
-            1e5, start=[0.02, 0.03, 0.15], controller=springs, method="compiled", samples=2, progress=progress
-        )
-    thread.join()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            robot.simulate(
+                1e5,
+                start=[0.02, 0.03, 0.15],
+                controller=springs,
+                method="compiled",
+                samples=2,
+                progress=progress,
+            )
+    finally:
+        signal.signal(signal.SIGINT, usual)
+        thread.join()
 
 
 def test_other_threads_go_on_while_a_run_is_in_c():
