@@ -334,6 +334,8 @@ BAD_CALLS = {
     "time: expected at least two": lambda: Cycle([1, 0], ZERO, ZERO, ZERO),
     "motor: expected Motor": lambda: Drive(D1.transmission, D1.transmission),
     "transmission: expected Screw or Belt": lambda: Drive(D1.motor, Gear()),
+    "belt: efficiency_back: expected at most 1": lambda: Belt(0.04, efficiency_back=1.2),
+    "no gear: efficiency_back: expected zero or more": lambda: Gear(2, efficiency_back=-0.1),
     "motors: got 5": lambda: Catalogue([5], [D1.transmission]),
 }
 

@@ -19,8 +19,8 @@ from p3dof.drives.checked import above_zero
 from p3dof.drives.cycle import Cycle
 from p3dof.drives.drive import Drive
 from p3dof.errors import DriveError
+from p3dof.parameters import LEGS
 
-LEGS = ("A", "B", "C")
 WHIRL, BUCKLING = 0.8, 0.5
 """Shares of the critical speed and of Euler's load that a screw may bear."""
 _RPM = 30 / math.pi

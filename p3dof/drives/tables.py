@@ -9,8 +9,9 @@ import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from p3dof.drives.sizing import LEGS, Sizing
+from p3dof.drives.sizing import Sizing
 from p3dof.files import suffix_of, write_atomic
+from p3dof.parameters import LEGS
 from p3dof.tables import NONE, Table, html_of, notebook_html, number, table_of
 
 _RPM = 30 / math.pi

@@ -85,11 +85,7 @@ class Screw:
             value = getattr(self, field)
             if value is not None:
                 set_(self, field, above_zero(f"{where}: {field}", value))
-        set_(self, "efficiency", share(f"{where}: efficiency", self.efficiency))
-        back = 2 - 1 / self.efficiency if self.efficiency_back is None else self.efficiency_back
-        if self.efficiency_back is not None and back > 1:
-            raise DriveError(f"{where}: efficiency_back: expected at most 1, got {back:g}")
-        set_(self, "efficiency_back", max(0.0, back))
+        _set_efficiencies(self, where)
         set_(self, "drag", from_zero(f"{where}: drag", self.drag))
         if self.max_speed != math.inf:
             set_(self, "max_speed", above_zero(f"{where}: max_speed", self.max_speed))
@@ -161,9 +157,7 @@ class Belt:
         set_ = object.__setattr__
         where = text("belt: name", self.name)
         set_(self, "diameter", above_zero(f"{where}: diameter", self.diameter))
-        set_(self, "efficiency", share(f"{where}: efficiency", self.efficiency))
-        back = 2 - 1 / self.efficiency if self.efficiency_back is None else self.efficiency_back
-        set_(self, "efficiency_back", max(0.0, min(1.0, float(back))))
+        _set_efficiencies(self, where)
         set_(self, "inertia", from_zero(f"{where}: inertia", self.inertia))
         set_(self, "drag", from_zero(f"{where}: drag", self.drag))
         if self.max_speed != math.inf:
@@ -220,10 +214,21 @@ class Gear:
         set_ = object.__setattr__
         where = text("gear: name", self.name)
         set_(self, "ratio", above_zero(f"{where}: ratio", self.ratio))
-        set_(self, "efficiency", share(f"{where}: efficiency", self.efficiency))
-        back = 2 - 1 / self.efficiency if self.efficiency_back is None else self.efficiency_back
-        set_(self, "efficiency_back", max(0.0, min(1.0, float(back))))
+        _set_efficiencies(self, where)
         set_(self, "inertia", from_zero(f"{where}: inertia", self.inertia))
         for field in ("max_speed", "max_torque"):
             if getattr(self, field) != math.inf:
                 set_(self, field, above_zero(f"{where}: {field}", getattr(self, field)))
+
+
+def _set_efficiencies(part: Screw | Belt | Gear, where: str) -> None:
+    """Check the efficiencies of a part, and work out what it gives back where nobody says."""
+    forward = share(f"{where}: efficiency", part.efficiency)
+    if part.efficiency_back is None:
+        back = max(0.0, 2 - 1 / forward)
+    else:
+        back = from_zero(f"{where}: efficiency_back", part.efficiency_back)
+        if back > 1:
+            raise DriveError(f"{where}: efficiency_back: expected at most 1, got {back:g}")
+    object.__setattr__(part, "efficiency", forward)
+    object.__setattr__(part, "efficiency_back", back)

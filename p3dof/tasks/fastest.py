@@ -21,9 +21,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from p3dof.checks import FloatArray, frozen_array
 from p3dof.errors import TaskError
+from p3dof.parameters import LEGS
 from p3dof.tasks.laws import SpeedLaw
 
-LEGS = ("A", "B", "C")
 _POINTS = (0.0, 0.5, 1.0)
 """Where in every step the limits are asked for, in shares of it."""
 _DENSE: FloatArray = np.linspace(0.0, 1.0, 33, dtype=np.float64)
