@@ -101,7 +101,8 @@ def test_every_command_is_described(inventory):
     context = click.Context(app)
     for name in app.list_commands(context):
         for option in app.get_command(context, name).params:
-            assert f"p3dof-{name}.{option.opts[0]}" in options
+            shown = option.metavar if isinstance(option, click.Argument) else option.opts[0]
+            assert f"p3dof-{name}.{shown}" in options
     assert len(options) > 50
 
 
