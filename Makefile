@@ -78,6 +78,7 @@ benchmark: $(DEV) ## time a sample, of all contenders
 	$(BIN)/python tests/benchmarks/kernels.py --out $(OUT)/benchmark
 	$(BIN)/python tests/benchmarks/simulation.py
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/benchmarks/runs.py
+	$(BIN)/python tests/benchmarks/many.py
 	$(BIN)/python tests/benchmarks/paths.py
 	$(BIN)/python tests/benchmarks/sweeps.py
 	$(BIN)/python tests/benchmarks/designs.py
