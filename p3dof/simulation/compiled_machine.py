@@ -1,8 +1,9 @@
 """Runs of the manipulator in C, where everything that is asked for has a compiled form.
 
 What has none: loads that are functions of Python, controllers that act continuously but for springs, and
-drives that lag behind these, forces late by a part of a period, equal steps, and machines without the
-extension. `p3dof.simulation.integration` serves these, and is what the runs in C are compared with.
+drives that lag behind these, forces late by a part of a period, and machines without the extension.
+`p3dof.simulation.integration` serves these, and is what the runs in C are compared with. Equal steps have
+`p3dof.simulation.compiled_equal_steps`.
 """
 
 from __future__ import annotations
@@ -105,7 +106,7 @@ def simulate_compiled(task: Task) -> Simulation | None:
     return _Runner(task).result()
 
 
-class _Later(Simulation):
+class LaterSimulation(Simulation):
     """A run whose joints and closure errors are computed when they are first asked for.
 
     They take a hundred times as long as the run itself.
@@ -236,7 +237,7 @@ class _Runner:
             return None
         geometry, reference = machine.parameters.geometry, self._followed
         sliders, speeds = runs.sliders(machine.kernels, samples)
-        return _Later.of(
+        return LaterSimulation.of(
             geometry,
             method="compiled",
             motion=Motion(samples.time, samples.pose, samples.velocity, acceleration, check=False),

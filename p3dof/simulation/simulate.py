@@ -16,6 +16,7 @@ from p3dof.methods import DEFAULT_METHOD, Machine, Method, check_method
 from p3dof.motion import Load, Motion, WrenchHistory, WrenchOverTime
 from p3dof.motion.times import evenly, sample_count
 from p3dof.parameters import Parameters
+from p3dof.simulation.compiled_equal_steps import serves_equal_steps, simulate_equal_steps
 from p3dof.simulation.compiled_machine import pace, serves, simulate_compiled
 from p3dof.simulation.control import ControllerLike
 from p3dof.simulation.crossings import CHECKED
@@ -105,8 +106,15 @@ def simulate(
     """
     given = start, controller, control, reference, wrench, method, samples, stop_at, integration, progress
     task = task_of(machine, duration, *given)
-    found = simulate_compiled(task) if serves(task) else None
+    found = _simulate_in_c(task)
     return simulate_in_python(task) if found is None else found
+
+
+def _simulate_in_c(task: Task) -> Simulation | None:
+    """Return a run in C; None if something of it has no compiled form."""
+    if serves(task):
+        return simulate_compiled(task)
+    return simulate_equal_steps(task) if serves_equal_steps(task) else None
 
 
 def simulate_in_python(task: Task) -> Simulation:
