@@ -139,6 +139,23 @@ def test_out_of_reach_and_bad_forces_are_refused():
             ROBOT.simulate(0.1, method="compiled", integration=EQUAL, **how)
 
 
+def test_another_controller_has_its_own_model():
+    """Its constants are kept between runs."""
+    other = replace(ROBOT.parameters, gravity=[0, 0, -5.0])
+    motion = p3dof.paper_motion(1001).from_rest(0.2)
+    for model in (ROBOT.parameters, other, ROBOT.parameters):
+        how = {
+            "controller": ComputedTorque(model, motion),
+            "control": ControlLoop(1000),
+            "integration": EQUAL,
+        }
+        found = in_c(ROBOT, 0.02, samples=21, start=motion.pose[0], **how)
+        exact = in_python(ROBOT, 0.02, samples=21, start=motion.pose[0], **how)
+        assert np.abs(found.forces - exact.forces).max() < 1e-10
+    elsewhere = in_c(ROBOT, 0.02, samples=21, start=motion.pose[0], reference=p3dof.paper_motion(11), **how)
+    assert not np.array_equal(elsewhere.reference, found.reference)
+
+
 def test_progress_is_told():
     told = []
     ROBOT.simulate(

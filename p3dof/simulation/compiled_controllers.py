@@ -6,6 +6,7 @@ Each table has a row a tick: what the motion to follow asks for, which is known 
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from p3dof.compiled.reduced import model_of
 from p3dof.compiled.runs import Controller
 from p3dof.methods.virtual_power import VirtualPowerMethod
 from p3dof.motion import states_of
+from p3dof.parameters import Parameters
 from p3dof.simulation.controllers import PD, ComputedTorque, Feedforward, Springs
 from p3dof.simulation.task import Task
 
@@ -73,9 +75,7 @@ def controller_of(task: Task, largest: FloatArray) -> Controller:
     model: tuple[FloatArray, ...] = (np.zeros(0),) * 3
     symmetric = False
     if isinstance(controller, ComputedTorque):
-        numbers = model_of(controller.model)
-        symmetric = is_symmetric(numbers)
-        model = tuple(lane_kernel(name, symmetric).of(numbers) for name in ("assembly", "torque", "inverse"))
+        model, symmetric = _inverse_model(controller.model)
     flags = [torque, control.noise is not None, counts.any(), control.differencing]
     integrating = isinstance(controller, PD) and controller.integral_time < math.inf
     huge = controller.huge if isinstance(controller, Feedforward | ComputedTorque) else math.inf
@@ -86,6 +86,15 @@ def controller_of(task: Task, largest: FloatArray) -> Controller:
         noise=noise,
         model=model,
     )
+
+
+@lru_cache(maxsize=16)
+def _inverse_model(parameters: Parameters) -> tuple[tuple[FloatArray, ...], bool]:
+    """Return the constants of computed torque, and whether the machine is symmetric; by identity."""
+    numbers = model_of(parameters)
+    symmetric = is_symmetric(numbers)
+    parts = tuple(lane_kernel(name, symmetric).of(numbers) for name in ("assembly", "torque", "inverse"))
+    return parts, symmetric
 
 
 def _gains(controller: object, period: float) -> list[FloatArray]:

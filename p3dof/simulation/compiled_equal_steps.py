@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import math
 import time as clock
-from typing import Any
 
 import numpy as np
 
 from p3dof.checks import FloatArray
 from p3dof.compiled import runs
-from p3dof.compiled.formulas import is_symmetric
+from p3dof.compiled.lanes import lane_kernel
 from p3dof.compiled.many import (
     FEEDBACK,
     FINISHED,
@@ -26,9 +25,7 @@ from p3dof.compiled.many import (
     TORQUE,
     Engine,
     empty_inputs,
-    set_machines,
 )
-from p3dof.compiled.reduced import model_of
 from p3dof.compiled.runs import Controller, Samples
 from p3dof.kinematics import reachable_poses
 from p3dof.motion import Load, Motion
@@ -132,7 +129,7 @@ class _EqualSteps:
     def __init__(self, task: Task) -> None:
         self._task, parameters, begin = task, task.machine.parameters, task.begin
         self._pose = reachable_poses(parameters.geometry, np.asarray(begin.pose), "raise")
-        Limiter(parameters, task.stop_at, self._pose, None)  # raises beyond a limit
+        self._side = Limiter(parameters, task.stop_at, self._pose, None).watched[1][-1]
         self._largest = task.actuation().limits
         self._followed, self._load = task.followed(), Load(task.wrench).at(0.0)
         self._end = float(task.times[-1])
@@ -204,8 +201,7 @@ class _EqualSteps:
     def _integrated(self) -> FloatArray | None:
         """Return the states at all ticks and at the end, (N + 1, 13); None if something ended the run."""
         task, engine, given = self._task, self._engine, self._given
-        model = model_of(task.machine.parameters)
-        symmetric, inputs = is_symmetric(model), self._inputs(model)
+        symmetric, inputs = task.machine.kernels.symmetric, self._inputs()
         results = np.full((1, RESULT_WIDTH), np.nan)
         history = np.full((1, engine.rows, HISTORY_WIDTH), np.nan)
         noise = given.noise.reshape(1, -1, 6) if given.noise.size else None
@@ -218,14 +214,16 @@ class _EqualSteps:
             return None
         return rows
 
-    def _inputs(self, model: Any) -> FloatArray:
+    def _inputs(self) -> FloatArray:
         """Return the row of inputs of the run."""
-        task, limits = self._task, self._task.machine.parameters.limits
+        task, limits, kernels = self._task, self._task.machine.parameters.limits, self._task.machine.kernels
         row = empty_inputs(1)
+        for name in ("place", "limits", "motion"):
+            constants = lane_kernel(name, kernels.symmetric and name == "motion").of(kernels.model)
+            row[0, INPUTS[name].start : INPUTS[name].start + len(constants)] = constants
         row[0, INPUTS["x"]] = np.concatenate([self._pose, np.asarray(task.begin.velocity)])
-        side = set_machines(row, model.numbers, is_symmetric(model))
         if "singular pose" in task.stop_at:
-            row[0, INPUTS["side"]] = -1.0 if side[0] < 0 else 1.0
+            row[0, INPUTS["side"]] = self._side
         bounds = [*limits.travel, *limits.tilt]
         counted = np.repeat([kind in task.stop_at for kind in ("slider stop", "tilt limit")], 2)
         row[0, INPUTS["bound"]] = np.where(counted, bounds, row[0, INPUTS["bound"]])

@@ -63,7 +63,11 @@ class Task:
 
     def followed(self) -> Reference | None:
         """Return what the run should follow: what was given, else what the controller follows."""
+        own = getattr(self.controller, "motion", None)
+        motion = own if self.reference is None else self.reference
+        known = getattr(self.controller, "reference", None)
+        if isinstance(known, Reference) and known.motion is motion:
+            return known
         if self.reference is not None:
             return Reference(self.reference)
-        motion = getattr(self.controller, "motion", None)
-        return Reference(motion) if isinstance(motion, Motion) else None
+        return Reference(own) if isinstance(own, Motion) else None
