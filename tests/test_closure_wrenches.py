@@ -21,7 +21,8 @@ def chain(kind):
         for number in range(3):
             place = pin.SE3(pin.exp3(generator.normal(size=3)), 0.3 * generator.normal(size=3))
             joint = model.addJoint(joint, pin.JointModelSpherical(), place, f"{side}_{number}")
-        model.addFrame(pin.Frame(side, joint, pin.SE3.Random(), pin.FrameType.OP_FRAME))
+        tip = pin.SE3(pin.exp3(generator.normal(size=3)), 0.3 * generator.normal(size=3))
+        model.addFrame(pin.Frame(side, joint, tip, pin.FrameType.OP_FRAME))
     length = 0.7 if kind == "distance" else None
     return ClosedLoopModel(model, Sidecar((Closure("left", "right", kind, length),), ()))
 

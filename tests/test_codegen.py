@@ -380,7 +380,8 @@ def test_derivatives_by_finite_differences(library):
     model = library.prepare(machine)
     for q, v, a, w in zip(states.pose, states.velocity, states.acceleration, states.wrench, strict=True):
         forces, *by = library.call("inverse_dynamics_derivatives", model, q, v, a, w)
-        np.testing.assert_array_equal(forces, library.call("inverse_dynamics", model, q, v, a, w))
+        alone = library.call("inverse_dynamics", model, q, v, a, w)  # by shorter chains, in another order
+        np.testing.assert_allclose(forces, alone, rtol=0, atol=1e-14 * np.abs(alone).max())
         for k, axis in np.ndindex(3, 3):
             motion = [q, v, a]
 
@@ -587,6 +588,7 @@ def test_the_counts_are_those_of_the_code():
                 for line in code
                 if re.search(r" = .*( [-+*/] |(?<!e)-\w|\w\()", line) and "found[" not in line
             ]
+            done += 2 * [line for line in code if line.startswith("sine_cosine(")]
             added = [line for line in code if re.search(r"-= |\] = .* \+ added", line)]
             count = counts[routine.name]
             expected = count.general + count.friction if with_friction else count.machine
