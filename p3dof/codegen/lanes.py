@@ -7,7 +7,7 @@ from p3dof.compiled.lanes import OF_CONTROLLER, LaneKernel, all_lane_kernels
 from p3dof.tracing import Symbol
 from p3dof.tracing.cut import in_two
 
-IN_TWO = ("motion", "inverse")
+IN_TWO = ("motion", "motion_with_friction", "inverse")
 """What runs faster as two loops."""
 
 _ALONE = ("limits",)

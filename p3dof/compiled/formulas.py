@@ -178,15 +178,30 @@ def _inverse(tape: Tape, model: Model, rows: dict[str, Symbol]) -> list[Number]:
 
 
 def _inverse_with_friction(tape: Tape, model: Model, rows: dict[str, Symbol]) -> list[Number]:
-    return _inverse(tape, model, rows | _less_friction(tape, model, rows))
+    return _inverse(tape, model, rows | less_friction(tape, model, rows))
 
 
 def _forward_with_friction(tape: Tape, model: Model, rows: dict[str, Symbol]) -> list[Number]:
-    return _forward(tape, model, rows | _less_friction(tape, model, rows))
+    return _forward(tape, model, rows | less_friction(tape, model, rows))
 
 
-def _less_friction(tape: Tape, model: Model, rows: dict[str, Symbol]) -> dict[str, Symbol]:
-    """Return the wrench less what friction takes in y, z, θ."""
+def less_friction(tape: Tape, model: Model, rows: dict[str, Symbol]) -> dict[str, Symbol]:
+    """Return the wrench less what friction takes in y, z, θ.
+
+    Parameters
+    ----------
+    tape : Tape
+        Where the operations go.
+    model : Model
+        The machine.
+    rows : dict of str to Symbol
+        Pose, velocity and wrench of a sample, and the numbers of `FRICTION`.
+
+    Returns
+    -------
+    dict of str to Symbol
+        By names of `WRENCH`.
+    """
     x = reduced.shape(model, rows["y"], rows["theta"], tape)
     numbers = [rows[name] for name in FRICTION]
     count = len(numbers) // 2

@@ -14,8 +14,9 @@ import numpy as np
 from p3dof.algebra import Vector
 from p3dof.checks import FloatArray
 from p3dof.compiled import reduced
-from p3dof.compiled.formulas import ACCELERATION, FORCES, MODEL, POSE, VELOCITY, WRENCH, Kernel
+from p3dof.compiled.formulas import ACCELERATION, FORCES, MODEL, POSE, VELOCITY, WRENCH, Kernel, less_friction
 from p3dof.compiled.reduced import SYMMETRIC_ZEROS, Model, Shape, State
+from p3dof.compiled.reduced.friction import FRICTION
 from p3dof.tracing import Number, Symbol, Tape, derivatives
 from p3dof.tracing.divisions import in_pairs
 from p3dof.tracing.python import function_of
@@ -42,7 +43,8 @@ class LaneKernel(Kernel):
         Parameters
         ----------
         model : sequence of 27 ndarray, shape (count,)
-            The numbers of the machines, as in `Model.numbers`.
+            The numbers of the machines, as in `Model.numbers`; those of `FRICTION` after them where the
+            kernel has friction.
         count : int
             How many machines.
 
@@ -76,6 +78,11 @@ def _motion(tape: Tape, model: Model, rows: _Rows) -> list[Number]:
     x = reduced.shape(model, rows["y"], rows["theta"], tape)
     forces, wrench = tuple(rows[name] for name in FORCES), tuple(rows[name] for name in WRENCH)
     return list(reduced.forward_dynamics(model, x, _state(rows), forces, tape, wrench))  # type: ignore[arg-type]
+
+
+def _motion_with_friction(tape: Tape, model: Model, rows: _Rows) -> list[Number]:
+    """Return accelerations where joints have friction."""
+    return _motion(tape, model, rows | less_friction(tape, model, rows))
 
 
 def _assembly(tape: Tape, model: Model, rows: _Rows) -> list[Number]:
@@ -140,6 +147,7 @@ _FORMULAS: dict[str, tuple[Any, tuple[str, ...], tuple[str, ...]]] = {
     "place": (_place, _STATE, (*SLIDERS, *SPEEDS, *COSINES)),
     "limits": (_limits, _STATE, (*SLIDERS, *SPEEDS, *COSINES, *(f"{name}_rate" for name in COSINES))),
     "motion": (_motion, (*_STATE, *FORCES, *WRENCH), ACCELERATION),
+    "motion_with_friction": (_motion_with_friction, (*_STATE, *FORCES, *WRENCH), ACCELERATION),
     "assembly": (_assembly, SLIDERS, (*POSE, "drop")),
     "torque": (
         _torque,
@@ -150,8 +158,10 @@ _FORMULAS: dict[str, tuple[Any, tuple[str, ...], tuple[str, ...]]] = {
 }
 NAMES = tuple(_FORMULAS)
 """The kernels; those of the machine first."""
-OF_BODIES = ("motion", "inverse")
+OF_BODIES = ("motion", "motion_with_friction", "inverse")
 """Those that have a smaller form for symmetric bodies."""
+WITH_FRICTION = ("motion_with_friction",)
+"""Those whose constants are also of the friction."""
 OF_CONTROLLER = ("assembly", "torque", "inverse")
 """Those of a controller's model, the same in all lanes."""
 
@@ -176,10 +186,12 @@ def lane_kernel(name: str, symmetric: bool = False) -> LaneKernel:
     zeros: Sequence[str] = ("gx", "gy", *SYMMETRIC_ZEROS) if symmetric else ()
     tape = Tape()
     model = tuple(0 if number in zeros else tape.symbol(number, constant=True) for number in MODEL)
+    friction = tape.symbols(FRICTION, constant=True) if name in WITH_FRICTION else ()
     symbols = tape.symbols(inputs)
-    results = in_pairs(tape, formula(tape, Model.of_numbers(model), dict(zip(inputs, symbols, strict=True))))
+    rows = dict(zip((*inputs, *FRICTION), (*symbols, *friction), strict=False))
+    results = in_pairs(tape, formula(tape, Model.of_numbers(model), rows))
     full_name = f"lane_{name}" + ("_symmetric" if symmetric else "")
-    return LaneKernel(full_name, tape, model, inputs, outputs, symbols, tuple(results))
+    return LaneKernel(full_name, tape, (*model, *friction), inputs, outputs, symbols, tuple(results))
 
 
 def all_lane_kernels() -> list[LaneKernel]:

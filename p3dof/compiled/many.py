@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray
+from p3dof.compiled.formulas import MODEL
 from p3dof.compiled.kernels import _extension
 from p3dof.compiled.lanes import lane_kernel
 
 _SIZES = {
     "place": len(lane_kernel("place").constants),
     "limits": len(lane_kernel("limits").constants),
-    "motion": len(lane_kernel("motion").constants),
+    "motion": len(lane_kernel("motion_with_friction").constants),
     "load": 3,
     "bound": 4,
     "side": 1,
@@ -148,6 +149,7 @@ class Engine:
         noise: FloatArray | None = None,
         history: FloatArray | None = None,
         wide: bool = True,
+        friction: bool = False,
     ) -> None:
         """Run machines in time.
 
@@ -169,11 +171,14 @@ class Engine:
             Where to write the states on the way.
         wide : bool
             Many lanes at once; else one run after the other.
+        friction : bool
+            Whether their joints have friction, and their constants are those of that kernel.
         """
         flags = [int(self.flags.get(name, False)) for name in _FLAGS]
         late = self.whole > 0 or bool((self.changes == 2).any())
         ring = self.whole + 2 if late else 1
-        last = [int(self.flags.get("continuous", False)), int(symmetric), self.ticks, self.every, self.rows]
+        continuous = bool(self.flags.get("continuous", False))
+        last = [int(continuous), int(friction), int(symmetric), self.ticks, self.every, self.rows]
         settings = np.array([self.kind, *flags, self.whole, ring, *last], dtype=np.int64)
         numbers = np.array([self.tick, self.end, self.near, self.rtol, self.atol])
         model = self.model or (None, None, None)
@@ -213,8 +218,8 @@ def set_machines(rows: FloatArray, model: tuple[Any, ...], symmetric: bool) -> F
     ----------
     rows : ndarray, shape (R, INPUT_WIDTH)
         Where to write.
-    model : tuple of 27 numbers or ndarray, shape (R,)
-        As `Model.numbers`.
+    model : tuple of numbers or ndarray, shape (R,)
+        The 27 of `Model.numbers`; and those of `FRICTION` where joints have friction.
     symmetric : bool
         Whether all are symmetric.
 
@@ -224,10 +229,12 @@ def set_machines(rows: FloatArray, model: tuple[Any, ...], symmetric: bool) -> F
         Its sign is the side of the singular pose; NaN out of reach.
     """
     count, place = len(rows), lane_kernel("place")
-    constants = place.columns(model, count)
+    lengths_and_bodies = model[: len(MODEL)]
+    constants = place.columns(lengths_and_bodies, count)
     rows[:, INPUTS["place"]] = constants
-    rows[:, INPUTS["limits"]] = lane_kernel("limits").columns(model, count)
-    motion = lane_kernel("motion", symmetric).columns(model, count)
+    rows[:, INPUTS["limits"]] = lane_kernel("limits").columns(lengths_and_bodies, count)
+    name = "motion" if len(model) == len(MODEL) else "motion_with_friction"
+    motion = lane_kernel(name, symmetric).columns(model, count)
     start = INPUTS["motion"].start
     rows[:, start : start + motion.shape[1]] = motion
     with np.errstate(all="ignore"):

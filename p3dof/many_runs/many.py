@@ -14,7 +14,8 @@ from p3dof.compiled.kernels import NUMPY, MachineKernels
 from p3dof.compiled.many import HISTORY_WIDTH, RESULTS
 from p3dof.errors import InputError
 from p3dof.many_runs.columns import GAINS, RunColumns
-from p3dof.many_runs.plan import Task, engine_of, why_not
+from p3dof.many_runs.friction import CAREFULLY
+from p3dof.many_runs.plan import Task, why_not
 from p3dof.many_runs.results import ManyRuns, RunHistories
 from p3dof.many_runs.running import Batch, Machines
 from p3dof.many_runs.singly import run_singly
@@ -29,6 +30,9 @@ EQUAL_STEPS, CONTINUOUS, AT_HOME = Integration(scheme="rk4"), ControlLoop(), Ini
 
 _PER_STEP = 1e-7
 """About how long a step of a run takes in lanes [s]."""
+
+_CAREFUL = 1000
+"""As how many steps one counts that is gone carefully because of steep friction."""
 
 _LONGEST = 100_000_000
 """Most ticks of a run."""
@@ -57,8 +61,9 @@ def simulate_many(
 
     The runs go side by side through the compiled extension, by RK4 in equal steps of which one ends at every
     tick of the controller; where a run crosses a limit, or a leg is nearly horizontal, it goes on alone by
-    DOP853. No run depends on the others. Without the extension, with a controller written in Python, with
-    friction, or with ``Integration(scheme="dop853")``, runs are made one after the other by
+    DOP853. Where joints have friction, steps are as short as its time constant asks for. No run depends on
+    the others. Without the extension, with a controller written in Python, with a model with friction in
+    `ComputedTorque`, or with ``Integration(scheme="dop853")``, runs are made one after the other by
     `Manipulator.simulate`, which takes a thousand times as long; `ManyRuns.note` says so.
 
     Parameters
@@ -118,15 +123,16 @@ def simulate_many(
     if progress is not None and not callable(progress):
         raise InputError(f"progress: expected a function, got {shown(progress)}")
     kernels = MachineKernels(machine, level, threads)
-    reason = _reason(task, columns, machine, kernels.level)
-    _require_time(task, columns.count, reason is not None)
+    reason = "the extension is not used" if kernels.level == NUMPY else why_not(task)
     begun = clock.perf_counter()
     if reason is None:
-        engine, machines = engine_of(task, every), Machines.of(columns, machine)
-        batch = Batch(engine, task, columns, machines, kernels.level, kept, bool(lanes))
+        machines = Machines.of(columns, machine)
+        batch = Batch(every, task, columns, machines, kernels.level, kept, bool(lanes))
+        _require_time(task, batch.parts)
         found, states, interrupted = batch.run(kernels.threads, progress)
         note = f"lanes on {kernels.level}" if lanes else f"in C on {kernels.level}"
     else:
+        _require_time_singly(task, columns.count)
         found, states, interrupted = run_singly(task, columns, machine, kept, every, progress)
         note = f"one by one: {reason}"
     return _results(found, states, kept, columns, clock.perf_counter() - begun, interrupted, note)
@@ -179,21 +185,20 @@ def _check_gains(columns: RunColumns, controller: Any) -> None:
             raise InputError(f"runs: the column {name} is for a controller of the kind {whose}")
 
 
-def _reason(task: Task, columns: RunColumns, machine: Parameters, level: str) -> str | None:
-    if level == NUMPY:
-        return "the extension is not used"
-    names = () if columns.designs is None else tuple(columns.designs.columns)
-    return why_not(task, machine, names)
+def _require_time(task: Task, parts: NDArray[np.int64]) -> None:
+    """Raise if the runs would take too long, whose steps are cut into parts."""
+    each = task.duration * np.maximum(1 / task.tick, parts / task.step)
+    each[parts == CAREFULLY] = _CAREFUL * task.duration / task.step
+    steps = float(each.sum())
+    _require(task, Work(steps, steps * _PER_STEP))
 
 
-def _require_time(task: Task, count: int, singly: bool) -> None:
-    """Raise if the runs would take too long."""
-    steps = task.duration * max(1 / task.tick, 1 / task.step)
-    if singly:
-        one = estimate("compiled", task.duration, task.ticks, task.control.changes, task.tick)
-        work = Work(count * one.steps, count * one.seconds)
-    else:
-        work = Work(count * steps, count * steps * _PER_STEP)
+def _require_time_singly(task: Task, count: int) -> None:
+    one = estimate("compiled", task.duration, task.ticks, task.control.changes, task.tick)
+    _require(task, Work(count * one.steps, count * one.seconds))
+
+
+def _require(task: Task, work: Work) -> None:
     require_affordable(work, 1, task.integration.time_limit, "time_limit of Integration")
 
 

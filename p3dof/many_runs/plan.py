@@ -24,7 +24,6 @@ from p3dof.compiled.reduced import model_of
 from p3dof.methods.virtual_power import VirtualPowerMethod
 from p3dof.motion import Load, Motion, states_of
 from p3dof.motion.wrenches import WRENCH_ROWS, WrenchOverTime
-from p3dof.parameters import Parameters
 from p3dof.simulation import PD, ComputedTorque, ControlLoop, Feedforward, Integration, Reference, Springs
 
 NEAR = 0.2
@@ -58,6 +57,8 @@ class Task:
         Steps and tolerances.
     start : ndarray, shape (6,)
         Pose and velocity of runs without columns for these.
+    parts : int
+        Into how many each step is cut.
     """
 
     duration: float
@@ -68,6 +69,7 @@ class Task:
     stop_at: tuple[str, ...]
     integration: Integration
     start: FloatArray
+    parts: int = 1
 
     @property
     def continuous(self) -> bool:
@@ -86,7 +88,7 @@ class Task:
         """The longest step [s]."""
         drives = self.control.drives()
         quick = math.inf if drives is None else _OF_LAG / (2 * math.pi * float(drives[drives < np.inf].max()))
-        return min(self.integration.step, quick)
+        return min(self.integration.step, quick) / self.parts
 
     @property
     def boundaries(self) -> FloatArray:
@@ -106,17 +108,13 @@ class Task:
         return np.append(np.arange(self.ticks) * self.tick, self.duration)
 
 
-def why_not(task: Task, machine: Parameters, columns: tuple[str, ...]) -> str | None:
+def why_not(task: Task) -> str | None:
     """Return why the engine cannot do a task, None if it can.
 
     Parameters
     ----------
     task : Task
         What is asked.
-    machine : Parameters
-        What has no column.
-    columns : tuple of str
-        Of the machines.
     """
     controller, control = task.controller, task.control
     known = type(controller) in (PD, Feedforward, ComputedTorque, Springs)
@@ -124,8 +122,6 @@ def why_not(task: Task, machine: Parameters, columns: tuple[str, ...]) -> str | 
         "the controller is Python": callable(controller) and not known,
         "a model with friction in computed torque": type(controller) is ComputedTorque
         and bool(controller.model.friction),
-        "the joints have friction": bool(machine.friction)
-        or any(name.startswith("friction.") for name in columns),
         "drives that lag behind a continuous controller": control.rate is None
         and control.drives() is not None,
         f"forces later than {MOST_LATE} periods": control.lateness[0] > MOST_LATE,
@@ -135,8 +131,8 @@ def why_not(task: Task, machine: Parameters, columns: tuple[str, ...]) -> str | 
     return next((reason for reason, holds in reasons.items() if holds), None)
 
 
-def engine_of(task: Task, every: int) -> Engine:
-    """Return the engine of a task."""
+def engine_of(task: Task, every: int, near: float = NEAR) -> Engine:
+    """Return the engine of a task, in which runs go on carefully that hang down less than this share."""
     lengths, changes = _steps(task)
     control, controller = task.control, task.controller
     model: tuple[FloatArray, ...] = ()
@@ -159,7 +155,7 @@ def engine_of(task: Task, every: int) -> Engine:
         end=task.duration,
         lengths=lengths,
         changes=changes,
-        near=NEAR,
+        near=near,
         rtol=task.integration.rtol,
         atol=task.integration.atol,
         kind=TORQUE if model else FEEDBACK,

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import islice
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +23,11 @@ from p3dof.compiled.many import (
     set_machines,
 )
 from p3dof.compiled.reduced import SYMMETRIC_ZEROS, model_of
+from p3dof.compiled.reduced.friction import friction_numbers
 from p3dof.designs.folding import folding_of
 from p3dof.many_runs.columns import SEED, START, RunColumns
-from p3dof.many_runs.plan import Task, fill
+from p3dof.many_runs.friction import CAREFULLY, have_friction, parts_of_steps
+from p3dof.many_runs.plan import NEAR, Task, engine_of, fill
 from p3dof.many_runs.stops import NOT_RUN
 from p3dof.parameters import Parameters
 
@@ -40,12 +43,12 @@ _LONG = 4_000_000
 
 @dataclass(frozen=True, eq=False)
 class Machines:
-    """The machines of runs: 27 numbers each, and their limits.
+    """The machines of runs: 27 numbers each, those of friction where any has some, and their limits.
 
     Parameters
     ----------
     model : tuple
-        As `Model.numbers`: each a number, or a column (R,).
+        As `Model.numbers`, and `FRICTION` after them: each a number, or a column (R,).
     travel, tilt : tuple of two
         Limits, each a number or a column [m, rad].
     force : float or ndarray
@@ -62,11 +65,12 @@ class Machines:
         """Return those of columns."""
         limits = machine.limits
         if columns.designs is None:
-            return cls(model_of(machine).numbers, limits.travel, limits.tilt, limits.force)
+            friction = friction_numbers(machine.friction) if machine.friction else []
+            return cls((*model_of(machine).numbers, *friction), limits.travel, limits.tilt, limits.force)
         designs = columns.designs
         folding = folding_of(tuple(designs.columns), designs.machine, designs.bodies)
         given = {name: np.ravel(column) for name, column in designs.columns.items()}
-        folded = folding.fold(given).numbers[:27]
+        folded = folding.fold(given).numbers
 
         def limit(name: str, own: float) -> Any:
             return given.get(f"limits.{name}", own)
@@ -82,10 +86,19 @@ class Machines:
         """Return which machines the smaller kernels serve, (R,)."""
         zeros = ("gx", "gy", *SYMMETRIC_ZEROS)
         found = np.ones(count, dtype=bool)
-        for name, number in zip(MODEL, self.model, strict=True):
+        for name, number in zip(MODEL, self.model[: len(MODEL)], strict=True):
             if name in zeros:
                 found &= np.broadcast_to(np.asarray(number) == 0, count)
         return found
+
+
+class _Form(NamedTuple):
+    """What the runs of a block have in common: the kernels, histories or none, steps."""
+
+    symmetric: bool
+    keep: bool
+    friction: bool
+    parts: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +107,8 @@ class Batch:
 
     Parameters
     ----------
-    engine : Engine
-        What they share.
+    every : int
+        A row of a history every so many ticks.
     task : Task
         What is asked of every one.
     columns : RunColumns
@@ -110,13 +123,34 @@ class Batch:
         Side by side; else one after the other.
     """
 
-    engine: Engine
+    every: int
     task: Task
     columns: RunColumns
     machines: Machines
     level: str
     kept: NDArray[np.int64]
     lanes: bool = True
+
+    @cached_property
+    def parts(self) -> NDArray[np.int64]:
+        """Into how many parts the steps of each run are cut, (R,); `CAREFULLY` for DOP853."""
+        own, start = self.columns.own, self.task.start
+        y, theta = own.get("start.y", start[0]), own.get("start.theta", start[2])
+        return parts_of_steps(self.task, self.machines.model, y, theta, self.columns.count)
+
+    @cached_property
+    def engines(self) -> dict[int, Engine]:
+        """What runs share, by these parts."""
+        found = {}
+        for parts in {1, *self.parts.tolist()}:
+            near = np.inf if parts == CAREFULLY else NEAR
+            found[parts] = engine_of(replace(self.task, parts=max(parts, 1)), self.every, near)
+        return found
+
+    @property
+    def engine(self) -> Engine:
+        """That with whole steps."""
+        return self.engines[1]
 
     def run(self, threads: int, progress: Progress | None) -> tuple[FloatArray, FloatArray | None, bool]:
         """Run all; return the results (R, RESULT_WIDTH), the histories, and whether it was interrupted."""
@@ -127,8 +161,8 @@ class Batch:
         histories = np.full(shape, np.nan) if len(self.kept) else None
         cancel = np.zeros(1, np.int64)
 
-        def work(runs: NDArray[np.int64], symmetric: bool, keep: bool) -> int:
-            found, history = self._block(runs, symmetric, keep, cancel)
+        def work(runs: NDArray[np.int64], form: _Form) -> int:
+            found, history = self._block(runs, form, cancel)
             done = np.isfinite(found[:, 0])
             results[runs[done]] = found[done]
             if history is not None and histories is not None:
@@ -140,34 +174,39 @@ class Batch:
         interrupted = _on_threads(jobs, threads, cancel, made, count, progress)
         return results, histories, interrupted
 
-    def _blocks(self) -> Iterator[tuple[NDArray[np.int64], bool, bool]]:
-        """Yield the runs of each block, whether they are symmetric, and whether their histories are kept."""
+    def _blocks(self) -> Iterator[tuple[NDArray[np.int64], _Form]]:
+        """Yield the runs of each block, and what they have in common."""
         count = self.columns.count
         wanted = self.columns.status == NOT_RUN
-        symmetric, keep = self.machines.symmetric(count), np.zeros(count, dtype=bool)
+        keep = np.zeros(count, dtype=bool)
         keep[self.kept] = True
+        rough = have_friction(self.machines.model, count)
+        forms = np.column_stack([~self.machines.symmetric(count), keep, rough, self.parts])
         ticks = self.engine.ticks
-        for form in (True, False):
-            for kept in (False, True):
-                runs = np.flatnonzero(wanted & (symmetric == form) & (keep == kept))
-                room = (6 * ticks if self.task.control.noise else 0) + (
-                    self.engine.rows * HISTORY_WIDTH if kept else 0
-                )
-                size = max(1, min(BLOCK, _NUMBERS // max(room, 1), max(32, _LONG // ticks)))
-                for start in range(0, len(runs), size):
-                    yield runs[start : start + size], form, kept
+        for row in np.unique(forms[wanted], axis=0):
+            runs = np.flatnonzero(wanted & (forms == row).all(axis=1))
+            form = _Form(not row[0], bool(row[1]), bool(row[2]), int(row[3]))
+            room = (6 * ticks if self.task.control.noise else 0) + (
+                self.engine.rows * HISTORY_WIDTH if form.keep else 0
+            )
+            long = _LONG // (ticks * max(form.parts, 1))
+            size = max(1, min(BLOCK, _NUMBERS // max(room, 1), max(32, long)))
+            for start in range(0, len(runs), size):
+                yield runs[start : start + size], form
 
     def _block(
-        self, runs: NDArray[np.int64], symmetric: bool, keep: bool, cancel: NDArray[np.int64]
+        self, runs: NDArray[np.int64], form: _Form, cancel: NDArray[np.int64]
     ) -> tuple[FloatArray, FloatArray | None]:
-        rows = self._rows(runs, symmetric)
+        rows, engine = self._rows(runs, form), self.engines[form.parts]
         results = np.full((len(runs), RESULT_WIDTH), np.nan)
-        history = np.full((len(runs), self.engine.rows, HISTORY_WIDTH), np.nan) if keep else None
+        history = np.full((len(runs), engine.rows, HISTORY_WIDTH), np.nan) if form.keep else None
         noise = self._noise(runs)
-        self.engine.run(self.level, symmetric, rows, results, cancel, noise, history, self.lanes)
+        engine.run(
+            self.level, form.symmetric, rows, results, cancel, noise, history, self.lanes, form.friction
+        )
         return results, history
 
-    def _rows(self, runs: NDArray[np.int64], symmetric: bool) -> FloatArray:
+    def _rows(self, runs: NDArray[np.int64], form: _Form) -> FloatArray:
         own = {name: column[runs] for name, column in self.columns.own.items()}
         rows, m, count = empty_inputs(len(runs)), self.machines, self.columns.count
         for k, name in enumerate(START):
@@ -176,7 +215,8 @@ class Batch:
         def of(value: Any) -> Any:
             return value[runs] if np.ndim(value) and len(value) == count else value
 
-        side = set_machines(rows, tuple(of(number) for number in m.model), symmetric)
+        model = m.model if form.friction else m.model[: len(MODEL)]
+        side = set_machines(rows, tuple(of(number) for number in model), form.symmetric)
         kinds = self.task.stop_at
         if "singular pose" in kinds:
             rows[:, INPUTS["side"].start] = np.where(side < 0, -1.0, 1.0)

@@ -23,6 +23,7 @@ typedef struct {
     ControlPath path;
     int continuous; /* feedback at every evaluation instead of at ticks */
     int symmetric;
+    int friction; /* of the joints */
     ptrdiff_t ticks, every, rows; /* of a run; a row of the history every so many; rows of a history */
     int steps;                    /* of a tick */
     const double *length;         /* of each step [s] */
@@ -40,7 +41,7 @@ typedef struct {
     /* What is given, a row of `inputs`. */
     double place[lane_place_constants][P3DOF_LANES];
     double limits[lane_limits_constants][P3DOF_LANES];
-    double motion[lane_motion_constants][P3DOF_LANES];
+    double motion[lane_motion_with_friction_constants][P3DOF_LANES]; /* fewer without friction */
     double load[3][P3DOF_LANES];
     double bound[4][P3DOF_LANES]; /* travel, tilt; infinite if they do not count */
     double side[1][P3DOF_LANES];  /* 1 or -1: the side of the singular pose to stay on; 0 for any */
@@ -77,7 +78,11 @@ static P3DOF_INLINE P3DOF_TARGET void P3DOF_LANE(accelerate)(const Batch *b, con
                                                              const double (*given)[P3DOF_LANES],
                                                              double (*found)[P3DOF_LANES])
 {
-    if (b->symmetric)
+    if (b->friction && b->symmetric)
+        P3DOF_LANE(lane_motion_with_friction_symmetric)((P3DOF_LANE(Rows))m->motion, given, found);
+    else if (b->friction)
+        P3DOF_LANE(lane_motion_with_friction)((P3DOF_LANE(Rows))m->motion, given, found);
+    else if (b->symmetric)
         P3DOF_LANE(lane_motion_symmetric)((P3DOF_LANE(Rows))m->motion, given, found);
     else
         P3DOF_LANE(lane_motion)((P3DOF_LANE(Rows))m->motion, given, found);
