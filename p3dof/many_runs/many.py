@@ -126,6 +126,7 @@ def simulate_many(
     reason = "the extension is not used" if kernels.level == NUMPY else why_not(task)
     begun = clock.perf_counter()
     if reason is None:
+        _require_time(task, np.ones(1, np.int64), columns.count)  # before any column is filled
         machines = Machines.of(columns, machine)
         batch = Batch(every, task, columns, machines, kernels.level, kept, bool(lanes))
         _require_time(task, batch.parts)
@@ -185,11 +186,11 @@ def _check_gains(columns: RunColumns, controller: Any) -> None:
             raise InputError(f"runs: the column {name} is for a controller of the kind {whose}")
 
 
-def _require_time(task: Task, parts: NDArray[np.int64]) -> None:
+def _require_time(task: Task, parts: NDArray[np.int64], times: int = 1) -> None:
     """Raise if the runs would take too long, whose steps are cut into parts."""
     each = task.duration * np.maximum(1 / task.tick, parts / task.step)
     each[parts == CAREFULLY] = _CAREFUL * task.duration / task.step
-    steps = float(each.sum())
+    steps = times * float(each.sum())
     _require(task, Work(steps, steps * _PER_STEP))
 
 
