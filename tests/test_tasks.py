@@ -259,7 +259,7 @@ def test_a_step_of_load_is_a_step_of_force(robot, plan):
 
 
 def test_out_of_reach_is_an_error_of_the_machine(robot):
-    with pytest.raises(ReachError):
+    with pytest.raises(ReachError, match=r"^waypoint 1 → waypoint 2: pose \(y = "):
         forces_of_task(robot, over([([0, 0, 0],), ([0.5, 0, 0],)]).plan(1.0))
 
 

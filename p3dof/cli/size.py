@@ -82,9 +82,10 @@ def size(
     leg, rating = best.worst
     verdict = "fits" if best.fits else "comes nearest, but does not fit"
     when = "over the cycle" if math.isnan(rating.time) else found.piece_at(rating.time).name
+    share = f"{rating.share:.0%}" if rating.share < math.inf else "beyond its end"
     print_plain(
         console,
-        f"{best.drives[0].name} {verdict}: {rating.name} of {leg} is used to {rating.share:.0%}, {when}",
+        f"{best.drives[0].name} {verdict}: {rating.name} of {leg} is used to {share}, {when}",
     )
     show(console, ranking_table(ranked, top), notes=True)
     show(console, axes_table(best), ratings_table(best, lambda time: found.piece_at(time).name), notes=True)

@@ -34,7 +34,7 @@ def ranking_table(found: Sequence[Sizing], most: int = 10) -> Table:
     rows: list[tuple[str, ...]] = []
     for sizing in found[:most]:
         leg, rating = sizing.worst
-        axes = [f"{axis.worst.share:.0%}" for axis in sizing.axes]
+        axes = [_share(axis.worst.share) for axis in sizing.axes]
         fits = "yes" if sizing.fits else "no"
         name = sizing.drives[0].name
         rows.append((name, fits, f"{rating.name} of {leg}", *axes, number(sizing.bus_peak_power)))
@@ -99,7 +99,7 @@ def ratings_table(sizing: Sizing, where: Callable[[float], str] | None = None) -
             whole = math.isnan(rating.time)
             place = "over the cycle" if whole else ("" if where is None else where(rating.time))
             name = f"{leg}: {rating.name}" + (f" [{rating.unit}]" if rating.unit else "")
-            share = f"{rating.share:.1%}" if rating.share < math.inf else "beyond"
+            share = _share(rating.share, 1)
             values = number(rating.required), number(rating.allowed)
             rows[name] = (*values, share, NONE if whole else number(rating.time), place)
     header = ("rating", "required", "allowed", "used", "at t [s]", "on the way")
@@ -113,6 +113,11 @@ def sizing_html(sizing: Sizing) -> str:
     fit = "fits" if sizing.fits else "does not fit"
     facts = f"{fit}: {rating.name} of {leg} is used to {rating.share:.0%}"
     return notebook_html("Drives", facts, [axes_table(sizing), ratings_table(sizing)])
+
+
+def _share(share: float, decimals: int = 0) -> str:
+    """Return a share in percent; a word where nothing is allowed, as a torque at too high a speed."""
+    return f"{share:.{decimals}%}" if share < math.inf else "beyond"
 
 
 def _range(ends: tuple[float, float]) -> str:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
-from p3dof.errors import FileError
+from p3dof.errors import FileError, P3dofError
 from p3dof.files import temporary
 from p3dof.files.reading import called, reason
 
@@ -256,7 +256,7 @@ def _named(path: str | os.PathLike[str]) -> Iterator[None]:
     name = called(path)
     try:
         yield
-    except FileError:
+    except P3dofError:  # it has its own words, such as of the input that is read on the way
         raise
     except (OSError, ValueError, RuntimeError) as error:
         raise FileError(f"{name}: cannot be written ({reason(error)})") from error

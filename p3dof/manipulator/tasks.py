@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from p3dof.checks import FloatArray, Progress, shown
-from p3dof.errors import InputError
+from p3dof.errors import InputError, SampleError
 from p3dof.files import write_table
 from p3dof.manipulator.facade import Manipulator
 from p3dof.methods import InverseDynamics
@@ -185,7 +185,11 @@ def forces_of_task(
             if key not in laden:
                 laden[key] = Manipulator(robot.parameters.carrying(piece.payload))
             machine = laden[key]
-        results.append(machine.inverse_dynamics(piece.motion, method=method, wrench=piece.wrench))
+        try:
+            results.append(machine.inverse_dynamics(piece.motion, method=method, wrench=piece.wrench))
+        except SampleError as error:
+            error.args = (f"{piece.name}: {error}", *error.args[1:])
+            raise
         if progress is not None:
             progress(done, len(plan.pieces))
     return TaskForces(plan, tuple(results))
