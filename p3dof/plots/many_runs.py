@@ -47,6 +47,7 @@ def many_runs_figure(runs: ManyRuns) -> Figure:
         _histogram(axes[1, k], runs.peak_force[good, k], f"largest force of {LEGS[k]} [N]")
     axes[0, 0].set_ylabel("runs")
     axes[1, 0].set_ylabel("runs")
+    axes[0, 0].legend(loc="upper left", frameon=False, fontsize=8)
     return figure
 
 
@@ -54,6 +55,7 @@ def _histogram(axis: Any, values: FloatArray, label: str) -> None:
     finite = values[np.isfinite(values)]
     axis.hist(finite, bins=40, color="#0072b2")
     if len(finite):
-        axis.axvline(np.quantile(finite, 0.95), color="#d55e00", lw=1.2)
+        axis.axvline(np.quantile(finite, 0.95), color="#d55e00", lw=1.2, label="95 % below")
     axis.set_xlabel(label)
+    axis.set_axisbelow(True)
     tidy(axis)
