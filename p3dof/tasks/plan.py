@@ -204,24 +204,20 @@ def _spans(
     waypoints: Sequence[Waypoint], carrying: Body | None, stretches: Sequence[Stretch]
 ) -> Iterator[_Span]:
     """Go through a task: dwells at stops, and ways from waypoint to waypoint."""
-    none, time = np.zeros(6), 0.0
+    none, time, carried = np.zeros(6), 0.0, payloads(waypoints, carrying)
     for stretch in (None, *stretches):
         if stretch is not None:
             passed = stretch.law.when(stretch.path.at_waypoints)
             for k in range(stretch.first, stretch.last):
                 begin, end = time + passed[k - stretch.first : k - stretch.first + 2]
-                yield _Span(k, k + 1, float(begin), float(end), carrying, waypoints[k + 1].wrench)
+                yield _Span(k, k + 1, float(begin), float(end), carried[k + 1], waypoints[k + 1].wrench)
             time = float(time + passed[-1])
         stop = 0 if stretch is None else stretch.last
         point = waypoints[stop]
-        exchanged = point.put_down and point.pick_up is not None
-        carrying = None if exchanged else carrying
-        carrying = carrying if point.pick_up is None else point.pick_up
         if point.dwell > 0:
-            yield _Span(stop, stop, time, time + point.dwell, carrying, none)
+            here = carried[stop] if point.pick_up is None else point.pick_up
+            yield _Span(stop, stop, time, time + point.dwell, here, none)
             time += point.dwell
-        if point.put_down and not exchanged:
-            carrying = None
 
 
 def _begun(waypoints: Sequence[Waypoint], stretches: Sequence[Stretch]) -> Iterator[tuple[float, Stretch]]:
