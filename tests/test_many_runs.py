@@ -1,12 +1,14 @@
 """Many runs at once: each is that of `simulate`, depends on no other, and says why it ended."""
 
 import csv
+import re
 import signal
 import threading
 import time
 
 import numpy as np
 import pytest
+from documents import ROOT
 
 import p3dof
 from p3dof import (
@@ -23,7 +25,7 @@ from p3dof import (
 from p3dof.cli import main
 from p3dof.compiled import levels
 from p3dof.errors import InputError
-from p3dof.many_runs import figures_table, running, stops_table
+from p3dof.many_runs import figures_table, kind_of, running, stop_codes, stops_table
 
 ROBOT = p3dof.load()
 MOTION = p3dof.paper_motion(1001).from_rest(0.2)
@@ -265,8 +267,13 @@ def test_runs_that_cannot_be_have_a_reason_and_leave_the_others():
     many = ROBOT.simulate_many(0.02, given, **loop)
     words = [many.reason(i) for i in range(12)]
     assert [word.split(":")[0] for word in words[1:10]] == [
-        "columns", "start", "start", "columns", "columns", "machine", "machine", "columns", "machine",
+        "not a number", "impossible start", "impossible start", "bad gain or seed", "bad gain or seed",
+        "impossible machine", "impossible machine", "not a number", "not a number",
     ]  # fmt: skip
+    assert words[1] == "not a number: start.y is nan"
+    assert words[4] == "bad gain or seed: controller.frequency is -5"
+    assert words[8] == "not a number: wrench.fy is inf"
+    assert words[9] == "not a number: geometry.L is nan"
     assert "out of reach" in words[2]
     assert "beyond a limit" in words[3]
     assert many.finished.tolist() == [True] + [False] * 9 + [True] * 2
@@ -362,11 +369,16 @@ def test_results_are_columns_files_and_tables(tmp_path):
     many = ROBOT.simulate_many(0.05, columns(20), controller=PD(PAPER, MOTION), control=AT_1_KHZ, histories=2)
     found = many.columns()
     assert list(found)[:3] == ["start.y", "start.z", "start.theta"]
-    assert {"stop", "end [s]", "peak_error theta [rad]", "rms_force B [N]", "work [J]"} <= set(found)
+    assert {"stop", "reason", "end [s]", "peak_error theta [rad]", "rms_force B [N]", "work [J]"} <= set(
+        found
+    )
     with many.save(tmp_path / "runs.csv").open(newline="", encoding="utf-8") as file:
         read = list(csv.DictReader(file))
     assert [float(row["peak_force A [N]"]) for row in read] == many.peak_force[:, 0].tolist()
+    assert {row["stop"] for row in read} == {"finished"}
+    assert {row["reason"] for row in read} == {"it went on to its end"}
     with np.load(many.save(tmp_path / "runs.npz")) as arrays:
+        assert set(arrays["stop"]) == {"finished"}
         assert np.array_equal(arrays["history pose"], many.histories.pose)
     with pytest.raises(InputError, match=r"runs\.txt"):
         many.save(tmp_path / "runs.txt")
@@ -374,6 +386,16 @@ def test_results_are_columns_files_and_tables(tmp_path):
     assert "largest force A [N]" in many._repr_html_()
     assert stops_table(many).rows == (("finished", "20", "100 %"),)
     assert len(figures_table(many).rows) == 7
+
+
+def test_the_page_explains_every_reason():
+    page = (ROOT / "docs/how-to/many-runs.md").read_text("utf-8")
+    told = {}
+    for kind, number in re.findall(r"^\| ([a-z ]+) \|.*\| ([-\d,; to]+) \|$", page, re.MULTILINE):
+        for part in re.split("[,;]", number):
+            first, _, last = part.partition(" to ")
+            told |= dict.fromkeys(range(int(first), int(last or first) + 1), kind)
+    assert told == {code: kind_of(code) for code in stop_codes()}
 
 
 @compiled
@@ -416,12 +438,18 @@ def test_a_deliberate_error_would_be_seen(monkeypatch):
 @compiled
 def test_the_command_line_reads_runs_and_writes_figures(tmp_path, capsys):
     table, out = tmp_path / "runs.csv", tmp_path / "found.csv"
-    table.write_text("L [mm],platform.mass,frequency,seed\n500,2.0,5,1\n501,2.5,6,2\n500,nan,5,3\n", "utf-8")
+    rows = ("500,2.0,5,1", "501,2.5,6,2", "500,nan,5,3", "500,2,-1,4", "5,2,5,5", "6,2,5,6", "7,2,5,7")
+    table.write_text("\n".join(("L [mm],platform.mass,frequency,seed", *rows)), "utf-8")
     arguments = ["runs", str(table), "--noise", "1e-6", "1e-4", "--duration", "0.05", "--out", str(out)]
     assert main(arguments) == 1
     text = capsys.readouterr().out
     assert "finished" in text
-    assert "run 3: machine: a number is not finite" in text
+    assert [line for line in text.splitlines() if line.startswith("run ")] == [
+        "run 3: not a number: bodies.platform.mass is nan",
+        "run 4: bad gain or seed: controller.frequency is -1",
+        "run 5: impossible machine: no geometry: 0 < r < R, L > R - r >= 1e-6 L and b > 0 do not hold "
+        "(and 2 more runs)",
+    ]
     with out.open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     machine = p3dof.load(p3dof.Designs({"L [mm]": [501.0], "platform.mass": [2.5]})[0])
@@ -435,7 +463,10 @@ def test_the_command_line_reads_runs_and_writes_figures(tmp_path, capsys):
         samples=51,
     )
     assert float(rows[1]["peak_force A [N]"]) == pytest.approx(np.abs(run.forces[:, 0]).max(), rel=1e-8)
-    assert [row["stop"] for row in rows[:2]] == ["-1", "-1"]
+    assert [row["stop"] for row in rows[1:5]] == [
+        "finished", "not a number", "bad gain or seed", "impossible machine",
+    ]  # fmt: skip
+    assert rows[4]["reason"].startswith("no geometry: ")
     two = tmp_path / "two.csv"
     two.write_text("frequency\n5\n6\n", "utf-8")
     assert main(["runs", str(two), "--duration", "0.01"]) == 0

@@ -16,7 +16,7 @@ from p3dof.cli.output import print_plain, print_warnings, progress_bar, show
 from p3dof.cli.payloads import print_payloads
 from p3dof.cli.simulate import CONTROLLERS, natural_ramp
 from p3dof.errors import InputError
-from p3dof.many_runs import figures_table, read_runs, stops_table
+from p3dof.many_runs import failures, figures_table, read_runs, stops_table
 from p3dof.simulation import TIME_LIMIT, InitialState, Integration
 
 
@@ -105,8 +105,7 @@ def runs(
     show(console, stops_table(found), figures_table(found))
     notes = [found.note] if found.note.startswith("one by one") else []
     notes += ["interrupted: the runs that were done are kept"] if found.interrupted else []
-    first = np.flatnonzero(found.done & ~found.finished)[:1].tolist()
-    print_warnings(console, [*notes, *(f"run {k + 1}: {found.reason(k)}" for k in first)])
+    print_warnings(console, [*notes, *failures(found, first=1)])
     if written is not None:
         print_plain(console, f"wrote {written}")
     return 0 if found.finished.all() else 1

@@ -6,14 +6,17 @@ import csv
 import io
 import os
 from pathlib import Path
+from typing import Any
 
-from p3dof.checks import FloatArray
+import numpy as np
+from numpy.typing import NDArray
+
 from p3dof.files.kinds import suffix_of
 from p3dof.files.writing import write_atomic
 
 
-def write_table(path: str | os.PathLike[str], header: list[str], columns: tuple[FloatArray, ...]) -> Path:
-    """Write columns of numbers to a CSV file that reads back to the same bits.
+def write_table(path: str | os.PathLike[str], header: list[str], columns: tuple[NDArray[Any], ...]) -> Path:
+    """Write columns of numbers, or of text, to a CSV file that reads back to the same bits.
 
     Parameters
     ----------
@@ -40,5 +43,11 @@ def write_table(path: str | os.PathLike[str], header: list[str], columns: tuple[
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(header)
-    writer.writerows([f"{value:.17g}" for value in row] for row in zip(*columns, strict=True))
+    texts = [column.dtype.kind == "U" for column in columns]
+    lists = [
+        np.asarray(column, None if text else float).tolist()
+        for column, text in zip(columns, texts, strict=True)
+    ]
+    for row in zip(*lists, strict=True):
+        writer.writerow(value if text else f"{value:.17g}" for value, text in zip(row, texts, strict=True))
     return write_atomic(path, text.getvalue())

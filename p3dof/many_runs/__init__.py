@@ -9,14 +9,19 @@
 from p3dof.many_runs.files import read_runs
 from p3dof.many_runs.many import EQUAL_STEPS, simulate_many
 from p3dof.many_runs.results import ManyRuns, RunHistories
-from p3dof.many_runs.tables import figures_table, stops_table
+from p3dof.many_runs.stops import kind_of, reason_of, stop_codes
+from p3dof.many_runs.tables import failures, figures_table, stops_table
 
 __all__ = [
     "EQUAL_STEPS",
     "ManyRuns",
     "RunHistories",
+    "failures",
     "figures_table",
+    "kind_of",
     "read_runs",
+    "reason_of",
     "simulate_many",
+    "stop_codes",
     "stops_table",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -109,16 +109,9 @@ class RunColumns:
         """Which runs cannot be made, and why, (R,); `NOT_RUN` for those that can."""
         status = np.full(self.count, NOT_RUN, np.int16)
         for name, column in self.own.items():
-            endless = name == "controller.integral_time"
-            finite = np.isfinite(column) | (endless & (column == np.inf))
-            if name == SEED:
-                possible = (column >= 0) & (column == np.rint(column)) & (column < 2.0**63)
-            elif name in GAINS:
-                possible = column >= 0 if name == "controller.stiffness" else column > 0
-            else:
-                possible = np.ones(self.count, dtype=bool)
-            status[~possible] = BAD_COLUMN
-            status[~finite] = NOT_FINITE
+            status[~_possible(name, column)] = BAD_COLUMN
+        for name, column in self.own.items():
+            status[~_finite(name, column)] = NOT_FINITE
         if self.designs is not None:
             found = status_of(self.designs)
             bad = np.broadcast_to(found != DesignStatus.FEASIBLE, self.count)
@@ -139,6 +132,44 @@ class RunColumns:
         if self.designs is None:
             return otherwise
         return self.designs[run if len(self.designs) > 1 else 0]
+
+
+def _finite(name: str, column: Any) -> Any:
+    """Return where a column holds numbers; infinity is one where nothing is integrated."""
+    return np.isfinite(column) | ((name == "controller.integral_time") & (column == np.inf))
+
+
+def _possible(name: str, column: Any) -> Any:
+    """Return where a gain or a seed is one that can be."""
+    if name == SEED:
+        return (column >= 0) & (column == np.rint(column)) & (column < 2.0**63)
+    if name in GAINS:
+        return column >= 0 if name == "controller.stiffness" else column > 0
+    return np.ones(np.shape(column), dtype=bool)
+
+
+def faults(columns: Mapping[str, FloatArray], run: int, stop: int) -> str:
+    """Return which columns are the reason that a run was not made; empty where that is none of them alone.
+
+    Parameters
+    ----------
+    columns : mapping of str to ndarray, shape (R,)
+        By their full names.
+    run : int
+        Which run.
+    stop : int
+        Why it was not made.
+
+    Returns
+    -------
+    str
+        Such as ``"geometry.L is nan"``.
+    """
+    fits = {NOT_FINITE: _finite, DESIGN + DesignStatus.NOT_FINITE: _finite, BAD_COLUMN: _possible}.get(stop)
+    if fits is None:
+        return ""
+    numbers = {name: column[run] for name, column in columns.items()}
+    return ", ".join(f"{name} is {number:.15g}" for name, number in numbers.items() if not fits(name, number))
 
 
 def _own(header: object) -> tuple[str | None, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray
+from p3dof.compiled.many import START
 from p3dof.errors import InputError, MissingExtraError
 from p3dof.files import pack_arrays, suffix_of, write_atomic, write_table
+from p3dof.many_runs.columns import faults
 from p3dof.many_runs.stops import FINISHED, NOT_RUN, kind_of, reason_of
 from p3dof.parameters import LEGS
 from p3dof.tables import ShownInNotebook
@@ -53,7 +56,7 @@ class ManyRuns(ShownInNotebook):
     Parameters
     ----------
     stop : ndarray of int16, shape (R,)
-        Why it ended: -1 finished; `reason` says the others in words.
+        Why it ended: -1 finished; `reason` and `p3dof.many_runs.reason_of` say the others in words.
     time : ndarray, shape (R,)
         When it ended [s].
     pose, velocity : ndarray, shape (R, 3)
@@ -121,15 +124,25 @@ class ManyRuns(ShownInNotebook):
         return dict(found.most_common())
 
     def reason(self, run: int) -> str:
-        """Return in words why a run ended, and when."""
+        """Return in words why a run ended, and when; or which of its columns cannot be."""
         stop = int(self.stop[run])
-        when = f" at t = {self.time[run]:.6g} s" if 0 <= stop < 14 else ""
-        return reason_of(stop).replace(":", f"{when}:", 1)
+        when = f" at t = {self.time[run]:.6g} s" if 0 <= stop < START else ""
+        bad = faults(self.given, run, stop)
+        return f"{kind_of(stop)}: {bad}" if bad else reason_of(stop).replace(":", f"{when}:", 1)
+
+    def _words(self, of: Callable[[int], str]) -> NDArray[Any]:
+        codes, where = np.unique(self.stop, return_inverse=True)
+        return np.array([of(code) for code in codes.tolist()])[where]
 
     def columns(self) -> dict[str, NDArray[Any]]:
-        """Return the columns of the runs and all figures, (R,) each; the names hold the units."""
+        """Return the columns of the runs and all figures, (R,) each; the names hold the units.
+
+        ``stop`` is the kind of reason for which a run ended, as of `counts`, and ``reason`` tells more.
+        """
         found: dict[str, NDArray[Any]] = dict(self.given)
-        found["stop"], found["end [s]"] = self.stop, self.time
+        found["stop"] = self._words(kind_of)
+        found["reason"] = self._words(lambda code: reason_of(code).partition(": ")[2])
+        found["end [s]"] = self.time
         for k, (axis, unit) in enumerate(_AXES):
             found[f"{axis} [{unit}]"] = self.pose[:, k]
             found[f"{axis}dot [{unit}/s]"] = self.velocity[:, k]
@@ -162,7 +175,7 @@ class ManyRuns(ShownInNotebook):
         """
         columns = self.columns()
         if suffix_of(path, "run") == ".csv":
-            return write_table(path, list(columns), tuple(np.asarray(c, float) for c in columns.values()))
+            return write_table(path, list(columns), tuple(columns.values()))
         arrays = {name.replace("/", " per "): np.asarray(column) for name, column in columns.items()}
         if self.histories is not None:
             arrays |= {f"history {name}": values for name, values in vars(self.histories).items()}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from p3dof.many_runs.results import ManyRuns, RunHistories
+from p3dof.many_runs.stops import FINISHED, NOT_RUN
 from p3dof.parameters import LEGS
 from p3dof.tables import Table, html_of, notebook_html, number, table_of, time_text
 
@@ -54,11 +55,34 @@ def stops_table(runs: ManyRuns) -> Table:
     return table_of("How the runs ended", ("reason", "runs", "share"), rows)
 
 
+def failures(runs: ManyRuns, first: int = 0) -> list[str]:
+    """Return for each reason that runs did not go on to their end: the first of them, and how many more.
+
+    Parameters
+    ----------
+    runs : ManyRuns
+        The runs.
+    first : int
+        What number to give to the first run.
+
+    Returns
+    -------
+    list of str
+    """
+    codes, runs_of, counts = np.unique(runs.stop, return_index=True, return_counts=True)
+    told = {}
+    for code, run, count in zip(codes.tolist(), runs_of.tolist(), counts.tolist(), strict=True):
+        if code not in (FINISHED, NOT_RUN):
+            more = f" (and {count - 1} more run{'s' if count > 2 else ''})" if count > 1 else ""
+            told[run] = f"run {run + first}: {runs.reason(run)}{more}"
+    return [told[run] for run in sorted(told)]
+
+
 @html_of.register(ManyRuns)
 def many_runs_html(runs: ManyRuns) -> str:
     """Return how a notebook shows many runs, as HTML."""
     facts = f"{len(runs)} runs in {time_text(runs.seconds)}, {runs.note}"
-    more = ["interrupted"] if runs.interrupted else []
+    more = [*(["interrupted"] if runs.interrupted else []), *failures(runs)]
     return notebook_html("Many runs", facts, [stops_table(runs), figures_table(runs)], more)
 
 
