@@ -17,6 +17,8 @@ VARIABLES = {
     "L": blocks.Uniform(0.38, 0.5),
     "share": blocks.Normal(1.0, 0.1),
 }
+WAITING = "waiting-"
+"""What the notes of blocks that wait at a gate begin with."""
 OUTPUTS = ("peak_a", "peak_b", "peak_c", "height")
 
 
@@ -50,7 +52,7 @@ def reductions():
 
 @dataclass(frozen=True)
 class Gated:
-    """The same inputs, for which blocks from one on wait until a file is there."""
+    """The same inputs, whose blocks from one on wait until a file is there; each leaves a note of it."""
 
     sampling: blocks.Samples
     gate: Path
@@ -68,8 +70,10 @@ class Gated:
         return self.sampling.settings()
 
     def draw(self, block):
-        while block.number >= self.first and not self.gate.exists():
-            time.sleep(0.01)
+        if block.number >= self.first:
+            self.gate.with_name(f"{WAITING}{block.number}").touch()
+            while not self.gate.exists():
+                time.sleep(0.01)
         return self.sampling.draw(block)
 
 

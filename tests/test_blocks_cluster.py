@@ -11,7 +11,7 @@ from pathlib import Path
 
 import psutil
 import pytest
-from sweep_problems import files, gated, peaks, problem, reductions, wait_until
+from sweep_problems import WAITING, files, gated, peaks, problem, reductions, wait_until
 from test_blocks import environment
 
 import p3dof
@@ -91,8 +91,8 @@ def test_a_worker_and_then_the_whole_program_may_be_killed(whole, tmp_path):
     with subprocess.Popen([*command, "4"], env=environment(), stdout=subprocess.PIPE, text=True) as program:
         try:
             workers = [psutil.Process(int(pid)) for pid in program.stdout.readline().split()]
-            wait_until(lambda: there(folder) == 4 or program.poll() is not None)
-            assert program.poll() is None  # both workers stand at the gate
+            wait_until(lambda: len(list(tmp_path.glob(f"{WAITING}*"))) == 2 or program.poll() is not None)
+            assert program.poll() is None  # both workers stand at the gate; dask chose what they did before
             workers[0].kill()
             wait_until(lambda: not workers[0].is_running())
             helpers = psutil.Process(program.pid).children(recursive=True)
@@ -114,13 +114,13 @@ def test_ctrl_c_leaves_a_folder_that_a_cluster_goes_on_with(client, whole, tmp_p
     gate = tmp_path / "gate"
 
     def press(done, _):
-        if done == 20:
+        if done == 5:  # the first block: no other can keep it from being computed
             gate.touch()
             raise KeyboardInterrupt
 
-    with pytest.raises(blocks.SweepInterrupted, match=r"4 of 12 blocks are in .*resume=True"):
+    with pytest.raises(blocks.SweepInterrupted, match=r"[1-9] of 12 blocks are in .*resume=True"):
         p3dof.sweep(
-            gated(gate, 4), tmp_path / "out", reductions=reductions(), seed=3, client=client, progress=press
+            gated(gate, 1), tmp_path / "out", reductions=reductions(), seed=3, client=client, progress=press
         )
     p3dof.sweep(problem(), tmp_path / "out", reductions=reductions(), seed=3, client=client, resume=True)
     assert files(tmp_path / "out") == whole
@@ -168,11 +168,11 @@ def test_at_most_so_many_blocks_are_on_their_way(client, tmp_path):
 
     def look(done, _):
         most.append(len(client.futures))
-        if done == 10:
+        if done == 5:
             gate.touch()
 
     p3dof.sweep(
-        gated(gate, 2), tmp_path / "out", client=client, in_flight=3, progress=look, reductions=reductions()
+        gated(gate, 1), tmp_path / "out", client=client, in_flight=3, progress=look, reductions=reductions()
     )
     assert max(most) <= 3
 
