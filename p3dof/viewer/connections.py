@@ -42,10 +42,6 @@ _TOO_MUCH, _TOO_SLOW = 1008, 1013
 _ORIGINS = ("Origin", "Sec-WebSocket-Origin", "WebSocket-Origin")
 """Where a browser says whose page asks: the last two in old drafts of the protocol."""
 _LOCAL = re.compile(r"(127\.0\.0\.1|localhost)(:\d{1,5})?")
-_POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
-    "connect-src 'self' ws://{host} data: blob:; worker-src blob:; base-uri 'none'; form-action 'none'"
-)
 
 
 def packed(message: Message) -> str:
@@ -114,22 +110,38 @@ class LocalHandler(RequestHandler):
             self.send_error(403, reason="Open the whole address of the viewer, with its token")
 
 
+@dataclass(frozen=True)
+class Source:
+    """What a path is answered with.
+
+    Parameters
+    ----------
+    content : callable
+        Returns the bytes, as they are then.
+    kind : str
+        Their media type.
+    """
+
+    content: Callable[[], bytes]
+    kind: str
+
+
 class FileHandler(LocalHandler):
     """One of the page's files, from memory."""
 
-    def initialize(self, files: dict[str, tuple[bytes, str]]) -> None:
-        """Take the files: content and kind by path."""
-        self._files = files
+    def initialize(self, source: Source) -> None:
+        """Take the file."""
+        self._source = source
 
     def get(self) -> None:
         """Send the file."""
-        content, kind = self._files[self.request.path]
-        self.set_header("Content-Type", f"{kind}; charset=utf-8")
+        self.set_header("Content-Type", f"{self._source.kind}; charset=utf-8")
         self.set_header("Cache-Control", "no-store")
         self.set_header("X-Content-Type-Options", "nosniff")
         self.set_header("Referrer-Policy", "no-referrer")  # the address has the token in it
-        self.set_header("Content-Security-Policy", _POLICY.format(host=self.request.host))
-        self.finish(content)
+        policy: str = self.settings["policy"]
+        self.set_header("Content-Security-Policy", policy.format(host=self.request.host))
+        self.finish(self._source.content())
 
 
 class PageHandler(WebSocketHandler, LocalHandler):

@@ -1,0 +1,216 @@
+"""`Host`: files and websockets for browsers on this machine only, from a thread of its own.
+
+It listens on 127.0.0.1 alone. Requests with a foreign `Host` (a name made to point here) or `Origin` (another
+site's page), or without the host's token, are refused.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import atexit
+import contextlib
+import errno
+import secrets
+import socket
+import threading
+from collections.abc import Hashable, Mapping
+
+from typing_extensions import Self
+
+from p3dof.checks import shown
+from p3dof.errors import InputError
+from p3dof.viewer.connections import MAX_MESSAGE, Channel, FileHandler, PageHandler, Source
+
+HOST = "127.0.0.1"
+PORT = 7000
+"""The first port that is tried."""
+
+_GATHERING = 0.003
+"""How long to gather the messages of one frame, to send them at once [s]."""
+_PORTS_TRIED = 100
+
+
+class Host:
+    """Serves files and websockets on 127.0.0.1, until it is stopped or the process ends.
+
+    Parameters
+    ----------
+    files : mapping of str to Source
+        What each path is answered with.
+    channels : mapping of str to Channel
+        The websockets by path.
+    port : int, optional
+        The port, 0 for any; the first free one from 7000 on by default.
+    policy : str
+        What the pages may reach, as of `Content-Security-Policy`, with ``{host}`` for this host.
+    token : str, optional
+        What a page has to know; a new one with every host by default.
+    max_message : int
+        Longest message that a page may send [bytes].
+
+    Attributes
+    ----------
+    port : int
+        The port.
+    url : str
+        Where the page is, with the token that it asks for.
+
+    Raises
+    ------
+    InputError
+        If the port is not one, is busy, or may not be used.
+    MissingExtraError
+        If tornado, which MeshCat brings, is not installed.
+    """
+
+    def __init__(
+        self,
+        files: Mapping[str, Source],
+        channels: Mapping[str, Channel],
+        port: int | None,
+        policy: str,
+        token: str | None = None,
+        max_message: int = MAX_MESSAGE,
+    ) -> None:
+        self._files, self._channels, self._policy = dict(files), dict(channels), policy
+        self._max_message = max_message
+        self.token = secrets.token_urlsafe(24) if token is None else token
+        self._socket = _bound_socket(port)
+        self.port: int = self._socket.getsockname()[1]
+        self.url = f"http://{HOST}:{self.port}/?token={self.token}"
+        self._posted = False
+        self._lock = threading.Lock()
+        self._loop = asyncio.new_event_loop()
+        self._ended = asyncio.Event()
+        self._thread = threading.Thread(target=self._run, name=f"p3dof viewer {self.port}", daemon=True)
+        self._thread.start()
+        atexit.register(self.stop)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.url if self.running else 'stopped'})"
+
+    @property
+    def running(self) -> bool:
+        """Whether it serves."""
+        return self._thread.is_alive()
+
+    def post(self, message: bytes | str, key: Hashable, channel: Channel) -> None:
+        """Send a message to all pages of a channel; may be called from any thread.
+
+        Parameters
+        ----------
+        message : bytes or str
+            The message.
+        key : hashable
+            A message with a key takes the place of an earlier one that a slow page has not yet taken; None
+            for none.
+        channel : Channel
+            One of the host's.
+        """
+        with self._lock:
+            channel.fresh.put(message, key)
+            posted, self._posted = self._posted, True
+        if not posted:  # the thread is woken once for many
+            with contextlib.suppress(RuntimeError):  # the loop was closed meanwhile
+                self._loop.call_soon_threadsafe(self._loop.call_later, _GATHERING, self._deliver)
+
+    def stop(self) -> None:
+        """End the thread, close the pages' connections and free the port; may be called more than once."""
+        atexit.unregister(self.stop)
+        if self.running:
+            self._loop.call_soon_threadsafe(self._ended.set)
+            self._thread.join(timeout=10)
+
+    def _deliver(self) -> None:
+        with self._lock:
+            self._posted = False
+            fresh = [(channel, channel.renewed()) for channel in self._channels.values()]
+        for channel, messages in fresh:
+            channel.deliver(messages)
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(self._loop)
+        try:
+            self._loop.run_until_complete(self._serve())
+        finally:
+            left = asyncio.all_tasks(self._loop)
+            for task in left:
+                task.cancel()
+            self._loop.run_until_complete(asyncio.gather(*left, return_exceptions=True))
+            self._loop.close()
+
+    async def _serve(self) -> None:
+        from tornado.httpserver import HTTPServer
+        from tornado.web import Application
+
+        files = [(path, FileHandler, {"source": source}) for path, source in self._files.items()]
+        sockets = [(path, PageHandler, {"channel": channel}) for path, channel in self._channels.items()]
+        application = Application(
+            [*files, *sockets],
+            log_function=lambda _: None,
+            token=self.token,
+            policy=self._policy,
+            websocket_max_message_size=self._max_message,
+        )
+        server = HTTPServer(
+            application,
+            max_header_size=1 << 16,
+            max_body_size=self._max_message,
+            max_buffer_size=1 << 20,
+            idle_connection_timeout=60,
+        )
+        server.add_socket(self._socket)
+        await self._ended.wait()
+        server.stop()
+        await self._dismiss()
+        await server.close_all_connections()
+
+    async def _dismiss(self) -> None:
+        """Close the pages' connections: politely, and then in any case."""
+        for page in self._connections():
+            page.close(1001, "the viewer was closed")
+        for _ in range(20):
+            if not self._connections():
+                return
+            await asyncio.sleep(0.02)
+        for page in self._connections():
+            page.hang_up()
+
+    def _connections(self) -> list[PageHandler]:
+        return [page for channel in self._channels.values() for page in channel.pages]
+
+
+def _bound_socket(port: int | None) -> socket.socket:
+    """Return a socket that listens on the given port, or on the first free one from `PORT` on."""
+    if port is not None and (isinstance(port, bool) or not isinstance(port, int) or not 0 <= port < 1 << 16):
+        raise InputError(f"port: expected a whole number from 0 to 65535, got {shown(port)}")
+    for candidate in range(PORT, PORT + _PORTS_TRIED) if port is None else (port,):
+        listener = _listening(candidate)
+        if isinstance(listener, socket.socket):
+            return listener
+    if port is None:
+        raise InputError(f"port: none from {PORT} to {PORT + _PORTS_TRIED - 1} is free")
+    raise InputError(f"port {port}: cannot listen on it ({listener}); give another one, or none")
+
+
+def _listening(port: int) -> socket.socket | str:
+    """Return a socket that listens on a port, or why there is none."""
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    try:
+        if hasattr(socket, "SO_EXCLUSIVEADDRUSE"):  # Windows would share the port without it
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_EXCLUSIVEADDRUSE, 1)
+        else:
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind((HOST, port))
+        listener.listen(128)
+        listener.setblocking(False)
+    except OSError as error:
+        listener.close()
+        return "it is busy" if error.errno == errno.EADDRINUSE else error.strerror or str(error)
+    return listener
