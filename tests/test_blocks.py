@@ -364,12 +364,15 @@ def test_columns_that_are_too_large_are_read_in_blocks(whole):
     [
         ({"client": 5}, "client: expected a distributed.Client, an executor"),
         ({"workers": 0}, "workers: expected a whole number from 1"),
-        ({"keep": ["mass"]}, "keep: expected columns of R, L"),
+        ({"keep": ["mass"]}, "keep: unknown column 'mass'; expected one of the columns R, L"),
         ({"format": "csv"}, "format: expected npz or parquet"),
         ({"seed": -1}, "seed: expected a whole number from 0"),
         ({"block_size": 0}, "block_size: expected a whole number from 1"),
         ({"reductions": [5]}, "reductions: expected TopK"),
-        ({"reductions": [blocks.TopK("mass")]}, "10 smallest mass: expected one of the columns R, L"),
+        (
+            {"reductions": [blocks.TopK("mass")]},
+            "10 smallest mass: unknown column 'mass'; expected one of the columns R, L",
+        ),
         ({"reductions": [blocks.TopK("R"), blocks.TopK("R")]}, "reductions: expected each one once"),
     ],
 )

@@ -137,7 +137,7 @@ BAD = {
     "semicolons": ("R;L\n.25;.4\n", "expected commas between the columns, got semicolons"),
     "an empty file": ("\n\n", "got an empty file"),
     "no rows": ("R\n# none\n", "expected rows of numbers after the names of columns, got none"),
-    "solids that are not asked for": ("rod_radius\n.01\n", "bodies='solids' (--solids)"),
+    "solids that are not asked for": ("rod_radius\n.01\n", "needs bodies of solids: --solids"),
     "a long line": ("R\n" + "1" * 200_000 + "\n", "line 2: expected less than 100000 characters"),
 }
 

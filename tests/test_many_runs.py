@@ -311,6 +311,7 @@ def test_a_controller_that_cannot_go_on_ends_its_run_only():
         ({"start.y": ["a"]}, {}, "real numbers"),
         ({"start.y [kg]": [0.0]}, {}, "start.y"),
         ({"seed [m]": [0.0]}, {}, "no unit"),
+        ({"rod_radius": [0.01]}, {}, "the column dimensions.rod_radius is of solids; runs take masses"),
         ({"start.y": [0.0], "start.y [mm]": [0.0]}, {}, "given twice"),
         ({"offset.y": [0.0]}, {}, "unknown column offset.y"),
         ({"frequency": [5.0]}, {}, "is for a controller of the kind PD"),

@@ -238,9 +238,23 @@ WRONG = {
     ),
     r"sweep\.yaml: count: expected how many designs": changed("count", MISSING),
     r"expected `values` of each variable of a grid, got a count besides": changed("count", 5, GRID),
-    r"5 smallest mass: expected one of the columns": changed("reductions/0/top", "mass"),
+    r"sweep\.yaml: reductions\[0\]: 5 smallest peak_forc: unknown column 'peak_forc'; "
+    r"did you mean peak_force or ": changed("reductions/0/top", "peak_forc"),
+    r"sweep\.yaml: reductions\[1\]: Pareto front of min mass: unknown column .mass.;": changed(
+        "reductions/1/pareto", {"mass": "min"}
+    ),
+    r"sweep\.yaml: keep: unknown column 'peak'": changed("keep", ["peak"]),
+    r"sweep\.yaml: sampling: expected random, latin-hypercube, sobol or grid, got 'soboll'": changed(
+        "sampling", "soboll"
+    ),
+    r"sweep\.yaml: motion: there is no file .*nowhere\.csv; names count from the folder": changed(
+        "motion", "nowhere.csv"
+    ),
+    r"sweep\.yaml: motion: there is no file .*other\.csv": changed("motion", {"file": "other.csv"}),
+    r"sweep\.yaml: wrench: there is no file .*load\.csv": changed("wrench", "load.csv"),
+    r"sweep\.yaml: rows: there is no file .*nowhere\.csv": {"rows": "nowhere.csv"},
     r"reductions\[2\]: low, high: expected room for 8 bins": changed("reductions/2/to", 1),
-    r"nowhere\.yaml: cannot be read": changed("machine", "nowhere.yaml"),
+    r"sweep\.yaml: machine: there is no file .*nowhere\.yaml": changed("machine", "nowhere.yaml"),
 }
 
 
@@ -262,10 +276,17 @@ def test_the_command_line_computes_and_goes_on(tmp_path, monkeypatch, capsys):
     told = capsys.readouterr().out
     assert "120 of 120 items in 3 of 3 blocks, seed 4" in told
     assert "5 smallest peak_force" in told
+    assert told.endswith("wrote out\n")
     assert (tmp_path / "found.png").read_bytes().startswith(b"\x89PNG")
     assert main(["sweep", "sweep.yaml", "--out", "out"]) == 2
-    assert capsys.readouterr().err.startswith("p3dof: error: ")
+    error = capsys.readouterr().err
+    assert error.startswith("p3dof: error: ")
+    assert error.endswith("holds 3 of 3 blocks of this sweep; to go on: --resume\n")
     assert main(["sweep", "sweep.yaml", "--out", "out", "--resume"]) == 0
+    assert capsys.readouterr().out.endswith("nothing was missing: all 3 blocks were in out\n")
+    next((tmp_path / "out").rglob("0000000001.npz")).unlink()
+    assert main(["sweep", "sweep.yaml", "--out", "out", "--resume"]) == 0
+    assert capsys.readouterr().out.endswith("computed 1 of 3 blocks, those that were missing, in out\n")
     assert main(["sweep", "sweep.yaml", "--out", "o", "--workers", "2", "--scheduler", "tcp://x"]) == 2
 
 
@@ -283,7 +304,7 @@ def test_ctrl_c_on_the_command_line_ends_in_one_line_and_goes_on_with_workers(tm
     assert error.startswith("p3dof: error: interrupted: ")
     assert error.count("\n") == 1
     assert "of 800 blocks are in" in error
-    assert "--resume" in error
+    assert error.endswith("to go on: --resume\n")
     left = blocks.Sweep.load(tmp_path / "out")
     assert 3 <= len(left.numbers) < 800
     for block, columns in left.blocks():

@@ -13,7 +13,16 @@ from typing import Any, Literal, TypeAlias, get_args
 import numpy as np
 
 from p3dof.blocks.best import ParetoArchive, TopK
-from p3dof.blocks.problem import LARGEST_BLOCK, MOST_ITEMS, NAME, Block, Problem, check_problem, whole
+from p3dof.blocks.problem import (
+    LARGEST_BLOCK,
+    MOST_ITEMS,
+    NAME,
+    Block,
+    Problem,
+    check_problem,
+    not_among,
+    whole,
+)
 from p3dof.blocks.reduction import Reduction
 from p3dof.blocks.statistics import Histogram, Moments
 from p3dof.checks import one_line, shown
@@ -83,7 +92,7 @@ class Manifest:
             raise InputError(f"format: expected {' or '.join(get_args(Format))}, got {shown(self.format)}")
         for name in (*self.columns, *self.keep):
             if not isinstance(name, str) or not NAME.fullmatch(name) or name not in self.columns:
-                raise InputError(f"keep: expected columns of {', '.join(self.columns)}, got {shown(name)}")
+                raise InputError(f"keep: {not_among(name, self.columns)}")
         names = [reduction.name for reduction in self.reductions]
         if len(set(names)) < len(names):
             raise InputError(f"reductions: expected each one once, got {names}")

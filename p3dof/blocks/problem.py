@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import difflib
 import hashlib
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeAlias, runtime_checkable
 
@@ -144,6 +145,26 @@ class FunctionProblem:
         """Return the columns of a block."""
         inputs = self.sampling.draw(block)
         return {**inputs, **self.function(dict(inputs))}
+
+
+def not_among(name: str, columns: Sequence[str]) -> str:
+    """Return what an error says of a column that is not there.
+
+    Parameters
+    ----------
+    name : str
+        What the user asked for.
+    columns : sequence of str
+        What there is.
+
+    Returns
+    -------
+    str
+        With the names that come close, or all.
+    """
+    near = difflib.get_close_matches(str(name), columns, 3, 0.6)
+    told = f"did you mean {' or '.join(near)}? " if near else ""
+    return f"unknown column {shown(name)}; {told}expected one of the columns {', '.join(columns)}"
 
 
 def digest(*arrays: Any) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from typing_extensions import Self
 
-from p3dof.blocks.problem import Columns
+from p3dof.blocks.problem import Columns, not_among
 from p3dof.errors import InputError
 
 State: TypeAlias = Mapping[str, NDArray[Any]]
@@ -71,9 +71,7 @@ class Reduction(ABC):
         """
         for column in self.needs:
             if column not in columns:
-                raise InputError(
-                    f"{self.name}: expected one of the columns {', '.join(columns)}, got {column!r}"
-                )
+                raise InputError(f"{self.name}: {not_among(column, columns)}")
         return self
 
     def settings(self) -> dict[str, Any]:

@@ -40,15 +40,18 @@ class Sweep(ShownInNotebook):
         The blocks that are there, rising.
     notes : tuple of str
         What happened on the way: blocks that were damaged.
+    computed : int
+        How many blocks were computed by the call that returned it; 0 where it was only read.
     """
 
     folder: Path
     manifest: Manifest
     numbers: tuple[int, ...]
     notes: tuple[str, ...] = ()
+    computed: int = 0
 
     @classmethod
-    def load(cls, folder: str | os.PathLike[str], notes: tuple[str, ...] = ()) -> Sweep:
+    def load(cls, folder: str | os.PathLike[str], notes: tuple[str, ...] = (), computed: int = 0) -> Sweep:
         """Read a sweep, whether it is complete or not.
 
         Parameters
@@ -57,6 +60,8 @@ class Sweep(ShownInNotebook):
             Of the sweep.
         notes : tuple of str
             What to tell of it.
+        computed : int
+            Likewise: how many of its blocks are new.
 
         Returns
         -------
@@ -70,7 +75,7 @@ class Sweep(ShownInNotebook):
         """
         where = Path(called(folder)).absolute()
         manifest = parse_manifest(read_manifest(where), where)
-        return cls(where, manifest, tuple(numbers_there(where, manifest)), notes)
+        return cls(where, manifest, tuple(numbers_there(where, manifest)), notes, computed)
 
     def __len__(self) -> int:
         return sum(len(self.manifest.block(number)) for number in self.numbers)

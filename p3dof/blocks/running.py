@@ -143,7 +143,7 @@ def sweep(
         finally:
             crew.leave()
         run.finish()
-    return Sweep.load(where, notes=tuple(run.notes))
+    return Sweep.load(where, notes=tuple(run.notes), computed=run.computed)
 
 
 def _begin(manifest: Manifest, folder: Path, resume: bool) -> bool:
@@ -159,8 +159,7 @@ def _begin(manifest: Manifest, folder: Path, resume: bool) -> bool:
     if not resume:
         there = len(numbers_there(folder, manifest))
         raise SweepError(
-            f"{folder}: holds {there} of {manifest.blocks} blocks of this sweep; to go on: resume=True "
-            "(--resume)"
+            f"{folder}: holds {there} of {manifest.blocks} blocks of this sweep; to go on: resume=True"
         )
     return True
 
@@ -177,6 +176,7 @@ class _Run:
         self._resumed = resumed
         self._totals = Totals(manifest)
         self._items = 0
+        self.computed = 0
 
     def look_at_blocks(self) -> None:
         """Take over the blocks that are there; what is damaged counts as missing, and is told."""
@@ -245,6 +245,7 @@ class _Run:
         if done.data is not None:
             write_atomic(path_of(self._folder, self._manifest, number), done.data)
         self._note(number, done.states)
+        self.computed += 1
         return -1
 
     def _bury(self, lost: list[int], deaths: dict[int, int], pending: dict[Any, int]) -> list[int]:
@@ -270,7 +271,7 @@ class _Run:
         """Return how far it is, and how to resume."""
         done = int(self._there.sum())
         told = f"{done} of {self._manifest.blocks} blocks are in {self._folder}"
-        return f"{told}; to go on: resume=True (--resume)"
+        return f"{told}; to go on: resume=True"
 
 
 _memory = threading.local()

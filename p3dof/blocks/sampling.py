@@ -17,6 +17,9 @@ from p3dof.errors import InputError
 
 Method: TypeAlias = Literal["random", "latin-hypercube", "sobol"]
 
+METHODS: tuple[str, ...] = get_args(Method)
+"""How `Samples` fill the ranges of columns."""
+
 SOBOL_BITS = 32
 """Bits of Sobol points: so many of them, and as many steps of each number. SciPy cannot skip with more."""
 
@@ -51,8 +54,8 @@ class Samples:
         for name, distribution in self.variables.items():
             if not isinstance(distribution, Distribution):
                 raise InputError(f"{name}: expected Uniform, Normal or the like, got {shown(distribution)}")
-        if self.method not in get_args(Method):
-            raise InputError(f"method: expected {', '.join(get_args(Method))}, got {shown(self.method)}")
+        if self.method not in METHODS:
+            raise InputError(f"method: expected {', '.join(METHODS)}, got {shown(self.method)}")
         most = 2**SOBOL_BITS if self.method == "sobol" else MOST_ITEMS
         object.__setattr__(self, "count", whole("count", self.count, 1, most))
 

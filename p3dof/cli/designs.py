@@ -12,7 +12,7 @@ import click
 from p3dof.cli.app import app
 from p3dof.cli.files import STREAM, InputFile, OutputFile, console_beside, protect, source
 from p3dof.cli.options import Case, Whole, any_size, with_load
-from p3dof.cli.output import print_plain, progress_bar, show
+from p3dof.cli.output import in_options, print_plain, progress_bar, show
 from p3dof.cli.payloads import print_payloads
 from p3dof.designs import DesignProblem
 from p3dof.designs.figures import BITS
@@ -72,7 +72,7 @@ def designs(
     name, given = called(source(table)), source(table)
     bodies: Any = "solids" if solids else "kept"
     found = evaluated(read_designs(given, ROWS), problem, machine, bodies, name, any_size())
-    with ExitStack() as stack:
+    with in_options(bodies="'solids': --solids"), ExitStack() as stack:
         writer = _writer(stack, out)
         total = count_designs(given)
         progress = stack.enter_context(progress_bar("designs", total or 0)) if total else None

@@ -13,7 +13,29 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from p3dof.cli.terminal import print_table
+from p3dof.errors import P3dofError
 from p3dof.tables import NONE, Table
+
+
+@contextmanager
+def in_options(**options: str) -> Iterator[None]:
+    """Name arguments of Python as a command has them, in errors and on Ctrl-C.
+
+    Parameters
+    ----------
+    **options : str
+        By the name of an argument, what an error says of it and what to say instead, as ``"True: --resume"``.
+    """
+    try:
+        yield
+    except (P3dofError, KeyboardInterrupt) as error:
+        if error.args and isinstance(error.args[0], str):
+            told = error.args[0]
+            for name, both in options.items():
+                value, _, option = both.partition(": ")
+                told = told.replace(f"{name}={value}", option)
+            error.args = (told, *error.args[1:])
+        raise
 
 
 @contextmanager

@@ -15,7 +15,7 @@ from p3dof.blocks import Processes, Sweep, sweep_facts, sweep_tables
 from p3dof.cli.app import app
 from p3dof.cli.files import InputFile, OutputFile, OutputFolder
 from p3dof.cli.options import Whole
-from p3dof.cli.output import print_plain, print_warnings, progress_bar, show
+from p3dof.cli.output import in_options, print_plain, print_warnings, progress_bar, show
 from p3dof.errors import InputError, MissingExtraError
 from p3dof.files import check_writable
 from p3dof.sweeps import read_sweep
@@ -65,9 +65,12 @@ def sweep(
         raise click.UsageError("expected --workers or --scheduler, got both")
     if figure is not None:
         check_writable(figure)
-    plan = read_sweep(problem, any_size)
-    with _client(workers, scheduler) as client, progress_bar("designs", plan.problem.count) as progress:
-        made = plan.run(out, client=client, resume=resume, shared=not local_folder, progress=progress)
+    with in_options(
+        resume="True: --resume", shared="False: --local-folder", bodies="'solids': bodies: solids"
+    ):
+        plan = read_sweep(problem, any_size)
+        with _client(workers, scheduler) as client, progress_bar("designs", plan.problem.count) as progress:
+            made = plan.run(out, client=client, resume=resume, shared=not local_folder, progress=progress)
     _tell(made, figure)
     return 0
 
@@ -106,4 +109,14 @@ def _tell(made: Sweep, figure: Path | None) -> None:
         from p3dof import plots
 
         print_plain(console, f"wrote {plots.save(plots.sweep_figure(made), figure)}")
-    print_plain(console, f"wrote {os.path.relpath(made.folder)}")
+    print_plain(console, _told(made))
+
+
+def _told(made: Sweep) -> str:
+    """Return what was done."""
+    folder, blocks = os.path.relpath(made.folder), made.manifest.blocks
+    if not made.computed:
+        return f"nothing was missing: all {blocks} blocks were in {folder}"
+    if made.computed < blocks:
+        return f"computed {made.computed} of {blocks} blocks, those that were missing, in {folder}"
+    return f"wrote {folder}"

@@ -97,9 +97,7 @@ class Designs:
     def _check_names(self) -> None:
         sized = [name for name in self.columns if name in (*SIZES, DENSITY)]
         if sized and self.bodies == "kept":
-            raise InputError(
-                f"designs: the column {sized[0]} needs bodies of solids: bodies='solids' (--solids)"
-            )
+            raise InputError(f"designs: the column {sized[0]} needs bodies of solids: bodies='solids'")
 
     def __getitem__(self, index: int) -> Parameters:
         """Return one design as a machine.

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from p3dof.checks import FloatArray, shown
 from p3dof.designs import Designs, DesignStatus
 from p3dof.designs.columns import by_header
-from p3dof.designs.names import as_column, column_of
+from p3dof.designs.names import DENSITY, SIZES, as_column, column_of
 from p3dof.designs.status import status_of
 from p3dof.errors import InputError, ParameterError
 from p3dof.many_runs.stops import BAD_COLUMN, DESIGN, NOT_FINITE, NOT_RUN
@@ -198,7 +198,9 @@ def _own(header: object) -> tuple[str | None, float]:
 
 def _require_known(header: str) -> None:
     try:
-        column_of(header)
+        name = column_of(header).name
     except InputError as error:
         own = ", ".join((*START[:4], "...", *GAINS[:2], "...", *WRENCH[:1], "...", SEED))
         raise InputError(f"{str(error).replace('designs:', 'runs:', 1)}; or of a run: {own}") from error
+    if name in (*SIZES, DENSITY):
+        raise InputError(f"runs: the column {name} is of solids; runs take masses and inertias instead")

@@ -1,0 +1,107 @@
+"""What differs between the machines of a sweep, and what is found of all, from the fields of its file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from p3dof.blocks import (
+    Distribution,
+    Grid,
+    Histogram,
+    LogUniform,
+    Moments,
+    Normal,
+    ParetoArchive,
+    Reduction,
+    Samples,
+    Sampling,
+    TopK,
+    Uniform,
+)
+from p3dof.blocks.sampling import METHODS
+from p3dof.checks import shown
+from p3dof.designs.names import QUANTITIES, full_name
+from p3dof.errors import InputError
+from p3dof.sweeps.fields import listed, mapping, named, number, read_beside
+from p3dof.sweeps.rows import FileRows
+
+SPREADS: dict[str, Callable[..., Distribution]] = {
+    "uniform": Uniform,
+    "log-uniform": LogUniform,
+    "normal": Normal,
+}
+
+
+def sampling_of(data: Mapping[str, Any], folder: Path, name: str) -> Sampling:
+    """Return where the inputs come from: the fields `rows`, or `variables`, `sampling` and `count`."""
+    if "rows" in data:
+        others = [key for key in ("variables", "sampling", "count") if key in data]
+        if others or not isinstance(data["rows"], str):
+            got = f"with {others[0]!r}" if others else shown(data["rows"])
+            raise InputError(f"rows: expected a file of designs and no other inputs, got {got}")
+        return read_beside(FileRows, folder, data["rows"], f"{name}: rows")
+    variables = mapping(data.get("variables"), "variables", None)
+    known = {full_name(str(key)): value for key, value in variables.items()}
+    spreads = {key: _spread(value, key) for key, value in known.items()}
+    method = data.get("sampling", "grid" if all(isinstance(s, tuple) for s in spreads.values()) else "random")
+    grid = {key: item for key, item in spreads.items() if isinstance(item, tuple)}
+    free = {key: item for key, item in spreads.items() if isinstance(item, Distribution)}
+    if method == "grid":
+        if free or "count" in data:
+            what = f"{next(iter(free))} without" if free else "a count besides"
+            raise InputError(f"variables: expected `values` of each variable of a grid, got {what} them")
+        return Grid(grid)
+    if method not in METHODS:
+        raise InputError(f"sampling: expected {', '.join(METHODS)} or grid, got {shown(method)}")
+    if grid:
+        raise InputError(f"variables.{next(iter(grid))}: `values` belong to a grid (sampling: grid)")
+    if "count" not in data:
+        raise InputError("count: expected how many designs there are, got nothing")
+    return Samples(free, data["count"], method)
+
+
+def _spread(value: Any, key: str) -> Distribution | tuple[float, ...]:
+    """Return how a variable is spread, or its values."""
+    where = f"variables.{key}"
+    spread = mapping(value, where, (*SPREADS, "values"))
+    if len(spread) != 1:
+        known = ", ".join((*SPREADS, "values"))
+        raise InputError(f"{where}: expected one of {known}, got {len(spread)} of them")
+    ((kind, given),) = spread.items()
+    quantity = QUANTITIES[key]
+    numbers = [number(item, quantity, f"{where}.{kind}") for item in listed(given, f"{where}.{kind}")]
+    if kind == "values":
+        return tuple(numbers)
+    if len(numbers) != 2:
+        raise InputError(f"{where}.{kind}: expected two numbers, got {len(numbers)}")
+    return named(where, lambda: SPREADS[kind](*numbers))
+
+
+_REDUCTIONS: dict[str, tuple[tuple[str, ...], Callable[[dict[str, Any]], Reduction]]] = {
+    "top": (("count", "largest", "columns"), lambda d: TopK(d.pop("top"), **d)),
+    "pareto": (("resolution", "columns"), lambda d: ParetoArchive(d.pop("pareto"), **d)),
+    "histogram": (
+        ("from", "to", "bins"),
+        lambda d: Histogram(d.pop("histogram"), d.pop("from"), d.pop("to"), **d),
+    ),
+    "moments": ((), lambda d: Moments(d["moments"])),
+}
+"""What a reduction may say beside its own name, and what it means."""
+
+
+def reduction_of(value: Any, where: str, columns: tuple[str, ...]) -> Reduction:
+    """Return one of the field `reductions`, for a problem with these columns."""
+    data = dict(mapping(value, where, None))
+    kinds = [kind for kind in _REDUCTIONS if kind in data]
+    if len(kinds) != 1:
+        raise InputError(f"{where}: expected one of {', '.join(_REDUCTIONS)}")
+    others, make = _REDUCTIONS[kinds[0]]
+    mapping(data, where, (kinds[0], *others))
+    for key in ("from", "to"):
+        if kinds[0] == "histogram" and key not in data:
+            raise InputError(f"{where}: the field {key!r} is missing")
+    if kinds[0] in {"top", "histogram"} and not isinstance(data[kinds[0]], str):
+        raise InputError(f"{where}.{kinds[0]}: expected the name of a column, got {shown(data[kinds[0]])}")
+    return named(where, lambda: make(data).over(columns))
