@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 import sys
 import time
 from collections.abc import Callable
@@ -39,6 +40,8 @@ _ANY_SIZE = click.option(
     help="Take a machine of more than 20 m or less than 1 mm too: lengths are in metres.",
 )
 _META = "p3dof.any_size"
+_ROWS_OF_A_RAMP = 2000
+"""Rows of the load a second of a ramp, along which it changes as the motion comes up to its rate."""
 
 
 def PARAMETERS(command: Callable[..., Any]) -> Callable[..., Any]:  # noqa: N802 - used as the other options are
@@ -268,7 +271,7 @@ class Case:
             )
         return self.history
 
-    def load_along(self, ramp: float) -> Callable[[float], FloatArray] | None:
+    def load_along(self, ramp: float) -> WrenchHistory | None:
         """Return the load of a run that enters the motion from rest, by its place on the path.
 
         Parameters
@@ -279,13 +282,23 @@ class Case:
         history = self.history
         if history is None:
             return None
-        begin, duration = float(self.motion.time[0]), self.motion.duration + ramp / 2
-
-        def at(time: float) -> FloatArray:
-            phase = eased(np.array([time]), duration, ramp, 0.0)[0][0] if ramp else time
-            return history(begin + phase)
-
-        return at
+        begin = float(self.motion.time[0])
+        places = history.time - begin
+        if not ramp:
+            return WrenchHistory(places, history.wrench)
+        entered: FloatArray = np.array(
+            np.linspace(0.0, ramp, math.ceil(_ROWS_OF_A_RAMP * ramp) + 1), dtype=float
+        )
+        phase = eased(entered, self.motion.duration + ramp / 2, ramp, 0.0)[0]
+        inside = places[(places > 0) & (places < ramp / 2)]
+        times = np.concatenate([entered, np.interp(inside, phase, entered)])
+        times, first = np.unique(times, return_index=True)
+        phase = np.concatenate([phase, inside])[first]
+        later = places[places > ramp / 2]
+        return WrenchHistory(
+            np.concatenate([times, later + ramp / 2]),
+            np.concatenate([history(begin + phase), history(begin + later)]),
+        )
 
     def solve(self, method: str) -> tuple[InverseDynamics, float]:
         """Solve with a progress bar; return the result and the seconds that it took."""

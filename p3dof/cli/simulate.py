@@ -126,6 +126,8 @@ def simulate(
 ) -> int:
     """Follow a motion under controllers: tracking errors on the screen, runs and a figure in a folder.
 
+    A run that could not be made in C says why, and what to do instead.
+
     Exit code 1 when a run ends before its time: its reason is printed, and its samples so far are kept.
     """
     names = tuple(CONTROLLERS) if "all" in controllers else tuple(dict.fromkeys(controllers))
@@ -170,6 +172,8 @@ def simulate(
     for name, run in runs.items():
         if run.stop is not None:
             console.print(f"{name}: ended by {run.stop}", style="yellow", highlight=False, soft_wrap=True)
+    for note in dict.fromkeys(run.note for run in runs.values() if run.note):
+        print_plain(console, note)
     for path in written:
         print_plain(console, f"wrote {path}")
     return 0 if all(run.finished for run in runs.values()) else 1

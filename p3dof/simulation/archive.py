@@ -54,6 +54,7 @@ FORM: dict[str, Member] = {
     "stop_time": Member("f", ()),
     "evaluations": Member("i", ()),
     "seconds": Member("f", ()),
+    "note": Member("U", ()),
     "reference": Member("f", ("N", 3), optional=True),
 }
 """The arrays of a run."""

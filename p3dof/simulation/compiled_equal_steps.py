@@ -190,6 +190,7 @@ class _EqualSteps:
             stop=None,
             evaluations=4 * self._steps * self._engine.ticks,
             seconds=seconds,
+            note="",
         )
 
     def _answers(self) -> bool:

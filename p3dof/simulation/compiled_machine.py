@@ -250,6 +250,7 @@ class _Runner:
             stop=self._stop,
             evaluations=self._run.evaluations,
             seconds=self._seconds,
+            note="",
         )
 
     def _recorded(self) -> tuple[Samples, FloatArray, FloatArray]:

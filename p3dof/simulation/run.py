@@ -64,6 +64,8 @@ class Simulation(ShownInNotebook):
         How many times the equations of motion were evaluated.
     seconds : float
         Time that the integration took on the clock [s].
+    note : str
+        What made the run slow, and what to do instead, where it was not made in C; else empty.
     """
 
     method: str
@@ -79,6 +81,7 @@ class Simulation(ShownInNotebook):
     stop: Stop | None
     evaluations: int
     seconds: float
+    note: str = ""
 
     def __repr__(self) -> str:
         end = "finished" if self.stop is None else f"ended by {self.stop}"
@@ -209,6 +212,7 @@ class Simulation(ShownInNotebook):
             "stop_time": np.array(np.nan if self.stop is None else self.stop.time),
             "evaluations": np.array(self.evaluations),
             "seconds": np.array(self.seconds),
+            "note": np.array(self.note[:MAX_TEXT]),
         }
         if self.reference is not None:
             arrays["reference"] = self.reference
@@ -256,6 +260,7 @@ class Simulation(ShownInNotebook):
             stop=stop,
             evaluations=int(found["evaluations"]),
             seconds=float(found["seconds"]),
+            note=str(found["note"]),
             **{name: found[name] for name in _ARRAYS},
         )
 

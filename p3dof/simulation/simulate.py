@@ -29,6 +29,7 @@ from p3dof.simulation.reference import Reference
 from p3dof.simulation.run import Simulation
 from p3dof.simulation.settings import ControlLoop, InitialState, Integration
 from p3dof.simulation.task import Task
+from p3dof.simulation.ways import MET_A_LIMIT, NO_ANSWER, in_python, why_python
 from p3dof.simulation.work import estimate, require_affordable
 
 AT_HOME, CONTINUOUS, PRECISE = InitialState(), ControlLoop(), Integration()
@@ -106,24 +107,24 @@ def simulate(
     """
     given = start, controller, control, reference, wrench, method, samples, stop_at, integration, progress
     task = task_of(machine, duration, *given)
-    found = _simulate_in_c(task)
-    return simulate_in_python(task) if found is None else found
+    equal, reason = serves_equal_steps(task), NO_ANSWER
+    if equal or serves(task):
+        found = simulate_equal_steps(task) if equal else simulate_compiled(task)
+        if found is not None:
+            return found
+        reason = MET_A_LIMIT if equal else NO_ANSWER
+    return simulate_in_python(task, in_python(why_python(task) or reason))
 
 
-def _simulate_in_c(task: Task) -> Simulation | None:
-    """Return a run in C; None if something of it has no compiled form."""
-    if serves(task):
-        return simulate_compiled(task)
-    return simulate_equal_steps(task) if serves_equal_steps(task) else None
-
-
-def simulate_in_python(task: Task) -> Simulation:
+def simulate_in_python(task: Task, note: str = "") -> Simulation:
     """Run a machine by the integrator in Python, which serves whatever is asked for.
 
     Parameters
     ----------
     task : Task
         What is asked for.
+    note : str
+        Of the result.
 
     Returns
     -------
@@ -151,11 +152,11 @@ def simulate_in_python(task: Task) -> Simulation:
         recording = integrator.run(state)
     except ControllerError as error:
         if integrator.recording.times:
-            error.run = _result(task.method, plant, integrator.recording, followed)
+            error.run = _result(task.method, plant, integrator.recording, followed, note)
         raise
     if not recording.times:
         raise DynamicsError(f"the run cannot start: {recording.stop}")
-    return _result(task.method, plant, recording, followed)
+    return _result(task.method, plant, recording, followed, note)
 
 
 def task_of(
@@ -234,7 +235,9 @@ def _state(plant: MachinePlant, parameters: Parameters, start: InitialState) -> 
     return plant.checked_state(*start.joints, CLOSED)
 
 
-def _result(method: str, plant: MachinePlant, record: Recording, reference: Reference | None) -> Simulation:
+def _result(
+    method: str, plant: MachinePlant, record: Recording, reference: Reference | None, note: str
+) -> Simulation:
     states, rates, time = np.array(record.states), np.array(record.rates), np.array(record.times)
     poses, velocities = (np.array(rows) for rows in zip(*map(plant.pose, states), strict=True))
     accelerations = np.array([plant.acceleration(*pair) for pair in zip(states, rates, strict=True)])
@@ -254,6 +257,7 @@ def _result(method: str, plant: MachinePlant, record: Recording, reference: Refe
         stop=record.stop,
         evaluations=record.evaluations,
         seconds=record.seconds,
+        note=note,
     )
 
 

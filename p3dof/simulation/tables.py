@@ -70,4 +70,5 @@ def simulation_html(run: Simulation) -> str:
     tables = [run_table(run), motion_table(run.motion, run.wrench)]
     if run.reference is not None:
         tables.insert(0, errors_table({"this run": run}))
-    return notebook_html("Simulation", facts, tables, [] if run.stop is None else [f"ended by {run.stop}"])
+    warnings = [] if run.stop is None else [f"ended by {run.stop}"]
+    return notebook_html("Simulation", facts, tables, warnings, run.note)
