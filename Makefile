@@ -15,27 +15,28 @@ endif
 DEV := $(VENV)/.dev$(EXTRAS)
 # What the extension is built from: a change builds it again.
 SOURCES := setup.py MANIFEST.in $(wildcard p3dof/compiled/extension/*.[ch] p3dof/compiled/extension/generated/*.h p3dof/tracing/*.h p3dof/integrators/*.h)
-DEBIAN := liburdfdom-tools libsdformat-dev pkg-config g++ clang libclang-rt-dev lld chromium nodejs
+DEBIAN := liburdfdom-tools libsdformat-dev pkg-config g++ clang libclang-rt-dev lld chromium nodejs $(if $(shell command -v npm),,npm)
+MODULES := page/node_modules/.package-lock.json
 
 LOWEST := .venv-lowest
 COUNT ?= 300
 ONLY ?=
 
 .PHONY: help demo quick test lint types layers generated pytest docs fuzz mutants lowest benchmark export
-.PHONY: pictures clean
+.PHONY: pictures clean page page-check
 
 demo: $(VENV)/.demo ## run the main job on the paper's motion, into out/
 	$(BIN)/p3dof compare --out $(OUT)
 	$(BIN)/p3dof show --out $(OUT)/animation.html
 
 help: ## say what there is
-	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 19
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 19
 	@echo "Settings: PYTHON=python3.x  EXTRAS=all (every tool that reads the exports)  OUT=folder  SEED=number"
 
 quick: $(DEV) lint types layers ## lint, types, layers and the fast tests: about a minute
 	$(BIN)/pytest -n auto --quick --ignore tests/interop tests
 
-test: lint types layers generated pytest ## run every check
+test: lint types layers generated page-check pytest ## run every check
 
 lint: $(DEV) ## ruff: style and form
 	$(BIN)/ruff check .
@@ -50,6 +51,15 @@ layers: $(DEV) ## import-linter: who may import whom
 generated: $(DEV) ## are the committed generated files up to date?
 	$(BIN)/p3dof export --check
 	$(BIN)/p3dof codegen --kernels --check
+
+page: $(MODULES) ## build the page for the browser, p3dof/page/page.html
+	cd page && node build.mjs
+
+# Types, the built page and the tests of its scripts; who only shows a page needs no Node.
+page-check: $(DEV) ## is the page what page/ builds, and do its scripts pass their tests?
+	@if command -v node >/dev/null && command -v npm >/dev/null; then \
+		$(MAKE) --no-print-directory $(MODULES) && cd page && npm run --silent check; \
+	else echo "page-check: SKIPPED, node or npm is not installed"; test "$(P3DOF_REQUIRE)" != all; fi
 
 pytest: $(DEV) ## all tests
 	$(BIN)/pytest -n auto
@@ -95,9 +105,13 @@ pictures: $(DEV) ## draw the pictures of the README anew
 	$(BIN)/p3dof forces --figure pictures/forces.png
 
 clean: ## remove what was installed, built and computed
-	rm -rf $(VENV) $(LOWEST) $(OUT) build p3dof.egg-info p3dof/compiled/extension/_compiled*.so
+	rm -rf $(VENV) $(LOWEST) $(OUT) page/node_modules build p3dof.egg-info p3dof/compiled/extension/_compiled*.so
 	rm -rf docs/reference/api docs/reference/generated docs/_static/animation.html docs/contributing.md docs/tests.md
 	rm -f docs/tutorials/*.ipynb
+
+$(MODULES): page/package.json page/package-lock.json
+	cd page && npm ci --no-progress
+	@touch $@
 
 $(VENV)/pyvenv.cfg:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || \

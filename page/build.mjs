@@ -1,0 +1,73 @@
+// Builds p3dof/page/page.html: one file with all scripts and styles in it. `--check` only compares.
+import { createHash } from "node:crypto";
+import { readFile, writeFile } from "node:fs/promises";
+import process from "node:process";
+import { fileURLToPath } from "node:url";
+import { build } from "esbuild";
+
+const target = fileURLToPath(new URL("../p3dof/page/page.html", import.meta.url));
+/** What Python fills in, in the order of the page. */
+const PLACES = ["@@TITLE@@", "@@ENGINE@@", "@@DOCUMENT@@"];
+
+/** @param {string} path relative to this file */
+const read = async (path) => (await readFile(new URL(path, import.meta.url), "utf8")).trim();
+
+/** @param {string} entry @param {string} kind */
+async function bundle(entry, kind) {
+    const { outputFiles } = await build({
+        entryPoints: [fileURLToPath(new URL(entry, import.meta.url))],
+        bundle: true,
+        minify: true,
+        write: false,
+        format: "iife",
+        target: "es2022",
+        charset: "utf8",
+        legalComments: "none", // the whole notices are in the page
+    });
+    const text = outputFiles[0].text.trim();
+    if (text.includes(`</${kind}`)) throw new Error(`${entry}: the bundle has </${kind} in it`);
+    return text;
+}
+
+async function page() {
+    const script = await bundle("src/main.js", "script");
+    const style = await bundle("style.css", "style");
+    const hash = createHash("sha256").update(script).digest("base64");
+    const notices = [
+        ["three.js", await read("node_modules/three/LICENSE")],
+        ["uPlot", await read("node_modules/uplot/LICENSE")],
+    ];
+    const text = notices.map(([name, licence]) => `${name}\n\n${licence}`).join("\n\n----\n\n");
+    const policy = [
+        "default-src 'none'",
+        `script-src 'sha256-${hash}' 'wasm-unsafe-eval'`,
+        "style-src 'unsafe-inline'",
+        "img-src data: blob:",
+        "media-src blob:",
+    ].join("; ");
+    /** @type {Record<string, string>} */
+    const parts = {
+        "@@NOTICES@@": `This page contains parts of other works, under these licences.\n\n${text}\n`,
+        "@@POLICY@@": policy,
+        "@@STYLE@@": style,
+        "@@SCRIPT@@": script,
+    };
+    let html = await read("index.html");
+    for (const [place, value] of Object.entries(parts)) html = html.split(place).join(value);
+    for (const place of PLACES) {
+        if (html.split(place).length !== 2) throw new Error(`${place} is not exactly once in the page`);
+    }
+    return `${html}\n`;
+}
+
+const html = await page();
+if (process.argv.includes("--check")) {
+    const written = await readFile(target, "utf8").catch(() => "");
+    if (written !== html) {
+        console.error("p3dof/page/page.html is not what page/ builds: run `make page` and commit it");
+        process.exit(1);
+    }
+} else {
+    await writeFile(target, html);
+    console.log(`wrote p3dof/page/page.html: ${(html.length / 1000).toFixed(0)} kB`);
+}

@@ -1,0 +1,121 @@
+// Reads a document: JSON whose arrays are base64, checked, with typed arrays in their places.
+/** @typedef {import("./types").Document} Document */
+/** @typedef {import("./types").Table} Table */
+
+export const FORMAT = 1;
+
+const TYPES = /** @type {const} */ ({
+    float64: Float64Array, float32: Float32Array,
+    int8: Int8Array, uint8: Uint8Array, int16: Int16Array, uint16: Uint16Array, int32: Int32Array, uint32: Uint32Array,
+});
+
+/** A document that cannot be shown; the message says why. */
+export class DocumentError extends Error {}
+
+/**
+ * Read a document.
+ * @param {string | object} source JSON, or what JSON.parse made of it
+ * @returns {Document}
+ */
+export function read(source) {
+    const raw = typeof source === "string" ? parsed(source) : source;
+    if (raw === null || typeof raw !== "object" || !("format" in raw)) fail("this is no document of p3dof");
+    const format = Number(raw.format);
+    if (format !== FORMAT) {
+        fail(`the document has format ${raw.format}, this page reads format ${FORMAT}: make it again with p3dof`);
+    }
+    const document = /** @type {Document} */ (decoded(raw, "document"));
+    complete(document);
+    document.runs.forEach((run, i) => checkRun(run, `runs[${i}]`, document));
+    document.scene.joints.forEach((joint, i) => {
+        if (!(joint.parent < i)) fail(`scene.joints[${i}]: its parent ${joint.parent} does not come before it`);
+    });
+    return document;
+}
+
+/** Decode one array. @param {any} value @param {string} where @returns {Table} */
+export function decode(value, where = "array") {
+    const Type = TYPES[/** @type {keyof typeof TYPES} */ (value.dtype)];
+    if (!Type) fail(`${where}: numbers of type ${value.dtype} are not known`);
+    const bytes = bytesOf(value.base64, where);
+    const count = value.shape.reduce((/** @type {number} */ a, /** @type {number} */ b) => a * b, 1);
+    if (bytes.length !== count * Type.BYTES_PER_ELEMENT) {
+        fail(`${where}: ${bytes.length} bytes for shape (${value.shape.join(", ")}) of ${value.dtype}`);
+    }
+    return { shape: value.shape, data: new Type(bytes.buffer) };
+}
+
+/** @param {string} text @param {string} [where] */
+export function bytesOf(text, where = "base64") {
+    let binary;
+    try {
+        binary = atob(text);
+    } catch {
+        return fail(`${where}: this is no base64`);
+    }
+    const bytes = new Uint8Array(binary.length);
+    for (let i = 0; i < binary.length; i++) bytes[i] = binary.charCodeAt(i);
+    return bytes;
+}
+
+/** @param {string} text */
+function parsed(text) {
+    try {
+        return JSON.parse(text);
+    } catch (error) {
+        return fail(`this is no document of p3dof: ${/** @type {Error} */ (error).message}`);
+    }
+}
+
+/** @param {any} value @param {string} where @returns {any} */
+function decoded(value, where) {
+    if (value === null || typeof value !== "object") return value;
+    if (Array.isArray(value)) return value.map((item, i) => decoded(item, `${where}[${i}]`));
+    if ("base64" in value) return decode(value, where);
+    return Object.fromEntries(Object.entries(value).map(([key, item]) => [key, decoded(item, `${where}.${key}`)]));
+}
+
+/** @param {any} document */
+function complete(document) {
+    for (const key of ["title", "scene", "runs"]) if (!(key in document)) fail(`the document has no "${key}"`);
+    document.machine ??= { name: document.title, hash: "" };
+    document.generator ??= {};
+    document.closures ??= [];
+    document.inputs ??= [];
+    document.limits ??= {};
+    document.engine ??= { kind: "none" };
+    const scene = document.scene;
+    for (const key of ["joints", "solids", "labels", "lines", "layers"]) scene[key] ??= [];
+}
+
+/** @param {any} run @param {string} where @param {Document} document */
+function checkRun(run, where, document) {
+    run.curves ??= [];
+    run.loads ??= [];
+    run.notes ??= [];
+    const samples = run.time.shape[0];
+    if (!samples) fail(`${where}: it has no samples`);
+    /** @type {[string, Table | undefined][]} */
+    const tables = [["q", run.q], ["pose", run.pose], ["velocity", run.velocity], ["acceleration", run.acceleration],
+        ["wrench", run.wrench]];
+    for (const curve of run.curves) tables.push([`curve ${curve.key}`, curve.values]);
+    for (const load of run.loads) tables.push([`load ${load.key}`, load.values]);
+    for (const [name, table] of Object.entries(run.placed ?? {})) tables.push([`placed ${name}`, table]);
+    for (const [name, table] of tables) {
+        if (table && table.shape[0] !== samples) {
+            fail(`${where}: ${name} has ${table.shape[0]} samples, time has ${samples}`);
+        }
+    }
+    const needed = document.scene.joints.reduce((n, joint) => Math.max(n, joint.q ? joint.q[0] + joint.q[1] : 0), 0);
+    const width = run.q?.shape[1] ?? 0;
+    if (width < needed) fail(`${where}: q has ${width} columns, the joints need ${needed}`);
+    const keys = new Set(run.curves.map((/** @type {{key: string}} */ curve) => curve.key));
+    for (const load of run.loads) {
+        if (load.curve && !keys.has(load.curve)) fail(`${where}: load ${load.key} has no curve ${load.curve}`);
+    }
+}
+
+/** @param {string} text @returns {never} */
+function fail(text) {
+    throw new DocumentError(text);
+}

@@ -1,0 +1,5 @@
+// Drawings of MeshCat's commands in the scene.
+/** @param {HTMLElement} element @param {import("./types").State} state */
+export function mount(element, state) {
+    void element, state;
+}

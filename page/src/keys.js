@@ -1,0 +1,5 @@
+// What keys do.
+/** @param {HTMLElement} element @param {import("./types").State} state */
+export function mount(element, state) {
+    void element, state;
+}

@@ -1,0 +1,79 @@
+// The one state of the page, and the one refresh that shows it.
+/** @typedef {import("./types").State} State */
+/** @typedef {import("./types").Fields} Fields */
+
+const later = typeof requestAnimationFrame === "function" ? requestAnimationFrame : queueMicrotask;
+
+/** Layers of the page itself, beside those of the document's scene. */
+export const OWN_LAYERS = [
+    { name: "forces", label: "forces", shown: true },
+    { name: "path", label: "path", shown: true },
+    { name: "map", label: "workspace map", shown: false },
+    { name: "labels", label: "labels", shown: true },
+    { name: "closures", label: "closures", shown: false },
+    { name: "section", label: "section", shown: false },
+    { name: "parallel", label: "parallel", shown: false },
+];
+
+/**
+ * Make the state of a page.
+ * @param {import("./types").Document} document
+ * @returns {State}
+ */
+export function createState(document) {
+    const layers = [...OWN_LAYERS, ...document.scene.layers];
+    /** @type {Fields} */
+    const fields = {
+        document, run: 0, time: document.runs[0]?.time.data[0] ?? 0, playing: false, speed: 1, loop: true,
+        hand: null, refused: null, whatIf: {}, solved: null, case: "total", units: "mm", theme: "auto",
+        layers: Object.fromEntries(layers.map(({ name, shown }) => [name, shown])),
+        view: "3d", charts: [], compare: null, hover: null, map: null, engine: null, stage: null,
+    };
+    /** @type {Set<(state: State, changed: Set<string>) => void>} */
+    const listeners = new Set();
+    /** @type {Set<string>} */
+    let changed = new Set();
+    let waiting = false;
+
+    /** @type {State} */
+    const state = {
+        ...fields,
+        version: 0,
+        set(changes) {
+            Object.assign(state, changes);
+            Object.keys(changes).forEach((key) => changed.add(key));
+            state.version += 1;
+            if (("run" in changes || "document" in changes) && !("time" in changes)) {
+                state.time = within(state, state.time);
+                changed.add("time");
+            }
+            if (!waiting) {
+                waiting = true;
+                later(() => waiting && state.refresh());
+            }
+        },
+        subscribe(listener) {
+            listeners.add(listener);
+            return () => void listeners.delete(listener);
+        },
+        refresh() {
+            const what = changed;
+            [changed, waiting] = [new Set(), false];
+            for (const listener of listeners) {
+                try {
+                    listener(state, what);
+                } catch (error) { // one part that fails leaves the others working
+                    console.error(error);
+                }
+            }
+        },
+    };
+    return state;
+}
+
+/** The nearest time within the run that is shown [s]. @param {State} state @param {number} time */
+export function within(state, time) {
+    const instants = (state.solved ?? state.document.runs[state.run])?.time.data;
+    if (!instants) return 0;
+    return Math.min(Math.max(time, instants[0]), instants[instants.length - 1]);
+}

@@ -1,0 +1,5 @@
+// Play, pause, seek.
+/** @param {HTMLElement} element @param {import("./types").State} state */
+export function mount(element, state) {
+    void element, state;
+}

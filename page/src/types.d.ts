@@ -1,0 +1,119 @@
+// What is in a document, decoded, and what the parts of the page share. SI units and radians.
+export type Numbers = Float64Array | Float32Array | Int8Array | Uint8Array | Int16Array | Uint16Array | Int32Array | Uint32Array;
+/** An array in C order. */
+export interface Table { shape: number[]; data: Numbers }
+export type Placement = number[]; // x y z qx qy qz qw
+
+export type Kind = "revolute" | "prismatic" | "continuous" | "helical" | "spherical" | "translation" | "planar"
+    | "free" | "universal" | "fixed" | "placed";
+export interface Joint {
+    name: string; parent: number; placement: Placement; kind: Kind;
+    axis?: number[]; axis2?: number[]; pitch?: number; q?: [number, number];
+}
+export type Shape =
+    | { kind: "box"; size: number[] }
+    | { kind: "cylinder" | "capsule"; radius: number; length: number }
+    | { kind: "sphere"; radius: number }
+    | { kind: "mesh"; positions: Table; indices: Table; scale?: number | number[]; offset?: number[] };
+export interface Solid {
+    name: string; joint: number; placement: Placement; shape: Shape; colour: string; opacity?: number; layer?: string;
+}
+export interface Label { text: string; at: number[]; joint?: number; height: number; colour?: string; layer?: string }
+export interface Line { points: Table; joint?: number; colour?: string; layer?: string }
+export interface Layer { name: string; label: string; shown: boolean }
+export interface Scene {
+    centre: number[]; radius: number; floor: number | null;
+    joints: Joint[]; solids: Solid[]; labels: Label[]; lines: Line[]; layers: Layer[];
+}
+export interface Curve {
+    key: string; label: string; group: string; unit: string; values: Table; colour?: string;
+    limit?: [number | null, number | null];
+}
+export interface Load {
+    key: string; label: string; kind: "force" | "moment"; joint: number; point: number[]; frame: "world" | "joint";
+    direction?: number[]; curve?: string; values?: Table; colour?: string;
+    group: "actuator" | "multiplier" | "reaction" | "wrench"; unit: string;
+}
+export interface Run {
+    name: string; time: Table; q: Table; pose?: Table; velocity?: Table; acceleration?: Table; wrench?: Table;
+    curves: Curve[]; loads: Load[]; notes: string[]; placed?: Record<string, Table>;
+}
+export interface Closure {
+    name: string; kind: string; joint1: number; placement1: Placement; joint2: number; placement2: Placement;
+}
+export interface Input {
+    key: string; label: string; unit: string; low: number; high: number; value: number; joint?: number;
+}
+export interface Limits { travel?: [number, number]; speed?: number; force?: number; tilt?: [number, number] }
+export interface Document {
+    format: 1; title: string; generator: Record<string, string>; machine: { name: string; hash: string };
+    scene: Scene; runs: Run[]; closures: Closure[]; inputs: Input[]; limits: Limits;
+    engine: { kind: "p3dof"; parameters: Table } | { kind: "ask" } | { kind: "none" };
+}
+
+/** The platform or the joints as somebody holds them, instead of the run. */
+export type Hand = { pose: number[] } | { q: number[] };
+/** What is recomputed with other parameters than the document's; absent: as in the document. */
+export type WhatIf = Partial<Record<"payload" | "below" | "viscous" | "coulomb" | "L" | "R" | "r" | "gravity", number>>
+    & { wrench?: number[] };
+export type View = "3d" | "front" | "side" | "top";
+export interface ChartChoice { group: string; hidden: string[] }
+
+/** A coloured picture in the plane x = 0 of the fixed frame, drawn in 3D: rows go up in z. */
+export interface Picture {
+    y: [number, number]; z: [number, number]; width: number; height: number; rgba: Uint8Array;
+}
+
+export interface Fields {
+    document: Document;
+    /** Index of the run that is shown. */
+    run: number;
+    /** Of the run that is shown [s]. */
+    time: number;
+    playing: boolean;
+    /** How many seconds of the run go by in a second. */
+    speed: number;
+    loop: boolean;
+    hand: Hand | null;
+    /** Why the hand could not go where it was moved, and which leg or joint is to blame ("" when it could). */
+    refused: { text: string; legs: string[] } | null;
+    whatIf: WhatIf;
+    /** The run that is shown, recomputed in the page; null: as in the document. */
+    solved: Run | null;
+    case: "total" | "static" | "dynamic";
+    units: "mm" | "SI";
+    theme: "auto" | "light" | "dark";
+    /** By name: those of the document's scene and the page's own: forces, path, map, labels, closures, section, parallel. */
+    layers: Record<string, boolean>;
+    view: View;
+    charts: ChartChoice[];
+    /** Index of a run to compare with. */
+    compare: number | null;
+    /** Instant under the pointer in a chart [s]. */
+    hover: number | null;
+    /** The workspace map in 3D. */
+    map: Picture | null;
+    /** The forces in the page; null without. */
+    engine: any;
+    /** Set by the 3D part: three's scene, camera, renderer, a group for guests, and what asks for another frame. */
+    stage: any;
+}
+export interface State extends Fields {
+    /** Counts the changes. */
+    version: number;
+    set(changes: Partial<Fields>): void;
+    subscribe(listener: (state: State, changed: Set<string>) => void): () => void;
+    /** Does at once what would be done in the next animation frame. */
+    refresh(): void;
+}
+/** A force or a moment at an instant, in the fixed frame. */
+export interface ShownLoad { load: Load; at: number[]; vector: number[]; value: number }
+export interface Instant {
+    time: number; run: Run; byHand: boolean;
+    q: Float64Array; pose: number[] | null;
+    /** 4x4 matrices in columns, one after the other, of all joints in the fixed frame. */
+    placements: Float64Array;
+    /** Of the run's curves, by key; NaN where there is none (when it is moved by hand without an engine). */
+    values: Record<string, number>;
+    loads: ShownLoad[];
+}

@@ -1,0 +1,55 @@
+"""The page of a document: one file, with the licences of what is in it, whatever texts the document has."""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+import shutil
+import subprocess
+
+import pytest
+from documents import ROOT
+
+from p3dof.page.html import page_html
+
+PAGE = ROOT / "p3dof/page/page.html"
+SMALL = {"format": 1, "title": "A", "scene": {}, "runs": []}
+
+
+def test_a_document_is_in_the_page_whatever_texts_it_has():
+    nasty = "</script><script>alert(1)</script><!--<script> @@DOCUMENT@@ @@ENGINE@@ \u2028 \\u003c & é"
+    page = page_html(SMALL | {"title": nasty})
+    kept = re.search(r'<script type="application/json" id="p3dof-document">(.*?)</script>', page, re.DOTALL)
+    assert json.loads(kept[1])["title"] == nasty
+    assert f"<title>{html.escape(nasty)}</title>" in page
+    assert "<!--<script>" not in page
+    assert page.count("<script") == PAGE.read_text().count("<script")
+
+
+def test_the_page_carries_the_licences_of_what_is_in_it():
+    page = page_html(SMALL)
+    for holder in ("© 2010-2026 three.js authors", "(c) 2022 Leon Sorokin"):
+        assert holder in page
+    assert page.count("The above copyright notice and this permission notice shall be included in") == 2
+    assert page.count('THE SOFTWARE IS PROVIDED "AS IS", WITHOUT WARRANTY OF ANY KIND') == 2
+
+
+def test_the_page_may_load_nothing_and_run_nothing_but_its_own_script():
+    page = page_html(SMALL)
+    policy = re.search(r'http-equiv="Content-Security-Policy" content="(.*?)"', page)[1]
+    assert policy.startswith("default-src 'none'; script-src 'sha256-")
+    assert "'wasm-unsafe-eval'" in policy
+    assert "'unsafe-eval'" not in policy
+    assert "connect-src" not in policy
+    assert not re.search(r'(?:src|href)\s*=\s*["\']?(?:https?:)?//', page.partition("<script>")[0])
+
+
+def test_two_builds_of_the_page_are_the_same_bytes_as_the_one_here():
+    node = shutil.which("node")
+    if node is None or not (ROOT / "page/node_modules").exists():
+        pytest.skip("node is not installed, or `make page-check` has not installed what page/ needs")
+    check = [node, ROOT / "page/build.mjs", "--check"]
+    for _ in range(2):
+        done = subprocess.run(check, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
