@@ -502,6 +502,7 @@ def test_the_figure_has_all_finished_runs():
     many = ROBOT.simulate_many(0.02, columns(5), controller=PD(PAPER, MOTION), control=AT_1_KHZ)
     figure = plots.many_runs_figure(many)
     assert [sum(bar.get_height() for bar in axis.patches) for axis in figure.axes] == [5] * 6
+    assert all(tick == round(tick) for axis in figure.axes for tick in axis.get_yticks())  # runs are whole
     fallen = ROBOT.simulate_many(1.0, 2)
     with pytest.raises(InputError, match="there is none"):
         plots.many_runs_figure(fallen)

@@ -51,6 +51,15 @@ def test_runs_are_those_of_one_call(made):
     assert len(np.unique(columns["rms_error_y"])) == 24  # no run has the noise and the start of another
 
 
+def test_columns_have_units(made):
+    units = dict(made.manifest.units)
+    assert {units[name] for name in ("start.y", "y", "peak_error_z")} == {"m"}
+    told = {name: units[name] for name in ("controller.frequency", "platform.mass", "velocity_theta", "end")}
+    assert list(told.values()) == ["Hz", "kg", "rad/s", "s"]
+    assert set(made.manifest.columns) - set(units) == {"stop"}
+    assert "peak_force [N]" in made._repr_html_()
+
+
 def test_runs_go_on_to_the_same_bits(made, tmp_path):
     def press(done, _):
         if done == 14:

@@ -276,6 +276,8 @@ def test_the_command_line_computes_and_goes_on(tmp_path, monkeypatch, capsys):
     told = capsys.readouterr().out
     assert "120 of 120 items in 3 of 3 blocks, seed 4" in told
     assert "5 smallest peak_force" in told
+    for unit in ("geometry.R [m]", "peak_force [N]", "reach [m]"):
+        assert unit in " ".join(told.split())
     assert told.endswith("wrote out\n")
     assert (tmp_path / "found.png").read_bytes().startswith(b"\x89PNG")
     assert main(["sweep", "sweep.yaml", "--out", "out"]) == 2
@@ -314,8 +316,10 @@ def test_ctrl_c_on_the_command_line_ends_in_one_line_and_goes_on_with_workers(tm
 def test_the_figure_has_a_panel_for_each_histogram_and_front(made):
     pytest.importorskip("matplotlib", reason="matplotlib not installed")
     figure = plots.sweep_figure(made)
-    assert [axis.get_xlabel() for axis in figure.axes] == ["peak_force (small is good)", "peak_force"]
+    assert [axis.get_xlabel() for axis in figure.axes] == ["peak_force [N] (small is good)", "peak_force [N]"]
     front, counts = figure.axes
+    assert front.get_ylabel() == "reach [m] (large is good)"
+    assert all(tick == round(tick) for tick in counts.get_yticks())
     points = made.reductions["Pareto front of min peak_force, max reach"]
     np.testing.assert_array_equal(front.lines[0].get_ydata(), points.columns["reach"])
     drawn = counts.patches[0].get_data().values

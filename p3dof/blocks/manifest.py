@@ -17,6 +17,7 @@ from p3dof.blocks.problem import (
     LARGEST_BLOCK,
     MOST_ITEMS,
     NAME,
+    UNIT,
     Block,
     Problem,
     check_problem,
@@ -69,6 +70,8 @@ class Manifest:
         What is found in each block, and of all.
     versions : mapping of str to str
         Of the programs that the last bits may depend on.
+    units : mapping of str to str
+        Of columns that have one, for tables and figures.
     """
 
     problem: str
@@ -83,6 +86,7 @@ class Manifest:
     versions: Mapping[str, str] = field(
         default_factory=lambda: {"p3dof": __version__, "numpy": np.__version__}
     )
+    units: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         whole("count", self.count, 1, MOST_ITEMS)
@@ -93,9 +97,16 @@ class Manifest:
         for name in (*self.columns, *self.keep):
             if not isinstance(name, str) or not NAME.fullmatch(name) or name not in self.columns:
                 raise InputError(f"keep: {not_among(name, self.columns)}")
+        for name, unit in self.units.items():
+            if name not in self.columns or not isinstance(unit, str) or not UNIT.fullmatch(unit):
+                raise InputError(f"units: expected a unit for a column, got {shown(unit)} for {shown(name)}")
         names = [reduction.name for reduction in self.reductions]
         if len(set(names)) < len(names):
             raise InputError(f"reductions: expected each one once, got {names}")
+
+    def with_unit(self, column: str) -> str:
+        """Return the name of a column, and its unit in brackets where it has one."""
+        return f"{column} [{self.units[column]}]" if column in self.units else column
 
     @property
     def blocks(self) -> int:
@@ -118,6 +129,7 @@ class Manifest:
             "count": self.count,
             "block_size": self.block_size,
             "columns": list(self.columns),
+            "units": dict(self.units),
             "keep": list(self.keep),
             "format": self.format,
             "reductions": [plain(item.settings(), item.name) for item in self.reductions],
@@ -174,6 +186,7 @@ def manifest_of(
         keep=() if keep is None else tuple(keep),
         format=kind,
         reductions=tuple(item.over(columns) for item in reductions),
+        units=dict(getattr(problem, "units", {})),
     )
 
 
@@ -231,7 +244,9 @@ def parse_manifest(data: Mapping[str, Any], path: Path) -> Manifest:
         }
         known |= {key: tuple(data[key]) for key in ("columns", "keep")}
         reductions = tuple(_reduction(item) for item in data["reductions"])
-        return Manifest(**known, reductions=reductions, versions=dict(data["versions"]))
+        return Manifest(
+            **known, reductions=reductions, versions=dict(data["versions"]), units=dict(data["units"])
+        )
     except (ValueError, LookupError, TypeError, AttributeError, P3dofError) as error:
         raise FileError(f"{path}: expected the manifest of a sweep ({one_line(str(error))})") from error
 

@@ -21,6 +21,9 @@ Columns: TypeAlias = Mapping[str, NDArray[Any]]
 NAME = re.compile(r"[A-Za-z_][\w.]{0,79}", re.ASCII)
 """What a column may be called: it stands in file names of archives."""
 
+UNIT = re.compile(r"[^\[\]\x00-\x1f\x7f]{1,20}")
+"""What a unit looks like."""
+
 MOST_ITEMS = 10**13
 """Most items of a sweep."""
 
@@ -59,6 +62,8 @@ class Block:
 @runtime_checkable
 class Problem(Protocol):
     """What a sweep computes. Objects of any class with these doors will do, if they can be pickled.
+
+    A mapping ``units``, from columns to their units, is told in tables and figures where there is one.
 
     ``compute`` must depend on nothing but the block (its items, `Block.generator`) and on what ``settings``
     tells: a sweep is resumed only where these are the same.
@@ -118,6 +123,8 @@ class FunctionProblem:
         What else the function depends on: plain data, told in the manifest.
     block_size : int
         Items of a block where nobody says how many.
+    units : mapping of str to str
+        Of columns that have one.
     """
 
     sampling: Sampling
@@ -125,6 +132,7 @@ class FunctionProblem:
     outputs: tuple[str, ...]
     about: Mapping[str, Any] = field(default_factory=dict)
     block_size: int = 1000
+    units: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def count(self) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -31,7 +31,8 @@ def sweep_tables(sweep: Sweep) -> tuple[Table, ...]:
     -------
     tuple of Table
     """
-    return tuple(_table(name, found) for name, found in sweep.reductions.items())
+    named = sweep.manifest.with_unit
+    return tuple(_table(name, found, named) for name, found in sweep.reductions.items())
 
 
 def sweep_facts(sweep: Sweep) -> str:
@@ -49,23 +50,23 @@ def sweep_html(sweep: Sweep) -> str:
     return notebook_html("Sweep", sweep_facts(sweep), sweep_tables(sweep), sweep.notes)
 
 
-def _table(name: str, found: Any) -> Table:
+def _table(name: str, found: Any, named: Callable[[str], str]) -> Table:
     title = name[:1].upper() + name[1:]
     if isinstance(found, Rows):
-        return _of_rows(title, found)
+        return _of_rows(title, found, named)
     if isinstance(found, Counts):
-        return _of_counts(title, found)
+        return _of_counts(title, found, named)
     if isinstance(found, Mapping) and all(isinstance(item, ColumnMoments) for item in found.values()):
         header = ("column", "mean", "standard deviation", "smallest", "largest", "items", "without a number")
         rows = {
-            column: (*map(number, (m.mean, m.deviation, m.low, m.high)), str(m.count), str(m.invalid))
+            named(column): (*map(number, (m.mean, m.deviation, m.low, m.high)), str(m.count), str(m.invalid))
             for column, m in found.items()
         }
         return table_of(title, header, rows)
     return Table(title, ("result",), ((str(found),),), layout="words")
 
 
-def _of_rows(title: str, found: Rows) -> Table:
+def _of_rows(title: str, found: Rows, named: Callable[[str], str]) -> Table:
     columns = dict(list(found.columns.items())[:WIDE])
     rows = {
         str(item): tuple(number(float(array[i])) for array in columns.values())
@@ -74,10 +75,10 @@ def _of_rows(title: str, found: Rows) -> Table:
     note = f"The first {SHOWN} of {len(found)}." if len(found) > SHOWN else ""
     if len(columns) < len(found.columns):
         note += f" {len(columns)} of {len(found.columns)} columns."
-    return table_of(title, ("item", *columns), rows, note.strip())
+    return table_of(title, ("item", *map(named, columns)), rows, note.strip())
 
 
-def _of_counts(title: str, found: Counts) -> Table:
+def _of_counts(title: str, found: Counts, named: Callable[[str], str]) -> Table:
     step = -(-len(found.counts) // SHOWN)
     starts = np.arange(0, len(found.counts), step)
     stops = np.minimum(starts + step, len(found.counts))
@@ -86,4 +87,4 @@ def _of_counts(title: str, found: Counts) -> Table:
         for start, stop in zip(starts.tolist(), stops.tolist(), strict=True)
     }
     note = f"Below: {found.below}, above: {found.above}, without a number: {found.invalid}."
-    return table_of(title, (found.column, "items"), rows, note)
+    return table_of(title, (named(found.column), "items"), rows, note)

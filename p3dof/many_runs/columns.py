@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from p3dof.checks import FloatArray, shown
 from p3dof.designs import Designs, DesignStatus
 from p3dof.designs.columns import by_header
-from p3dof.designs.names import DENSITY, SIZES, as_column, column_of
+from p3dof.designs.names import DENSITY, QUANTITIES, SIZES, as_column, column_of
 from p3dof.designs.status import status_of
 from p3dof.errors import InputError, ParameterError
 from p3dof.many_runs.stops import BAD_COLUMN, DESIGN, NOT_FINITE, NOT_RUN
@@ -30,6 +30,9 @@ _UNITS: dict[str, Quantity | None] = {
     **dict(zip(WRENCH, (FORCE, FORCE, MOMENT), strict=True)),
     SEED: None,
 }
+_PLAIN = {"controller.frequency": "Hz", "controller.integral_time": "s", "controller.stiffness": "N/m"}
+"""The only units that these columns can have."""
+
 _SHORT = {name.partition(".")[2]: name for name in GAINS}
 """What the names of gains are without ``controller``."""
 
@@ -172,6 +175,18 @@ def faults(columns: Mapping[str, FloatArray], run: int, stop: int) -> str:
     return ", ".join(f"{name} is {number:.15g}" for name, number in numbers.items() if not fits(name, number))
 
 
+def unit_of(header: str) -> str:
+    """Return the unit of the numbers of a column that is called so; empty where they have none."""
+    _, bracket, unit = header.strip().rpartition("[")
+    if bracket and unit.endswith("]"):
+        return unit[:-1].strip()
+    name = _own(header)[0]
+    if name is None:
+        return QUANTITIES[column_of(header).name].unit
+    quantity = _UNITS[name]
+    return _PLAIN.get(name, "") if quantity is None else quantity.unit
+
+
 def _own(header: object) -> tuple[str | None, float]:
     """Return the name of a column of runs and what takes it to SI units; None for those of machines."""
     if not isinstance(header, str):
@@ -185,10 +200,9 @@ def _own(header: object) -> tuple[str | None, float]:
     quantity = _UNITS[name]
     if not unit:
         return name, 1.0
-    plain = {"controller.frequency": "Hz", "controller.integral_time": "s", "controller.stiffness": "N/m"}
     if quantity is None:
-        if unit != plain.get(name):
-            raise InputError(f"runs: column {shown(header)}: expected no unit but {plain.get(name, 'none')}")
+        if unit != _PLAIN.get(name):
+            raise InputError(f"runs: column {shown(header)}: expected no unit but {_PLAIN.get(name, 'none')}")
         return name, 1.0
     try:
         return name, float(quantity.read(f"1 {unit}", f"runs: column {shown(header)}"))

@@ -52,10 +52,13 @@ def many_runs_figure(runs: ManyRuns) -> Figure:
 
 
 def _histogram(axis: Any, values: FloatArray, label: str) -> None:
+    from matplotlib.ticker import MaxNLocator
+
     finite = values[np.isfinite(values)]
     axis.hist(finite, bins=40, color="#0072b2")
     if len(finite):
         axis.axvline(np.quantile(finite, 0.95), color="#d55e00", lw=1.2, label="95 % below")
     axis.set_xlabel(label)
+    axis.yaxis.set_major_locator(MaxNLocator(integer=True))
     axis.set_axisbelow(True)
     tidy(axis)

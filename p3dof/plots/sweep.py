@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from p3dof.blocks import Counts, ParetoArchive, Rows, Sweep
@@ -53,9 +54,9 @@ def sweep_figure(sweep: Sweep) -> Figure:
     axes = figure.subplots(rows, across, squeeze=False).ravel()
     for axis, (reduction, found) in zip(axes, panels, strict=False):
         if isinstance(found, Counts):
-            _draw_counts(axis, found)
+            _draw_counts(axis, found, sweep.manifest.with_unit)
         else:
-            _draw_front(axis, reduction, found)
+            _draw_front(axis, reduction, found, sweep.manifest.with_unit)
         tidy(axis)
         axis.set_axisbelow(True)
     for axis in axes[len(panels) :]:
@@ -63,20 +64,23 @@ def sweep_figure(sweep: Sweep) -> Figure:
     return figure
 
 
-def _draw_counts(axis: Axes, found: Counts) -> None:
+def _draw_counts(axis: Axes, found: Counts, named: Callable[[str], str]) -> None:
+    from matplotlib.ticker import MaxNLocator
+
     axis.stairs(found.counts, found.edges, fill=True, color=COLOURS[0], alpha=0.85)
-    axis.set_xlabel(found.column)
-    axis.set_ylabel("designs")
+    axis.set_xlabel(named(found.column))
+    axis.set_ylabel("items")
+    axis.yaxis.set_major_locator(MaxNLocator(integer=True))
     outside = {"below": found.below, "above": found.above, "without a number": found.invalid}
     told = ", ".join(f"{count} {name}" for name, count in outside.items() if count)
-    axis.set_title(f"{found.counts.sum()} designs" + (f"; {told}" if told else ""), fontsize=9, loc="left")
+    axis.set_title(f"{found.counts.sum()} items" + (f"; {told}" if told else ""), fontsize=9, loc="left")
 
 
-def _draw_front(axis: Axes, reduction: ParetoArchive, found: Rows) -> None:
+def _draw_front(axis: Axes, reduction: ParetoArchive, found: Rows, named: Callable[[str], str]) -> None:
     (x, along), (y, up), *others = reduction.objectives.items()
     axis.plot(found.columns[x], found.columns[y], marker="o", ms=3.5, ls="none", color=COLOURS[1])
     words = {"min": "small", "max": "large"}
-    axis.set_xlabel(f"{x} ({words[along]} is good)")
-    axis.set_ylabel(f"{y} ({words[up]} is good)")
+    axis.set_xlabel(f"{named(x)} ({words[along]} is good)")
+    axis.set_ylabel(f"{named(y)} ({words[up]} is good)")
     more = f", and {', '.join(name for name, _ in others)}" if others else ""
-    axis.set_title(f"Pareto front: {len(found)} designs{more}", fontsize=9, loc="left")
+    axis.set_title(f"Pareto front: {len(found)} items{more}", fontsize=9, loc="left")

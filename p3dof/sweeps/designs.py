@@ -15,7 +15,8 @@ from p3dof.compiled.kernels import NUMPY
 from p3dof.designs import DesignForces, DesignProblem, Designs
 from p3dof.designs.columns import BodiesOfDesigns
 from p3dof.designs.figures import BITS, FigureGroup
-from p3dof.designs.names import columns_of
+from p3dof.designs.names import QUANTITIES, columns_of
+from p3dof.designs.results import RESULT_UNITS
 from p3dof.motion import Motion
 from p3dof.motion.wrenches import Load, WrenchOverTime
 from p3dof.parameters import PAPER, Parameters
@@ -90,6 +91,14 @@ class DesignSweep:
         """Names of the inputs, then of the figures."""
         one = Designs({"geometry.R": [self.machine.geometry.R]}, self.machine)
         return (*(column.name for column in self._inputs), *_figures(self.forces.evaluate(one)))
+
+    @cached_property
+    def units(self) -> dict[str, str]:
+        """Units of the columns that have one."""
+        known = {name: QUANTITIES[name].unit for name in (column.name for column in self._inputs)}
+        for column in self.columns[len(known) :]:
+            known[column] = RESULT_UNITS[column if column in RESULT_UNITS else column.rpartition("_")[0]]
+        return {name: unit for name, unit in known.items() if unit}
 
     def settings(self) -> dict[str, Any]:
         """Return everything that the results depend on."""

@@ -14,6 +14,7 @@ from p3dof.compiled.designs import compiled_level
 from p3dof.compiled.kernels import NUMPY
 from p3dof.errors import InputError
 from p3dof.many_runs import ManyRuns, simulate_many
+from p3dof.many_runs.columns import unit_of
 from p3dof.parameters import PAPER, Parameters
 from p3dof.sweeps.description import described
 
@@ -87,6 +88,16 @@ class RunSweep:
         figures = [f"{prefix}{axis}" for prefix in _BY_AXIS for axis in _AXES]
         figures += [f"{name}_{leg}" for name in _BY_LEG for leg in _LEGS]
         return (*self.sampling.names, "stop", "end", *figures, *_BY_LEG, "work", "energy")
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of the columns that have one."""
+        known = {name: unit_of(name) for name in self.sampling.names} | {"end": "s"}
+        for prefix, by_axis in _BY_AXIS.items():
+            rate = "/s" if by_axis == "velocity" else ""
+            known |= {f"{prefix}{axis}": f"{'rad' if axis == 'theta' else 'm'}{rate}" for axis in _AXES}
+        known |= dict.fromkeys((*_BY_LEG, *(f"{name}_{leg}" for name in _BY_LEG for leg in _LEGS)), "N")
+        return {name: unit for name, unit in (known | {"work": "J", "energy": "J"}).items() if unit}
 
     def settings(self) -> dict[str, Any]:
         """Return everything that the results depend on."""
