@@ -38,6 +38,11 @@ def blocks(page: Path) -> list[Block]:
     return [Block(*found) for found in _BLOCK.findall(page.read_text(encoding="utf-8"))]
 
 
+def first_block(page: str, language: str) -> str:
+    """The text of the first block of a language in a page of the documentation."""
+    return next(block.text for block in blocks(ROOT / "docs" / page) if block.language == language)
+
+
 def commands(page: Path) -> list[str]:
     """The commands of a page that are run."""
     lines = "\n".join(block.text for block in blocks(page) if block.language == "console").splitlines()

@@ -129,11 +129,15 @@ BAD = {
     "underscores": ("R\n1_0\n", "row 1 (line 2), column R: expected a number, got '1_0'"),
     "too few columns": ("R,L\n.25,.4\n\n# so\n.25\n", "row 2 (line 5): expected 2 columns, got 1"),
     "too many columns": ("R,L\n.25,.4,1\n", "row 1 (line 2): expected 2 columns, got 3"),
-    "an unknown column": ("R,colour\n.25,3\n", "column 2: designs: unknown column 'colour'"),
-    "a wrong unit": ("R [kg]\n.25\n", "column 1: designs: column 'R [kg]': expected a length"),
+    "an unknown column": ("R,colour\n.25,3\n", "designs.csv, column 2: unknown column 'colour'"),
+    "a wrong unit": ("R [kg]\n.25\n", "column 1: column 'R [kg]': expected a length"),
     "millimetres without their unit": ("R,L\n.25,.4\n250,400\n", "row 2, column R: 250 m is more than 20 m"),
     "one column twice": ("R,R\n.25,.4\n", "the column R is there twice"),
-    "the same in two units": ("R,R [mm]\n.25,250\n", "two columns are geometry.R"),
+    "the same in two units": (
+        "R,R [mm]\n.25,250\n",
+        "designs.csv: two columns are geometry.R: 'R' and 'R [mm]'; leave one",
+    ),
+    "no names": ("240,300\n241,300\n", "designs.csv: the first line has numbers only; expected the names"),
     "semicolons": ("R;L\n.25;.4\n", "expected commas between the columns, got semicolons"),
     "an empty file": ("\n\n", "got an empty file"),
     "no rows": ("R\n# none\n", "expected rows of numbers after the names of columns, got none"),
@@ -176,7 +180,7 @@ def test_bad_parquet_has_one_clear_error(tmp_path, capsys):
         ({"R": [0.25, None, 0.26]}, "row 2, column R: expected a number, got nothing"),
         ({"R": ["wide"]}, "column R: expected numbers, got the type string"),
         ({"R": pyarrow.array([], pyarrow.float64())}, "expected rows of numbers, got none"),
-        ({"Q": [1.0]}, "column 1: designs: unknown column 'Q'"),
+        ({"Q": [1.0]}, "column 1: unknown column 'Q'"),
     ):
         parquet.write_table(pyarrow.table(columns), path)
         assert main(["designs", str(path), "--samples", "11"]) == 2

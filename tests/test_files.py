@@ -443,7 +443,7 @@ def test_odd_tags_are_one_clear_error(text):
         ("x: {a: 1, a: 1}", "here, line 1: not valid YAML: the key 'a'"),
         ("a: [1, 2\nb: 3", "here, line 2: not valid YAML"),
         ("a: b: c", "here, line 1: not valid YAML"),
-        ("\ta: 1", "here, line 1: not valid YAML"),
+        ("\ta: 1", "here, line 1: not valid YAML: found character .*; indent by spaces, YAML takes no tabs"),
         ("a: 1\n---\nb: 2", "here, line 2: not valid YAML"),
         ("!!python/object/apply:os.system ['true']", "here, line 1: not valid YAML"),
         ("a: !!python/name:os.system", "here, line 1: not valid YAML"),

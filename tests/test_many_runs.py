@@ -312,7 +312,8 @@ def test_a_controller_that_cannot_go_on_ends_its_run_only():
         ({"start.y [kg]": [0.0]}, {}, "start.y"),
         ({"seed [m]": [0.0]}, {}, "no unit"),
         ({"rod_radius": [0.01]}, {}, "the column dimensions.rod_radius is of solids; runs take masses"),
-        ({"start.y": [0.0], "start.y [mm]": [0.0]}, {}, "given twice"),
+        ({"start.y": [0.0], "start.y [mm]": [0.0]}, {}, "two columns are start.y: 'start.y' and 'start.y "),
+        ({"R": [0.25], "R [mm]": [250]}, {}, r"two columns are geometry.R: 'R' and 'R \[mm\]'"),
         ({"offset.y": [0.0]}, {}, "unknown column offset.y"),
         ({"frequency": [5.0]}, {}, "is for a controller of the kind PD"),
         ({"controller.stiffness": [5.0]}, {"controller": HOLD}, "is for a controller of the kind Springs"),
@@ -482,7 +483,15 @@ def test_the_command_line_reads_runs_and_writes_figures(tmp_path, capsys):
         ("L,\n1,2\n", "expected different names of columns"),
         ("L,R\n1\n", "run 1: expected 2 numbers, got 1"),
         ("L,R\n1,2\n1,x\n", "run 2: could not convert"),
-        ("wheel\n1\n", "runs: unknown column 'wheel'"),
+        ("wheel\n1\n", "runs.csv: unknown column 'wheel'"),
+        (
+            "R [mm],R\n240,.24\n",
+            "runs.csv: two columns are geometry.R: 'R [mm]' and 'R'; leave one of them out",
+        ),
+        (
+            "240,300\n241,300\n",
+            "runs.csv: the first line has numbers only; expected the names of the columns",
+        ),
     ],
 )
 def test_bad_tables_are_one_clear_error(tmp_path, capsys, text, message):

@@ -103,3 +103,22 @@ def test_axes_of_decades_keep_their_ticks():
     before = axis.get_xticks()
     common.tidy(axis)
     np.testing.assert_array_equal(axis.get_xticks(), before)
+
+
+def test_small_errors_are_drawn_as_they_are():
+    """A run that begins without error comes from below the axis; nothing lies flat on it."""
+    robot, motion = p3dof.load(), p3dof.paper_motion(61)
+    run = robot.simulate(
+        0.2,
+        start=p3dof.InitialState(motion.pose[0], motion.velocity[0]),
+        controller=p3dof.ComputedTorque(robot.parameters, motion),
+        control=p3dof.ControlLoop(rate=1000),
+        method="compiled",
+    )
+    figure = plots.tracking_figure({"computed torque": run})
+    for k, axis in enumerate(figure.axes[3:6]):
+        error = 1e3 * np.abs(run.error[:, k])
+        np.testing.assert_array_equal(axis.lines[0].get_ydata(), error)
+        lowest, highest = axis.get_ylim()
+        assert 0 < lowest < error.max() < highest
+        assert 1e2 < error.max() / lowest < 1e4

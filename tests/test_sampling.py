@@ -8,6 +8,7 @@ import re
 
 import numpy as np
 import pytest
+from documents import first_block
 
 import p3dof
 from p3dof.cli import main
@@ -24,6 +25,23 @@ SIX = (
 """Six poses, 100 ms apart: actuator A bears 104.6 N at them, and 123.4 N on the curve between them."""
 
 LOAD = WrenchHistory([0.0, 0.5], np.zeros((2, 6)))
+
+
+def test_the_file_of_a_planned_task_is_fine_enough(tmp_path, robot):
+    """The least force of C misses 0.03 N of 71 N: nothing that a drive is sized by."""
+    (tmp_path / "task.yaml").write_text(first_block("how-to/plan-a-task.md", "yaml"), encoding="utf-8")
+    task = p3dof.read_task(tmp_path / "task.yaml")
+    task.plan(duration=2.0).motion.to_csv(tmp_path / "motion.csv")
+    motion = Motion.from_csv(tmp_path / "motion.csv")
+    assert robot.remarks(motion) == ()
+    exact = task.plan(duration=2.0, samples=20_001).motion
+    forces = [
+        robot.forces(one.pose, one.velocity, one.acceleration, method="compiled") for one in (motion, exact)
+    ]
+    few, many = (np.array([force.min(axis=0), force.max(axis=0)]) for force in forces)
+    assert np.abs(few - many).max() < 1e-3 * np.abs(many).max(axis=0).min()
+    coarse = task.plan(duration=2.0, samples=301).motion
+    assert any("lowest force of C" in words for words in robot.remarks(coarse))
 
 
 @pytest.fixture(scope="module")

@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from documents import first_block
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
@@ -86,6 +87,16 @@ def test_narrow_rows_become_lines(capsys):
     print_table(Console(width=20), table)
     expected = "forces\nactuator: A\n  lowest [N]:\n      -118.4980\n  highest [N]:\n      103.5000\n"
     assert capsys.readouterr().out == expected + "actuator: B\n  highest [N]:\n      3.0000\n"
+
+
+def test_a_plan_stays_a_table_at_eighty_columns(tmp_path, capsys, monkeypatch):
+    (tmp_path / "task.yaml").write_text(first_block("how-to/plan-a-task.md", "yaml"), encoding="utf-8")
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main(["plan", str(tmp_path / "task.yaml"), "--duration", "2"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) < 35  # 17 rows in two tables; one number a line would be 110
+    assert max(map(len, lines)) <= 80
+    assert any(line.split()[:3] == ["home", "→", "pick"] and len(line.split()) == 10 for line in lines)
 
 
 @pytest.mark.parametrize(

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from rich.box import SIMPLE_HEAD
 from rich.cells import cell_len
 from rich.console import Console
 from rich.table import Table
@@ -17,7 +19,8 @@ from p3dof.cli.encoding import spelled
 def print_table(console: Console, table: Table) -> None:
     """Print a table without breaking a number or a name, however narrow the terminal is.
 
-    Headers wrap between words. Where even that is too wide, each row becomes lines of ``column: value``.
+    Headers wrap between words. Where that is too wide, the frame is left out; where even that is, each row
+    becomes lines of ``column: value``.
 
     Parameters
     ----------
@@ -31,13 +34,16 @@ def print_table(console: Console, table: Table) -> None:
     title = _plain(table.title or "", console)
     least = [_width(cells, header.split()) for header, cells in zip(headers, rows, strict=True)]
     widths = [_width(cells, header.splitlines()) for header, cells in zip(headers, rows, strict=True)]
-    room = console.width - _frame(console, table)
+    looks: dict[str, Any] = {"box": table.box, "padding": table.padding}
+    if sum(least) > console.width - _frame(console, len(rows), looks):
+        looks = {"box": SIMPLE_HEAD, "padding": 0}
+    room = console.width - _frame(console, len(rows), looks)
     if sum(least) > room:
         _print_lines(console, title, headers, list(zip(*rows, strict=True)))
         return
     while sum(widths) > room:
         widths[int(np.argmax(np.subtract(widths, least)))] -= 1
-    fitting = Table(title=Text(title, "table.title") if title else None, box=table.box, padding=table.padding)
+    fitting = Table(title=Text(title, "table.title") if title else None, **looks)
     for column, header, width in zip(table.columns, headers, widths, strict=True):
         fitting.add_column(Text(header, "table.header"), justify=column.justify, width=width)
     for row in zip(*rows, strict=True):
@@ -54,12 +60,12 @@ def _width(*texts: Sequence[str]) -> int:
     return max((cell_len(text) for some in texts for text in some), default=0)
 
 
-def _frame(console: Console, table: Table) -> int:
+def _frame(console: Console, columns: int, looks: dict[str, Any]) -> int:
     """Return how many columns of the terminal a table needs beside its content."""
-    like = Table(box=table.box, padding=table.padding)
-    for _ in table.columns:
+    like = Table(**looks)
+    for _ in range(columns):
         like.add_column("", width=1)
-    return console.measure(like, options=console.options.update_width(10_000)).maximum - len(table.columns)
+    return console.measure(like, options=console.options.update_width(10_000)).maximum - columns
 
 
 def _print_lines(console: Console, title: str, headers: Sequence[str], rows: Sequence[Sequence[str]]) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray, one_line
-from p3dof.designs.names import column_of
+from p3dof.designs.names import column_of, columns_of
 from p3dof.errors import FileError, InputError, MissingExtraError
 from p3dof.files import called, is_stream, reason, suffix_of, write_streamed
 
@@ -139,14 +139,41 @@ def _header(line: str, name: str) -> list[str]:
 
 
 def _check_names(fields: Sequence[str], name: str) -> None:
+    require_header(fields, name)
     for number, field in enumerate(fields, start=1):
         try:
             column_of(field)
         except InputError as error:  # noqa: PERF203 - a few names
-            raise InputError(f"{name}, column {number}: {error}") from error
+            raise InputError(f"{name}, column {number}: {_bare(error)}") from error
     if len(set(fields)) != len(fields):
         twice = next(field for field in fields if fields.count(field) > 1)
         raise InputError(f"{name}: the column {twice} is there twice")
+    try:
+        columns_of(fields)
+    except InputError as error:
+        raise InputError(f"{name}: {_bare(error)}") from error
+
+
+def _bare(error: InputError) -> str:
+    """Return a message without what it is about, where a file says that."""
+    return str(error).removeprefix("designs: ")
+
+
+def require_header(fields: Sequence[str], name: str) -> None:
+    """Raise `InputError` if the first line of a table has numbers where names of columns belong.
+
+    Parameters
+    ----------
+    fields : sequence of str
+        Of the first line.
+    name : str
+        What to call the file.
+    """
+    if fields and all(_is_number(field) for field in fields):
+        raise InputError(
+            f"{name}: the first line has numbers only; expected the names of the columns there, such as "
+            "R [mm],platform.mass"
+        )
 
 
 def _columns(

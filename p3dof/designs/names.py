@@ -167,12 +167,16 @@ def columns_of(headers: Iterable[object]) -> list[Column]:
     InputError
         If one means nothing, or two mean the same.
     """
-    found = [column_of(header) for header in headers]
+    told = list(headers)
+    found = [column_of(header) for header in told]
     if not found:
         raise InputError("designs: expected at least one column, got none")
-    for i, column in enumerate(found):
-        if any(column.name == other.name for other in found[:i]):
-            raise InputError(f"designs: two columns are {column.name}")
+    first: dict[str, object] = {}
+    for column, header in zip(found, told, strict=True):
+        if column.name in first:
+            both = f"{shown(first[column.name])} and {shown(header)}"
+            raise InputError(f"designs: two columns are {column.name}: {both}; leave one of them out")
+        first[column.name] = header
     return found
 
 

@@ -50,7 +50,8 @@ def parse_yaml(text: str, source: str, error: type[P3dofError]) -> Any:
         mark = getattr(problem, "problem_mark", None)
         where = f", line {mark.line + 1}" if mark is not None else ""
         what = getattr(problem, "problem", None) or str(problem).splitlines()[0]
-        raise error(f"{source}{where}: not valid YAML: {one_line(what)}") from problem
+        hint = "; indent by spaces, YAML takes no tabs" if r"'\t'" in what else ""
+        raise error(f"{source}{where}: not valid YAML: {one_line(what)}{hint}") from problem
     except RecursionError as problem:
         raise error(f"{source}: not valid YAML: nested too deeply") from problem
 

@@ -43,6 +43,9 @@ _JUMP = 8.0
 _SMALL, _TINY = 1e-2, 1e-9
 """Shares of the largest number of its kind below which one is held to that only, and absolutely [SI]."""
 
+_ENDS = ("lowest force", "highest force")
+"""Numbers that are held to the larger one of the two."""
+
 _TOLD = 3
 """Numbers that a warning names: those that are furthest off."""
 
@@ -232,7 +235,10 @@ def _changes(known: Loads, more: list[Loads], share: float) -> list[str]:
         scale = np.max([np.abs(other) for key, other in known.items() if key.endswith(kind)], axis=0)
         floor = np.maximum(_SMALL * np.maximum(scale, _SMALL * scale.max()), _TINY)
         better = np.array([one[name] for one in more])  # (K, 3)
-        change = np.abs(better - values) / np.maximum(np.abs(better), floor)
+        size_of = np.abs(better)
+        if name in _ENDS:  # the range of the same actuator's force, of which the larger end sizes a drive
+            size_of = np.max([np.abs([one[end] for one in more]) for end in _ENDS], axis=0)
+        change = np.abs(better - values) / np.maximum(size_of, floor)
         nearest = np.argmin(change, axis=0)
         for leg in range(3):
             size = float(change[nearest[leg], leg])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -70,14 +70,12 @@ class RunColumns:
             self._take(by_header(runs), machine)
 
     def _take(self, given: Any, machine: Parameters) -> None:
+        check_headers(given)
         others: dict[str, Any] = {}
         for header, values in given.items():
             name, factor = _own(header)
             if name is None:
-                _require_known(header)
                 others[header] = values
-            elif name in self.own:
-                raise InputError(f"runs: the column {name} is given twice")
             else:
                 self.own[name] = as_column(str(header), values) * factor
         if others:
@@ -175,6 +173,23 @@ def faults(columns: Mapping[str, FloatArray], run: int, stop: int) -> str:
     return ", ".join(f"{name} is {number:.15g}" for name, number in numbers.items() if not fits(name, number))
 
 
+def check_headers(headers: Iterable[str]) -> None:
+    """Raise `InputError` unless each header is that of a column of runs, and no two mean the same.
+
+    Parameters
+    ----------
+    headers : iterable of str
+        Names with units.
+    """
+    first: dict[str, str] = {}
+    for header in headers:
+        name = _own(header)[0] or _require_known(header)
+        if name in first:
+            both = f"{shown(first[name])} and {shown(header)}"
+            raise InputError(f"runs: two columns are {name}: {both}; leave one of them out")
+        first[name] = header
+
+
 def unit_of(header: str) -> str:
     """Return the unit of the numbers of a column that is called so; empty where they have none."""
     _, bracket, unit = header.strip().rpartition("[")
@@ -210,7 +225,7 @@ def _own(header: object) -> tuple[str | None, float]:
         raise InputError(str(error)) from error
 
 
-def _require_known(header: str) -> None:
+def _require_known(header: str) -> str:
     try:
         name = column_of(header).name
     except InputError as error:
@@ -218,3 +233,4 @@ def _require_known(header: str) -> None:
         raise InputError(f"{str(error).replace('designs:', 'runs:', 1)}; or of a run: {own}") from error
     if name in (*SIZES, DENSITY):
         raise InputError(f"runs: the column {name} is of solids; runs take masses and inertias instead")
+    return name

@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 
 from p3dof.checks import FloatArray, shown
-from p3dof.errors import FileError
+from p3dof.designs.files import require_header
+from p3dof.errors import FileError, InputError
 from p3dof.files import called, read_text
+from p3dof.many_runs.columns import check_headers
 
 
 def read_runs(source: Any) -> dict[str, FloatArray]:
@@ -29,15 +31,22 @@ def read_runs(source: Any) -> dict[str, FloatArray]:
     FileError
         If it cannot be read, has no rows, a row of another length, a name twice, or something else than
         numbers; with the row.
+    InputError
+        If a column means nothing, or two mean the same.
     """
     name = called(source)
     lines = [row for row in csv.reader(read_text(source).splitlines()) if any(cell.strip() for cell in row)]
     if len(lines) < 2:
         raise FileError(f"{name}: expected names of columns and at least one run")
     header = [cell.strip() for cell in lines[0]]
+    require_header(header, name)
     twice = [cell for cell in header if header.count(cell) > 1]
     if twice or not all(header):
         raise FileError(f"{name}: expected different names of columns, got {shown((twice or [''])[0])}")
+    try:
+        check_headers(header)
+    except InputError as error:
+        raise InputError(f"{name}: {str(error).removeprefix('runs: ')}") from error
     rows = np.empty((len(lines) - 1, len(header)))
     for k, row in enumerate(lines[1:]):
         if len(row) != len(header):

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 _COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 _POSE = ("y [mm]", "z [mm]", "θ [mrad]")
-_LEAST = 1e-9
-"""Errors below are drawn here: a logarithmic axis has no zero [m, rad]."""
+_DEPTH = 1e-3
+"""How far a logarithmic axis of errors goes below the least of the peaks; what is below leaves the axis."""
 
 
 def tracking_figure(runs: Mapping[str, Simulation]) -> Figure:
@@ -42,7 +42,7 @@ def tracking_figure(runs: Mapping[str, Simulation]) -> Figure:
     """
     if not 1 <= len(runs) <= len(_COLOURS):
         raise InputError(f"runs: expected one to {len(_COLOURS)}, got {len(runs)}")
-    errors = {name: 1e3 * np.maximum(np.abs(run.error), _LEAST) for name, run in runs.items()}
+    errors = {name: 1e3 * np.abs(run.error) for name, run in runs.items()}
     figure = new_figure(figsize=(10.5, 7.2))
     axes = figure.subplots(3, 3, sharex=True, height_ratios=(1, 1.2, 1))
     longest = max(runs.values(), key=lambda run: float(run.time[-1]))
@@ -56,6 +56,9 @@ def tracking_figure(runs: Mapping[str, Simulation]) -> Figure:
             force.plot(run.time, run.forces[:, k], color=colour, lw=1.1)
             if run.stop is not None:
                 pose.plot(run.time[-1], 1e3 * run.pose[-1, k], "x", color=colour)
+        peaks = [peak for each in errors.values() if (peak := each[:, k].max()) > 0]
+        if peaks:
+            error.set_ylim(bottom=_DEPTH * min(peaks))
         pose.set_ylabel(_POSE[k])
         error.set_ylabel(f"error of {_POSE[k]}")
         force.set_ylabel(f"force of {LEGS[k]} [N]")
