@@ -17,10 +17,11 @@ import p3dof
 pytest.importorskip("meshcat", reason="meshcat is not installed")
 import umsgpack
 
+from p3dof.page.room import LINKS_OF_LEGS
 from p3dof.parameters import LINKS
 from p3dof.viewer import ArrowScale, Scene, SceneWindow, joints_of, trace_of
 from p3dof.viewer.drawing import ROOT
-from p3dof.viewer.scene import LINKS_OF_LEGS, MARK
+from p3dof.viewer.scene import MARK
 
 VISUALS = f"/meshcat/{ROOT}/visuals/"
 

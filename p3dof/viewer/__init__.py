@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.methods import InverseDynamics
 from p3dof.motion import Motion
+from p3dof.page.machine import Machine
+from p3dof.page.poses import joints_of, trace_of
 from p3dof.viewer.animation import animation_html, save_animation
-from p3dof.viewer.machine import Machine
 from p3dof.viewer.robots.animation import robot_animation_html, robot_picture, save_robot_film
 from p3dof.viewer.robots.motion import JointMotion
 from p3dof.viewer.robots.scene import RobotScene
 from p3dof.viewer.scale import ArrowScale
-from p3dof.viewer.scene import Scene, joints_of, trace_of
+from p3dof.viewer.scene import Scene
 from p3dof.viewer.video import save_screenshot, save_video
 from p3dof.viewer.window import SceneWindow
 

@@ -14,12 +14,13 @@ from p3dof.errors import InputError
 from p3dof.files import suffix_of, write_atomic
 from p3dof.kinematics import reachable_poses
 from p3dof.methods import InverseDynamics
+from p3dof.page.machine import Machine, require_machine
+from p3dof.page.poses import joints_of, trace_of
+from p3dof.page.room import COLOURS, LEGS, Room
 from p3dof.viewer.frames import MAX_FRAMES, Frames, Labels, page_of
-from p3dof.viewer.machine import Machine, require_machine
 from p3dof.viewer.recorder import Recorder
 from p3dof.viewer.scale import ArrowScale
-from p3dof.viewer.scene import Scene, joints_of, trace_of
-from p3dof.viewer.scenery import COLOURS, LEGS, Room
+from p3dof.viewer.scene import Scene
 
 TITLE = "3-DOF spatial parallel manipulator"
 _SAME = 1e-6

@@ -2,31 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, as_floats, frozen_array
 from p3dof.errors import InputError, MissingExtraError
+from p3dof.page.drawable import Drawable
 from p3dof.viewer.window import SceneWindow
 
 ROOT = "p3dof"
 """Name of the robot under MeshCat's root, ``/meshcat``."""
 TRACE = 0x7B1FA2
 """Colour of a path."""
-
-
-class Drawable(Protocol):
-    """A robot that can be drawn: a tree, and solids on its bodies."""
-
-    @property
-    def model(self) -> Any:
-        """The tree, a `pinocchio.Model`."""
-
-    @property
-    def visual_model(self) -> Any:
-        """Its visible solids, a `pinocchio.GeometryModel`."""
 
 
 class Drawing:

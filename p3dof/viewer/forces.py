@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 
 from p3dof.checks import FloatArray
+from p3dof.page.measures import above
+from p3dof.page.room import COLOURS, LEGS, Room
 from p3dof.viewer.arrows import draw_arrow, set_length
 from p3dof.viewer.scale import ArrowScale
-from p3dof.viewer.scenery import COLOURS, LEGS, Room
-from p3dof.viewer.stage import above, colour_number, number, sideways, write_text
+from p3dof.viewer.stage import colour_number, number, sideways, write_text
 
 LEGEND = 0x4A545E
 """Colour of the arrow that tells the scale of the others."""

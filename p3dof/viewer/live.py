@@ -12,12 +12,13 @@ from p3dof.checks import FloatArray, frozen_array, shown
 from p3dof.errors import InputError, ReachError, SingularityError
 from p3dof.methods import InverseDynamics
 from p3dof.motion import Motion, WrenchOverTime
+from p3dof.page.machine import Machine, require_machine
+from p3dof.page.poses import trace_of
 from p3dof.viewer.connections import Message
 from p3dof.viewer.live_page import LivePage, Request, player_of
-from p3dof.viewer.machine import Machine, require_machine
 from p3dof.viewer.panel import AXES, arrow_scales, off_scale, plain, setup_message, slider_ranges
 from p3dof.viewer.player import within
-from p3dof.viewer.scene import Scene, trace_of
+from p3dof.viewer.scene import Scene
 from p3dof.viewer.server import ServedWindow, Server
 from p3dof.viewer.states import CASES, Shown, States
 

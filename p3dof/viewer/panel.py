@@ -6,11 +6,11 @@ import numpy as np
 
 from p3dof.checks import FloatArray
 from p3dof.methods import InverseDynamics
+from p3dof.page.machine import Machine
+from p3dof.page.room import COLOURS, LEGS
 from p3dof.viewer.connections import Message
-from p3dof.viewer.machine import Machine
 from p3dof.viewer.player import FASTEST, SLOWEST
 from p3dof.viewer.scale import ArrowScale
-from p3dof.viewer.scenery import COLOURS, LEGS
 from p3dof.viewer.stage import number
 from p3dof.viewer.states import States
 

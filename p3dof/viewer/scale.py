@@ -11,7 +11,7 @@ from p3dof.checks import FloatArray
 from p3dof.methods import InverseDynamics
 from p3dof.methods.virtual_power import VirtualPowerMethod
 from p3dof.motion import states_of
-from p3dof.viewer.machine import Machine
+from p3dof.page.machine import Machine
 from p3dof.viewer.stage import number
 
 _POSES = 41

@@ -4,33 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from p3dof import kinematics
 from p3dof.checks import FloatArray, as_floats
 from p3dof.description.shapes import PLATFORM
 from p3dof.errors import InputError
-from p3dof.parameters import Dimensions
+from p3dof.page.machine import Machine, require_machine
+from p3dof.page.room import GLASS, LEGS, LINKS_OF_LEGS, Room
+from p3dof.page.skin import skin_of
 from p3dof.viewer.drawing import TRACE, Drawing
 from p3dof.viewer.forces import ForceArrows
-from p3dof.viewer.machine import Machine, require_machine
 from p3dof.viewer.scale import ArrowScale
-from p3dof.viewer.scenery import LEGS, Room, draw_scenery
+from p3dof.viewer.scenery import draw_scenery
 from p3dof.viewer.stage import colour_number, set_stage
 from p3dof.viewer.window import SceneWindow
 
-LINKS_OF_LEGS = {
-    "a": ("slider_a", "leg_a"),
-    "b": ("slider_b", "leg_b"),
-    "c": ("slider_c", "crossbar_upper", "rod_left", "crossbar_lower", "rod_right"),
-}
-"""The bodies of each leg."""
 MARK = (0.85, 0.05, 0.1, 1.0)
 """Colour of a leg that is out of reach."""
-GLASS = (0.62, 0.66, 0.70, 0.45)
-"""Colour of the frame, which stands between the eye and the legs."""
-_PROUD = 1.04
-"""How much larger the platform's skin is than its solids."""
 
 
 class Scene(Drawing):
@@ -146,7 +136,7 @@ class Scene(Drawing):
         geometry, size = self.robot.parameters.geometry, self._room.size
         node = self._viewer["platform"]
         material = mg.MeshPhongMaterial(color=colour_number(PLATFORM.rgba))
-        node["skin"].set_object(mg.TriangularMeshGeometry(*_skin(geometry.r, size)), material)
+        node["skin"].set_object(mg.TriangularMeshGeometry(*skin_of(geometry.r, size)), material)
         ink = mg.MeshBasicMaterial(color=TRACE, depthTest=False, transparent=True)
         node["P"].set_object(mg.Sphere(0.5 * size.rod_radius), ink)
 
@@ -175,71 +165,3 @@ def three_forces(forces: ArrayLike) -> FloatArray:
     if newtons.shape != (3,):
         raise InputError(f"forces: expected shape (3,), got {newtons.shape}")
     return newtons
-
-
-def joints_of(robot: Machine, pose: ArrayLike) -> FloatArray:
-    """Return all joints at poses, in Pinocchio's order.
-
-    Parameters
-    ----------
-    robot : Manipulator
-        The machine.
-    pose : array-like, shape (..., 3)
-        y [m], z [m], θ [rad].
-
-    Returns
-    -------
-    ndarray, shape (..., 10)
-
-    Raises
-    ------
-    ReachError, InputError
-        Naming leg, margin and sample.
-    """
-    joints = kinematics.inverse_kinematics(robot.parameters.geometry, pose).joints
-    return np.stack([joints[name] for name in robot.model.names[1:]], axis=-1)
-
-
-def trace_of(robot: Machine, pose: ArrayLike) -> FloatArray:
-    """Return where P is at poses, in the fixed frame.
-
-    Parameters
-    ----------
-    robot : Manipulator
-        The machine.
-    pose : array-like, shape (..., 3)
-        y [m], z [m], θ [rad].
-
-    Returns
-    -------
-    ndarray, shape (..., 3)
-        [m].
-
-    Raises
-    ------
-    InputError
-        If the shape does not fit.
-    """
-    poses = as_floats("pose", pose)
-    if poses.ndim == 0 or poses.shape[-1] != 3:
-        raise InputError(f"pose: expected shape (..., 3), got {poses.shape}")
-    y, z = poses[..., 0], poses[..., 1]
-    return np.stack((0.0 * y, y, z - robot.parameters.geometry.h), axis=-1)
-
-
-def _skin(r: float, size: Dimensions) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Return vertices and faces of the plate: the triangle A3 B3 C5 about P, widened by the corner radius."""
-    corners = np.array([(0.0, r), (-r, 0.0), (0.0, -r)])  # B3, C5, A3, counter-clockwise
-    turns = [(0.0, 3 / 4), (3 / 4, 5 / 4), (5 / 4, 2.0)]  # π times where the edges beside them face
-    angles = np.concatenate([np.linspace(start * np.pi, end * np.pi, 13) for start, end in turns])
-    around = np.repeat(corners, 13, axis=0)
-    rim = around + size.corner_radius * _PROUD * np.stack((np.cos(angles), np.sin(angles)), axis=-1)
-    half = size.plate_thickness / 2 * _PROUD
-    low, high = (np.column_stack((rim, np.full(len(rim), z))) for z in (-half, half))
-    vertices = np.concatenate((low, high, low, high))  # the walls, then the covers: edges stay sharp
-    n = len(rim)
-    i = np.arange(n)
-    j, fan = (i + 1) % n, np.arange(1, n - 1)
-    walls = np.concatenate((np.stack((i, j, n + j), axis=1), np.stack((i, n + j, n + i), axis=1)))
-    cover = np.stack((np.zeros_like(fan), fan, fan + 1), axis=1)
-    return vertices, np.concatenate((walls, 2 * n + cover[:, ::-1], 3 * n + cover))

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from p3dof.checks import FloatArray
+from p3dof.page.measures import above, mesh_of
 
 TOP, BOTTOM = (1.0, 1.0, 1.0), (0.86, 0.89, 0.92)
 """Colours of the background."""
@@ -21,19 +22,6 @@ VIEW = (0.85, -0.45, 0.36)
 """Direction from the machine to the eye in the fixed frame: from the front, the right and above."""
 FILLED = 0.94
 """How much of the picture is filled."""
-_USUAL = (0.25, 1.5)
-"""Sizes of machines that are drawn as they are [m]: MeshCat's lights and near plane are made for metres."""
-
-
-def enlargement(half: float) -> float:
-    """Return by how much something is drawn larger than it is: 1 unless its half size is far from a metre."""
-    return 1.0 if _USUAL[0] < half < _USUAL[1] else 0.6 / half
-
-
-def mesh_of(half: float) -> float:
-    """Return the distance between the lines of a floor: 1, 2 or 5 times a power of ten."""
-    power = 10.0 ** math.floor(math.log10(half / 4))
-    return power * max(step for step in (1, 2, 5) if step * power <= half / 4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,11 +126,6 @@ def _distances(seen: FloatArray, filled: float) -> FloatArray:
     sight = filled * math.tan(math.radians(75 / 2)) / ZOOM  # half the height that is seen at a distance of 1
     spread = np.maximum(np.abs(seen @ up), np.abs(seen @ right) / ASPECT) / sight
     return np.asarray(seen @ eye + spread)
-
-
-def above(points: FloatArray, height: float) -> FloatArray:
-    """Return points, shape (..., 3), so much higher [m]."""
-    return np.asarray(points + np.array([0.0, 0.0, height]))
 
 
 def draw_floor(node: Any, half: float, bottom: float, middle: tuple[float, float] = (0.0, 0.0)) -> None:

@@ -13,10 +13,10 @@ from p3dof.errors import SingularityError
 from p3dof.methods import InverseDynamics
 from p3dof.methods.virtual_power import VirtualPowerMethod
 from p3dof.motion import Motion, states_of
+from p3dof.page.machine import Machine
+from p3dof.page.poses import joints_of
 from p3dof.parameters import LEGS, SLIDES
 from p3dof.samples import OnInvalid
-from p3dof.viewer.machine import Machine
-from p3dof.viewer.scene import joints_of
 
 CASES = ("total", "static", "dynamic")
 """Which forces: all that the motion takes, those that hold the pose at rest, or their difference."""

@@ -12,13 +12,14 @@ from p3dof import kinematics
 from p3dof.checks import Progress, frozen_array
 from p3dof.files import suffix_of, write_atomic
 from p3dof.methods import InverseDynamics
+from p3dof.page.machine import Machine, require_machine
+from p3dof.page.poses import joints_of, trace_of
 from p3dof.viewer.animation import TITLE, animation_html, frames_of
 from p3dof.viewer.films import checked_rate, save_film
 from p3dof.viewer.headless import SIZE, checked_size, picture_of
-from p3dof.viewer.machine import Machine, require_machine
 from p3dof.viewer.pages import standalone
 from p3dof.viewer.scale import ArrowScale
-from p3dof.viewer.scene import Scene, joints_of, three_forces, trace_of
+from p3dof.viewer.scene import Scene, three_forces
 from p3dof.viewer.states import States
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from p3dof.checks import FloatArray, Progress, positive, shown
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.errors import InputError
-from p3dof.viewer.drawing import Drawable
+from p3dof.page.drawable import Drawable
 from p3dof.viewer.films import checked_rate, save_film
 from p3dof.viewer.frames import MAX_FRAMES, Frames, Labels, page_of
 from p3dof.viewer.headless import SIZE, checked_size, picture_of

@@ -14,8 +14,8 @@ from p3dof.checks import frozen_array, shown
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.closed_loop.compiling_model import Method
 from p3dof.errors import InputError
+from p3dof.page.drawable import Drawable
 from p3dof.viewer.connections import Message
-from p3dof.viewer.drawing import Drawable
 from p3dof.viewer.live_page import LivePage, Request, player_of
 from p3dof.viewer.player import within
 from p3dof.viewer.robots.figure import RobotFigure

@@ -14,7 +14,9 @@ from p3dof.checks import FloatArray, as_floats, shown
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.closed_loop.closure_wrenches import ClosureWrenches
 from p3dof.errors import InputError
-from p3dof.viewer.drawing import ROOT, Drawable, Drawing
+from p3dof.page.drawable import Drawable
+from p3dof.page.measures import enlargement, mesh_of
+from p3dof.viewer.drawing import ROOT, Drawing
 from p3dof.viewer.robots.arrows import (
     ACTUATORS,
     LONGEST,
@@ -30,7 +32,7 @@ from p3dof.viewer.robots.layers import LAYERS, Layers
 from p3dof.viewer.robots.motion import JointMotion, Moment
 from p3dof.viewer.robots.skins import draw_skins
 from p3dof.viewer.robots.sticks import Slides, thickness
-from p3dof.viewer.stage import draw_floor, enlargement, mesh_of, number, set_stage
+from p3dof.viewer.stage import draw_floor, number, set_stage
 from p3dof.viewer.window import SceneWindow
 
 _LOOKED_AT = 60

@@ -1,4 +1,4 @@
-"""What the viewer asks of what it shows."""
+"""What the page and the viewer ask of the machine that they show."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ from collections.abc import Callable
 from typing import Protocol
 
 from p3dof.checks import shown
+from p3dof.closed_loop import ClosedLoopModel
 from p3dof.errors import InputError
 from p3dof.methods import InverseDynamics
+from p3dof.page.drawable import Drawable
 from p3dof.parameters import Parameters
-from p3dof.viewer.drawing import Drawable
 
 
 class Machine(Drawable, Protocol):
@@ -18,6 +19,10 @@ class Machine(Drawable, Protocol):
     @property
     def parameters(self) -> Parameters:
         """Its measures and limits."""
+
+    @property
+    def loop(self) -> ClosedLoopModel:
+        """The same with its loop closures."""
 
     @property
     def inverse_dynamics(self) -> Callable[..., InverseDynamics]:

@@ -1,0 +1,121 @@
+"""The document of the page: everything that it shows, as JSON.
+
+`page_document` writes that of the manipulator, `p3dof.page.robot_document` that of any robot. The format is
+described in the reference of the documentation, and by ``document.schema.json`` beside this file.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from p3dof.checks import shown
+from p3dof.codegen.machine import limit_row, parameter_row
+from p3dof.errors import InputError
+from p3dof.motion import Motion
+from p3dof.page.closures import closures_of
+from p3dof.page.encoding import encoded
+from p3dof.page.machine import Machine, require_machine
+from p3dof.page.machine_runs import Runnable, Samples, run_of
+from p3dof.page.machine_scene import machine_scene
+from p3dof.parameters import Parameters
+from p3dof.version import __version__
+
+FORMAT = 1
+"""Of the documents that are written; a page refuses a newer one."""
+TITLE = "3-DOF spatial parallel manipulator"
+
+
+def page_document(
+    robot: Machine,
+    result: Runnable | None = None,
+    *,
+    runs: Mapping[str, Runnable] | None = None,
+    title: str = TITLE,
+) -> dict[str, Any]:
+    """Return the document of the manipulator: its scene, and runs with their curves and loads.
+
+    Parameters
+    ----------
+    robot : Manipulator
+        The machine.
+    result : Motion, InverseDynamics or Simulation, optional
+        The run that is shown first. The forces of a motion are worked out with Pinocchio; without any run
+        the machine is held at home.
+    runs : mapping of str to Motion, InverseDynamics or Simulation, optional
+        Further runs by name, to be compared with it.
+    title : str
+        Heading of the page.
+
+    Returns
+    -------
+    dict
+        What `json.dumps` takes; SI units and radians.
+
+    Raises
+    ------
+    InputError
+        If an argument is something else.
+    """
+    require_machine(robot)
+    if not isinstance(title, str):
+        raise InputError(f"title: expected text, got {shown(title)}")
+    if not isinstance(runs, Mapping | None):
+        raise InputError(f"runs: expected runs by name, got {shown(runs)}")
+    found = [] if result is None else [Samples.of(robot, result)]
+    found += [Samples.of(robot, run, str(name)) for name, run in (runs or {}).items()]
+    if not found:
+        found = [Samples.of(robot, Motion(np.zeros(1), *np.zeros((3, 1, 3))), "Held at home")]
+    row = engine_row(robot.parameters)
+    limits = robot.parameters.limits
+    return {
+        "format": FORMAT,
+        "title": title,
+        "generator": {"p3dof": __version__, "pinocchio": str(pin.__version__)},
+        "machine": {"name": "p3dof", "hash": hashlib.sha256(np.array(row, "<f8").tobytes()).hexdigest()},
+        "scene": machine_scene(robot),
+        "runs": [run_of(robot, samples) for samples in found],
+        "closures": closures_of(robot.loop),
+        "inputs": _inputs(robot.parameters),
+        "limits": {
+            "travel": list(limits.travel),
+            "speed": limits.speed,
+            "force": limits.force,
+            "tilt": list(limits.tilt),
+        },
+        "engine": {"kind": "p3dof", "parameters": encoded(row)},
+    }
+
+
+def engine_row(parameters: Parameters) -> list[float]:
+    """Return the numbers of a machine as the C of its controller takes them, ``p3dof_parameters``.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine.
+
+    Returns
+    -------
+    list of float
+        r, R, L, b, gravity (3), the ten bodies (10 each), viscous and Coulomb friction (13 each), smoothing,
+        travel (2), speed, force, tilt (2): 140 numbers.
+    """
+    row = parameter_row(parameters)
+    return [*row[:3], parameters.geometry.b, *row[3:], *limit_row(parameters)]
+
+
+def _inputs(parameters: Parameters) -> list[dict[str, Any]]:
+    """Return what may be set: the pose of the platform."""
+    geometry, limits = parameters.geometry, parameters.limits
+    reach = geometry.L - (geometry.R - geometry.r)
+    rows = [("y", "y of P", "m", (-reach, reach)), ("z", "z of P", "m", limits.travel)]
+    rows += [("theta", "Tilt θ", "rad", limits.tilt)]
+    return [
+        {"key": key, "label": label, "unit": unit, "low": low, "high": high, "value": 0.0}
+        for key, label, unit, (low, high) in rows
+    ]
