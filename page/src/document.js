@@ -98,7 +98,10 @@ function checkRun(run, where, document) {
     /** @type {[string, Table | undefined][]} */
     const tables = [["q", run.q], ["pose", run.pose], ["velocity", run.velocity], ["acceleration", run.acceleration],
         ["wrench", run.wrench]];
-    for (const curve of run.curves) tables.push([`curve ${curve.key}`, curve.values]);
+    for (const curve of run.curves) {
+        if (curve.column) curve.values = columnOf(run, curve, `${where}: curve ${curve.key}`);
+        tables.push([`curve ${curve.key}`, curve.values]);
+    }
     for (const load of run.loads) tables.push([`load ${load.key}`, load.values]);
     for (const [name, table] of Object.entries(run.placed ?? {})) tables.push([`placed ${name}`, table]);
     for (const [name, table] of tables) {
@@ -113,6 +116,21 @@ function checkRun(run, where, document) {
     for (const load of run.loads) {
         if (load.curve && !keys.has(load.curve)) fail(`${where}: load ${load.key} has no curve ${load.curve}`);
     }
+}
+
+/**
+ * The values of a curve that are a column of an array which the run has anyway.
+ * @param {any} run @param {{column: [string, number]}} curve @param {string} where @returns {Table}
+ */
+function columnOf(run, curve, where) {
+    const [name, column] = curve.column;
+    const table = /** @type {Table | undefined} */ (run[name]);
+    const width = table?.shape[1] ?? 0;
+    if (!table || !(column < width)) fail(`${where}: the run has no column ${column} of ${name}`);
+    const count = table.shape[0];
+    const data = new Float64Array(count);
+    for (let i = 0; i < count; i++) data[i] = table.data[i * width + column];
+    return { shape: [count], data };
 }
 
 /** @param {string} text @returns {never} */
