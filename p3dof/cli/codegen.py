@@ -43,6 +43,12 @@ parameters that matters is more, other last bits on another processor are less."
     "--bake", is_flag=True, help="Put the machine's numbers into the code: smaller, not to be changed."
 )
 @click.option(
+    "--float",
+    "single",
+    is_flag=True,
+    help="Compute with floats instead of doubles: for processors without double precision.",
+)
+@click.option(
     "--prefix",
     help="What all names and files of the C for a controller begin with, p3dof without it; two machines in "
     "one program need two.",
@@ -56,6 +62,7 @@ def codegen(
     payload: Body | None,
     out: Path | None,
     bake: bool,
+    single: bool,
     prefix: str | None,
     kernels: bool,
     wasm: bool,
@@ -63,25 +70,24 @@ def codegen(
     force: bool,
 ) -> int:
     """Write C99 for a controller: kinematics, dynamics and derivatives, with a program that tests it."""
-    if kernels and not DIRECTORY.is_dir():
-        raise click.UsageError(
-            "--kernels: the C of the kernels is in the source tree, not where it is installed"
-        )
-    if out is None and not kernels:
-        raise click.UsageError("expected --out (C for a controller), --kernels (the package's own) or both")
-    if out is None and (parameters is not None or payload is not None or bake or wasm or prefix is not None):
-        raise click.UsageError("--parameters, --payload, --bake, --prefix and --wasm belong to --out")
+    of_controller = (parameters, payload, bake or None, single or None, wasm or None, prefix)
+    _check_usage(out, kernels, any(value is not None for value in of_controller))
+    if single and wasm:
+        raise click.UsageError("--float: WebAssembly computes with doubles, leave out --wasm")
     jobs: list[tuple[dict[str, str], Path, float]] = []
     tables = []
     web = None
     if out is not None:
         machine = machine_of(parameters, payload).parameters
         given = {"--parameters": file_name(parameters), "--payload": payload and payload_text(payload)}
-        command = command_of("p3dof codegen", {**given, "--prefix": prefix, "--bake": bake})
+        command = command_of(
+            "p3dof codegen", {**given, "--prefix": prefix, "--bake": bake, "--float": single}
+        )
         name = PREFIX if prefix is None else checked_prefix(prefix)
         if wasm:
             web = WebFiles(controller_module(bake, name, origin_of(machine, bake, name, command)))
-        texts = controller_files(machine, bake, name, command) | (web.texts() if web else {})
+        texts = controller_files(machine, bake, name, command, "float" if single else "double")
+        texts |= web.texts() if web else {}
         jobs.append((texts, out, TOLERANCE))
         tables.append(_function_table(machine))
     if kernels:
@@ -104,6 +110,20 @@ def codegen(
         print_plain(console, f"wrote {path}")
     show(console, *tables)
     return 0
+
+
+def _check_usage(out: Path | None, kernels: bool, of_controller: bool) -> None:
+    """Raise UsageError for options that do not go together."""
+    if kernels and not DIRECTORY.is_dir():
+        raise click.UsageError(
+            "--kernels: the C of the kernels is in the source tree, not where it is installed"
+        )
+    if out is None and not kernels:
+        raise click.UsageError("expected --out (C for a controller), --kernels (the package's own) or both")
+    if out is None and of_controller:
+        raise click.UsageError(
+            "--parameters, --payload, --bake, --float, --prefix and --wasm belong to --out"
+        )
 
 
 def _check(jobs: list[tuple[dict[str, str], Path, float]], web: WebFiles | None) -> int:

@@ -15,6 +15,7 @@ from p3dof.codegen.machine import (
     parameter_row,
     preparation,
 )
+from p3dof.codegen.precision import DOUBLE, Precision
 from p3dof.codegen.replay import replay
 from p3dof.codegen.routines import LOAD, Routine, routines
 from p3dof.compiled.formulas import MODEL
@@ -38,6 +39,8 @@ class Printer:
         What to compute.
     numbers : dict of str to float, optional
         The numbers of a machine that is put in; without them constants come from a model.
+    precision : Precision
+        What the code computes with.
 
     Raises
     ------
@@ -45,11 +48,14 @@ class Printer:
         If numbers overflow.
     """
 
-    def __init__(self, routine: Routine, numbers: dict[str, float] | None = None) -> None:
+    def __init__(
+        self, routine: Routine, numbers: dict[str, float] | None = None, precision: Precision = DOUBLE
+    ) -> None:
         self.routine, self.baked = routine, numbers is not None
         self.tape, self.names = Tape(), dict[int, str]()
         self._known: dict[int, Number] = {}
         all_ = routines()
+        self._known |= _tolerances(precision)
         try:
             self._put_in_machine(numbers)
             self._put_in_state()
@@ -243,6 +249,11 @@ def operation_counts(parameters: Parameters) -> list[Count]:
     return found
 
 
+def _tolerances(precision: Precision) -> dict[int, Number]:
+    symbols = routines().symbols
+    return {symbols[name].index: value for name, value in precision.tolerances.items()}
+
+
 def _symmetric(routine: Routine) -> int:
     """Return the operations for symmetric bodies, constants aside."""
     all_, tape = routines(), Tape()
@@ -251,6 +262,7 @@ def _symmetric(routine: Routine) -> int:
         symbol.index: 0 if name in zeros else tape.symbol(name, constant=name in MODEL)
         for name, symbol in all_.symbols.items()
     }
+    known |= _tolerances(DOUBLE)
     guards = [*all_.shape.squares, all_.least]
     guards += [all_.sine2, all_.least_sine2] if routine.held else []
     values = replay(all_.tape, [*guards, *routine.results], known, tape)
@@ -258,7 +270,9 @@ def _symmetric(routine: Routine) -> int:
     return sum(bool(operations[i].operands) and not tape.constant[i] for i in tape.needed(values))
 
 
-def prepare_code(access: dict[str, str], enumerators: Sequence[str]) -> list[str]:
+def prepare_code(
+    access: dict[str, str], enumerators: Sequence[str], precision: Precision = DOUBLE
+) -> list[str]:
     """Return the statements that fill ``found.numbers`` and ``found.constants``.
 
     Parameters
@@ -267,6 +281,8 @@ def prepare_code(access: dict[str, str], enumerators: Sequence[str]) -> list[str
         How C reads the parameters, by name of `GIVEN`.
     enumerators : sequence of str
         How C counts the numbers, in the order of `MODEL`.
+    precision : Precision
+        What the code computes with.
 
     Returns
     -------
@@ -283,6 +299,7 @@ def prepare_code(access: dict[str, str], enumerators: Sequence[str]) -> list[str
     start: dict[int, Number] = {
         all_.symbols[name].index: value for name, value in zip(MACHINE, of_machine, strict=True)
     }
+    start |= _tolerances(precision)
     constants = replay(all_.tape, [Symbol(all_.tape, index) for index in all_.constants()], start, tape)
     lines = statements(tape, tape.needed([*of_machine, *constants], names), names)
     shown = zip(enumerators, of_machine, strict=False)  # the numbers of friction are not shown

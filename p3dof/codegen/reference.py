@@ -7,6 +7,7 @@ base inertial parameters are, is shared.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -57,7 +58,12 @@ class Reference:
     singular: FloatArray
 
 
-def reference(parameters: Parameters, count: int = 8, seed: int = 1) -> Reference:
+def reference(
+    parameters: Parameters,
+    count: int = 8,
+    seed: int = 1,
+    rounded: Callable[[Sequence[float]], list[float]] = list,
+) -> Reference:
     """Return states of a machine and what is expected of them.
 
     Parameters
@@ -68,6 +74,8 @@ def reference(parameters: Parameters, count: int = 8, seed: int = 1) -> Referenc
         How many states.
     seed : int
         Of the random numbers.
+    rounded : callable
+        Returns numbers as the code that is tested can tell them.
 
     Returns
     -------
@@ -79,8 +87,12 @@ def reference(parameters: Parameters, count: int = 8, seed: int = 1) -> Referenc
         If the machine hardly reaches any pose.
     """
     rng = np.random.default_rng(seed)
+
+    def short(array: FloatArray) -> FloatArray:
+        return np.array(rounded(_short(array).ravel().tolist())).reshape(array.shape)
+
     pose, amplification = _poses(parameters, count, rng)
-    pose = _short(pose)
+    pose = short(pose)
     size = [parameters.geometry.L, parameters.geometry.L, 1]
     velocity, acceleration = rng.normal(0, 1, (count, 3)) * size, rng.normal(0, 10, (count, 3)) * size
     holding = VirtualPowerMethod(parameters).forces(states_of(pose))
@@ -90,12 +102,12 @@ def reference(parameters: Parameters, count: int = 8, seed: int = 1) -> Referenc
     sliders = kinematics.inverse_kinematics(parameters.geometry, pose).sliders
     inputs = {
         "pose": pose,
-        "velocity": _short(velocity),
-        "acceleration": _short(acceleration),
-        "wrench": _short(wrench),
-        "forces": _short(acting),
-        "sliders": _short(sliders),
-        "rates": _short(rng.normal(0, parameters.geometry.L, (count, 3))),
+        "velocity": short(velocity),
+        "acceleration": short(acceleration),
+        "wrench": short(wrench),
+        "forces": short(acting),
+        "sliders": short(sliders),
+        "rates": short(rng.normal(0, parameters.geometry.L, (count, 3))),
     }
     return Reference(inputs, outputs(parameters, inputs), amplification, _singular(parameters))
 

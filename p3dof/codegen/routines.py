@@ -13,12 +13,11 @@ from typing import TypeAlias
 
 from p3dof.algebra import Matrix, Vector
 from p3dof.codegen.machine import MACHINE
+from p3dof.codegen.precision import DOUBLE
 from p3dof.compiled import reduced
 from p3dof.compiled.formulas import ACCELERATION, FORCES, MODEL, POSE, VELOCITY
 from p3dof.compiled.reduced import Model, Shape, State
 from p3dof.compiled.reduced.friction import FRICTION, TOGETHER, generalized_friction
-from p3dof.kinematics.validity import REACH_TOLERANCE
-from p3dof.samples import ACTUATION_TOLERANCE
 from p3dof.tracing import Number, Symbol, Tape, derivatives
 
 LOAD = ("load_y", "load_z", "load_theta")
@@ -113,7 +112,7 @@ class Routines:
     tape : Tape
         The operations.
     symbols : mapping of str to Symbol
-        Numbers of the machine, inputs and the load, by name.
+        Numbers of the machine, inputs, the load and tolerances of a precision, by name.
     shape : Shape
         Where the mechanism is.
     least : Symbol
@@ -170,7 +169,9 @@ class _Trace:
         self.tape = Tape()
         machine = self.tape.symbols(MACHINE, constant=True)
         moving = (*POSE, *VELOCITY, *ACCELERATION, *FORCES, *RATES, *(name for name in WRENCH if name), *LOAD)
+        least = self.tape.symbols(DOUBLE.tolerances, constant=True)
         self.symbols = dict(zip((*MACHINE, *moving), (*machine, *self.tape.symbols(moving)), strict=True))
+        self.symbols |= zip(DOUBLE.tolerances, least, strict=True)
         self.model = Model.of_numbers(machine[: len(MODEL)])
         self.y, self.theta = self.symbols["y"], self.symbols["theta"]
         self.shape = reduced.shape(self.model, self.y, self.theta, self.tape, short_chains=True)
@@ -372,9 +373,9 @@ def routines() -> Routines:
         tape=trace.tape,
         symbols=trace.symbols,
         shape=x,
-        least=((2 - REACH_TOLERANCE) * REACH_TOLERANCE) * (model.L * model.L),
+        least=trace.symbols["least_drop2"] * (model.L * model.L),
         sine2=sine * sine,
-        least_sine2=(ACTUATION_TOLERANCE**2 * (model.r * model.r)) * x.u2,
+        least_sine2=(trace.symbols["least_actuation2"] * (model.r * model.r)) * x.u2,
         home=trace.tape.sqrt((model.L - width) * (model.L + width)),
         all=tuple(found),
     )

@@ -66,21 +66,27 @@ static void one(const double *x, double *f)
 _CONTROLLER = """\
 #include <stddef.h>
 #include "p3dof.h"
+#ifndef REAL
+#define REAL double
+#endif
 static p3dof_model model;
-static void one(const double *x, double *f)
+static void one(const REAL *x, REAL *f)
 {
     if (p3dof_inverse_dynamics(&model, x, x + 3, x + 6, NULL, f) != P3DOF_OK)
-        f[0] = f[1] = f[2] = 0.0 / 0.0;
+        f[0] = f[1] = f[2] = (REAL)(0.0 / 0.0);
 }
 int ready(void) { return p3dof_prepare(&p3dof_machine, &model) == P3DOF_OK; }
 """
 _BAKED = """\
 #include <stddef.h>
 #include "p3dof.h"
-static void one(const double *x, double *f)
+#ifndef REAL
+#define REAL double
+#endif
+static void one(const REAL *x, REAL *f)
 {
     if (p3dof_inverse_dynamics(x, x + 3, x + 6, NULL, f) != P3DOF_OK)
-        f[0] = f[1] = f[2] = 0.0 / 0.0;
+        f[0] = f[1] = f[2] = (REAL)(0.0 / 0.0);
 }
 int ready(void) { return 1; }
 """
@@ -107,16 +113,20 @@ def from_c(folder: Path) -> Iterator[Contender]:
         for name, bake in (("controller", False), ("controller, baked", True)):
             built = _controller(parameters, bake, folder / f"{name}-{machine}")
             yield from _both(NATIVE, name, machine, built)
+            built = _controller(parameters, bake, folder / f"{name}, floats-{machine}", "float")
+            yield from _both(NATIVE, f"{name}, floats", machine, built, np.float32)
         if find_spec("casadi") is not None:
             for name, formula in {"virtual power": _virtual_power, "reduced form": _reduced}.items():
                 built = _casadi(formula, parameters, folder / f"casadi {name}-{machine}")
                 yield next(_both(CASADI, name, machine, built))
 
 
-def _both(group: str, name: str, machine: str, library: ctypes.CDLL) -> Iterator[Contender]:
+def _both(
+    group: str, name: str, machine: str, library: ctypes.CDLL, real: type = np.float64
+) -> Iterator[Contender]:
     """Independent and dependent calls of a library, once its forces are right."""
-    states = np.ascontiguousarray(np.hstack(rows(ROWS)))
-    forces = np.empty((ROWS, 3))
+    states = np.ascontiguousarray(np.hstack(rows(ROWS)), real)
+    forces = np.empty((ROWS, 3), real)
 
     def calls(function: Any) -> Callable[[int], float]:
         def run(count: int) -> float:
@@ -128,13 +138,14 @@ def _both(group: str, name: str, machine: str, library: ctypes.CDLL) -> Iterator
 
     calls(library.independent)(ROWS)
     expected = p3dof.load(MACHINES[machine]).forces(*rows(ROWS), method="virtual-power")
-    np.testing.assert_allclose(forces, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
+    tolerance = 1e-11 if real is np.float64 else 1e-4
+    np.testing.assert_allclose(forces, expected, rtol=0, atol=tolerance * np.abs(expected).max())
     yield Contender(group, f"{name}: {INDEPENDENT}", machine, calls(library.independent))
     yield Contender(group, f"{name}: {DEPENDENT}", machine, calls(library.dependent))
 
 
 def _pointer(array: np.ndarray) -> Any:
-    return array.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+    return array.ctypes.data_as(ctypes.c_void_p)
 
 
 def _build(folder: Path, files: dict[str, str], flags: tuple[str, ...] = ()) -> ctypes.CDLL:
@@ -160,11 +171,12 @@ def _kernel(parameters: Parameters, folder: Path) -> ctypes.CDLL:
     return _build(folder, {"main.c": text}, VECTOR_FLAGS)
 
 
-def _controller(parameters: Parameters, bake: bool, folder: Path) -> ctypes.CDLL:
-    files = controller_files(parameters, bake)
+def _controller(parameters: Parameters, bake: bool, folder: Path, precision: str = "double") -> ctypes.CDLL:
+    files = controller_files(parameters, bake, precision=precision)
     library = _build(
         folder,
         {name: files[name] for name in ("p3dof.h", "p3dof.c")} | {"main.c": _BAKED if bake else _CONTROLLER},
+        (f"-DREAL={precision}",),
     )
     if not library.ready():
         raise RuntimeError("the controller's code refuses the machine")
