@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import base64
+import hashlib
 import json
 import re
 import secrets
@@ -43,6 +45,18 @@ _ORIGINS = ("Origin", "Sec-WebSocket-Origin", "WebSocket-Origin")
 """Where a browser says whose page asks: the last two in old drafts of the protocol."""
 _LOCAL = re.compile(r"(127\.0\.0\.1|localhost)(:\d{1,5})?")
 
+_UNKNOWN = "Open the whole address of the viewer, with its token"
+_RETURN = (
+    "const token = sessionStorage.getItem('p3dof-token');"
+    "if (token) location.replace('/?token=' + encodeURIComponent(token) + location.hash);"
+)
+"""What a page that was loaded again does: it has taken the token out of its address, and kept it."""
+_RETURN_POLICY = (
+    "default-src 'none'; script-src 'sha256-"
+    + base64.b64encode(hashlib.sha256(_RETURN.encode()).digest()).decode("ascii")
+    + "'; base-uri 'none'; form-action 'none'"
+)
+
 
 def packed(message: Message) -> str:
     """Return a message as JSON.
@@ -76,7 +90,7 @@ class Channel:
     """
 
     greeting: Callable[[], list[Any]]
-    received: Callable[[Message], None] | None = None
+    received: Callable[[Message, PageHandler], None] | None = None
     pages: set[PageHandler] = field(default_factory=set)
     fresh: Outbox = field(default_factory=lambda: Outbox(MAX_WAITING, MAX_WAITING_BYTES))
 
@@ -107,7 +121,16 @@ class LocalHandler(RequestHandler):
         if not _LOCAL.fullmatch(host) or not origins <= own:
             self.send_error(403, reason="Only pages of this machine")
         elif not secrets.compare_digest(given.encode(), self.settings["token"].encode()):
-            self.send_error(403, reason="Open the whole address of the viewer, with its token")
+            self.send_error(403, reason=_UNKNOWN)
+
+    def write_error(self, status_code: int, **kwargs: Any) -> None:
+        """Say why a request is refused; a page that was loaded again finds its way back with its token."""
+        if self._reason == _UNKNOWN and self.request.path == "/" and "token" not in self.request.arguments:
+            self.set_header("Content-Security-Policy", _RETURN_POLICY)
+            self.set_header("Referrer-Policy", "no-referrer")
+            self.finish(f"<!doctype html><title>403</title><p>{_UNKNOWN}.</p><script>{_RETURN}</script>")
+        else:
+            super().write_error(status_code, **kwargs)
 
 
 @dataclass(frozen=True)
@@ -222,7 +245,7 @@ class PageHandler(WebSocketHandler, LocalHandler):
                 raise InputError("expected a JSON object")
             if self._channel.received is None:
                 raise InputError("nobody takes messages here")
-            self._channel.received(content)
+            self._channel.received(content, self)
         except P3dofError as error:
             self.put(packed({"type": "error", "message": one_line(str(error))}), "error")
         except (ValueError, RecursionError):

@@ -76,7 +76,10 @@ class Server(Host):
     ) -> None:
         self._window = window
         self._scenes = Channel(window.messages)
-        self._panels = Channel(controls.greeting, controls.received) if controls else Channel(list)
+        self._panels = Channel(list)
+        if controls is not None:
+            answering = controls
+            self._panels = Channel(answering.greeting, lambda message, _: answering.received(message))
         channels = {"/scene": self._scenes, "/control": self._panels}
         super().__init__(_files(page, lambda: self.token), channels, port, _POLICY)
         self._unsubscribe = window.subscribe(self._draw)

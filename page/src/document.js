@@ -33,11 +33,18 @@ export function read(source) {
     return document;
 }
 
-/** Decode one array. @param {any} value @param {string} where @returns {Table} */
+/** Read one run of a document that was read. @param {object} raw @param {number} i @param {Document} document */
+export function readRun(raw, i, document) {
+    const run = decoded(raw, `runs[${i}]`);
+    checkRun(run, `runs[${i}]`, document);
+    return /** @type {import("./types").Run} */ (run);
+}
+
+/** Decode one array: base64, or the bytes themselves. @param {any} value @param {string} where @returns {Table} */
 export function decode(value, where = "array") {
     const Type = TYPES[/** @type {keyof typeof TYPES} */ (value.dtype)];
     if (!Type) fail(`${where}: numbers of type ${value.dtype} are not known`);
-    const bytes = bytesOf(value.base64, where);
+    const bytes = value.bytes ?? bytesOf(value.base64, where);
     const count = value.shape.reduce((/** @type {number} */ a, /** @type {number} */ b) => a * b, 1);
     if (bytes.length !== count * Type.BYTES_PER_ELEMENT) {
         fail(`${where}: ${bytes.length} bytes for shape (${value.shape.join(", ")}) of ${value.dtype}`);
@@ -71,7 +78,7 @@ function parsed(text) {
 function decoded(value, where) {
     if (value === null || typeof value !== "object") return value;
     if (Array.isArray(value)) return value.map((item, i) => decoded(item, `${where}[${i}]`));
-    if ("base64" in value) return decode(value, where);
+    if ("base64" in value || value.bytes instanceof Uint8Array) return decode(value, where);
     return Object.fromEntries(Object.entries(value).map(([key, item]) => [key, decoded(item, `${where}.${key}`)]));
 }
 

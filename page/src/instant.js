@@ -54,20 +54,21 @@ function compute(state) {
     const q = held.q ?? ("q" in hand ? Float64Array.from(hand.q) : joints(document, run, where));
     const values = Object.fromEntries(run.curves.map(({ key }) => [key, held.values?.[key] ?? NaN]));
     const pose = "pose" in hand ? hand.pose : held.pose ?? null;
-    return { time, run, byHand: true, q, pose, ...placed(document, run, q, where, values, null) };
+    return { time, run, byHand: true, q, pose, ...placed(document, run, q, where, values, null, held.loads) };
 }
 
 /**
  * @param {State["document"]} document @param {Run} run @param {Float64Array} q @param {Where} where
  * @param {Record<string, number>} values @param {Where | null} loaded null: stored vectors do not hold here
+ * @param {Record<string, number[]>} [held] vectors of loads by key, where the machine is held
  */
-function placed(document, run, q, where, values, loaded) {
+function placed(document, run, q, where, values, loaded, held) {
     const placements = treeOf(document).place(q, run.placed ? (joint) => turn(run.placed?.[joint.name], where) : null);
     const loads = run.loads.map((load) => {
         const at = pointOf(placements, load.joint, load.point);
         const value = load.curve ? values[load.curve] : NaN;
         const own = load.curve ? (load.direction ?? [0, 0, 1]).map((x) => x * value)
-            : loaded && load.values ? row(load.values, loaded) : [NaN, NaN, NaN];
+            : loaded && load.values ? row(load.values, loaded) : held?.[load.key] ?? [NaN, NaN, NaN];
         const vector = load.frame === "joint" ? directionOf(placements, load.joint, own) : own;
         return { load, at, vector, value: load.curve ? value : Math.hypot(...vector) };
     });

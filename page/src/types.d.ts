@@ -97,6 +97,10 @@ export interface Fields {
     engine: any;
     /** Set by the 3D part: three's scene, camera, renderer, a group for guests, and what asks for another frame. */
     stage: any;
+    /** To a Python behind the page; null without. */
+    connection: import("./connection").Connection | null;
+    /** Draws a packed command of MeshCat; null without 3D. */
+    guests: ((command: Uint8Array) => void) | null;
 }
 export interface State extends Fields {
     /** Counts the changes. */

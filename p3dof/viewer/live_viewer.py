@@ -1,0 +1,208 @@
+"""`LiveViewer`: a page in the browser that Python sends runs to, and that may ask Python for forces."""
+
+from __future__ import annotations
+
+import html
+import threading
+import webbrowser
+from collections.abc import Callable
+from typing import Any
+
+from typing_extensions import Self
+
+from p3dof.checks import frozen_array, shown
+from p3dof.errors import InputError
+from p3dof.viewer.page_server import PageServer
+from p3dof.viewer.session import Answerer, Message, Session
+
+
+class LiveViewer:
+    """One machine in the browser, until it is stopped or the process ends.
+
+    Whole runs are sent to the pages, never frames: each page has its own time, and so two pages can look at
+    two instants. A page that has lost its viewer goes on with what it has, and finds it again after `start`.
+
+    Parameters
+    ----------
+    document : dict
+        What the page shows first, as of `p3dof.page`.
+    run_of : callable, optional
+        Returns the run of what is given to `show`.
+    answerer : callable, optional
+        Answers a page that cannot compute the machine by itself.
+    port : int, optional
+        Of the server, 0 for any; the first free one from 7000 on by default.
+
+    Attributes
+    ----------
+    session : Session
+        What the pages show.
+    server : PageServer
+        What serves it.
+
+    Raises
+    ------
+    InputError
+        If the port is busy.
+    MissingExtraError
+        If tornado, which the extra ``viz`` brings, is not installed.
+    """
+
+    def __init__(
+        self,
+        document: Message,
+        run_of: Callable[..., Message] | None = None,
+        answerer: Answerer | None = None,
+        port: int | None = None,
+    ) -> None:
+        self.session = Session(document, answerer)
+        self._run_of = run_of
+        self._guest: Any = None
+        self._ended = threading.Event()
+        self.server = PageServer(self.session, self._page, port)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.url if self.server.running else 'stopped'})"
+
+    def _repr_html_(self) -> str:
+        """Show the page in a notebook on this machine; after `stop`, with what it showed then."""
+        source = f'src="{self.url}"'
+        if not self.server.running:
+            from p3dof.page.html import page_html
+
+            source = f'srcdoc="{html.escape(page_html(self.session.document))}" sandbox="allow-scripts"'
+        return f'<iframe {source} style="width: 100%; height: 720px; border: 0"></iframe>'
+
+    @property
+    def url(self) -> str:
+        """Where the page is, with the token that it asks for."""
+        return self.server.url
+
+    @property
+    def pages(self) -> int:
+        """How many pages are open now."""
+        return self.server.pages
+
+    @property
+    def selection(self) -> Message | None:
+        """What was looked at last in a page, once it is followed; see `follow`."""
+        return self.session.selection
+
+    @property
+    def waypoints(self) -> list[Any]:
+        """The waypoints of the last page that sent some."""
+        return self.session.waypoints
+
+    @property
+    def guest(self) -> Any:
+        """MeshCat's visualizer for what is to be drawn beside the machine: ``guest["box"].set_object(...)``.
+
+        Raises
+        ------
+        MissingExtraError
+            If MeshCat is not installed.
+        """
+        if self._guest is None:
+            from p3dof.viewer.guests import guest_of
+
+            self._guest = guest_of(self.session)
+        return self._guest
+
+    def show(self, result: Any, name: str | None = None, **options: Any) -> Self:
+        """Show a run in all pages, in place of one with its name or beside the others.
+
+        Parameters
+        ----------
+        result : object
+            Of this machine, as what the viewer was made with.
+        name : str, optional
+            What the run is called.
+        **options
+            As of the function that made the viewer, such as ``wrench``.
+
+        Returns
+        -------
+        LiveViewer
+
+        Raises
+        ------
+        InputError
+            If it is no run of this machine.
+        """
+        if self._run_of is None:
+            raise InputError(f"result: this viewer shows one document, and not {shown(result)}")
+        run = self._run_of(result, **options)
+        self.session.show_run(run if name is None else {**run, "name": _text("name", name)})
+        return self
+
+    def seek(self, time: float) -> Self:
+        """Ask all pages to stop at a time of their run [s]; it is the nearest one that the run has."""
+        self.session.seek(float(frozen_array("time", time, ())))
+        return self
+
+    def follow(self, follower: Callable[[Any], None], what: str = "selection") -> Self:
+        """Call a function with what is looked at in a page, or with its waypoints, as it changes.
+
+        Parameters
+        ----------
+        follower : callable
+            Takes a dict with ``time`` [s], ``run`` and, if moved by hand, ``pose`` or ``q``; or a list of
+            waypoints. It is called in a thread of its own, with the latest only.
+        what : {"selection", "waypoints"}
+            What is followed.
+
+        Returns
+        -------
+        LiveViewer
+
+        Raises
+        ------
+        InputError
+            If it cannot be called, or there is nothing of that name.
+        """
+        if not callable(follower):
+            raise InputError(f"follower: expected a function, got {shown(follower)}")
+        if what not in ("selection", "waypoints"):
+            raise InputError(f"what: expected selection or waypoints, got {shown(what)}")
+        self.session.follow(what, follower)
+        return self
+
+    def open(self) -> Self:
+        """Open the page in the user's browser."""
+        webbrowser.open(self.url, new=2)
+        return self
+
+    def wait(self, timeout: float | None = None) -> bool:
+        """Wait until it is stopped, for so long [s] or for ever; return whether it was."""
+        return self._ended.wait(timeout)
+
+    def start(self) -> Self:
+        """Serve again after `stop`, at the same address: pages that are open still find their way back."""
+        if not self.server.running:
+            self._ended.clear()
+            self.server = PageServer(self.session, self._page, self.server.port, self.server.token)
+        return self
+
+    def stop(self) -> None:
+        """End serving: no thread and no port is left. May be called more than once."""
+        self.server.stop()
+        self.session.stop()
+        self._ended.set()
+
+    def _page(self) -> str:
+        from p3dof.page.html import page_html
+
+        hosts = [f"ws://{host}:{self.server.port}" for host in ("127.0.0.1", "localhost")]
+        return page_html(self.session.document, f"server {self.session.version}", hosts)
+
+
+def _text(name: str, value: object) -> str:
+    if not isinstance(value, str):
+        raise InputError(f"{name}: expected text, got {shown(value)}")
+    return value

@@ -1,0 +1,83 @@
+"""`PageWidget`: a page in a cell of a notebook, through the notebook's own connection to Python.
+
+The kernel may run on another machine: nothing listens, and the page reaches nothing else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Mapping
+from importlib import resources
+from typing import Any
+
+from p3dof.checks import one_line
+from p3dof.errors import MissingExtraError, P3dofError
+from p3dof.viewer.messages import packed_message
+from p3dof.viewer.session import Session
+
+try:
+    import anywidget
+    import traitlets
+except ImportError as error:
+    raise MissingExtraError(
+        "a live page in a notebook needs anywidget: pip install 'p3dof[jupyter]'"
+    ) from error
+
+HEIGHT = 760
+"""Of a page in a cell [pixels]."""
+
+
+class PageWidget(anywidget.AnyWidget):
+    """The page of a session, shown in a notebook.
+
+    Every place that shows it has its own page, with its own time. What is shown is not kept in the notebook's
+    file.
+
+    Parameters
+    ----------
+    session : Session
+        What its pages show.
+    page : callable
+        Returns the page as it is when it is opened.
+    title : str
+        For screen readers.
+    height : int
+        Of the page [pixels].
+    """
+
+    _esm = (resources.files("p3dof.viewer") / "widget.js").read_text(encoding="utf-8")
+    title = traitlets.Unicode().tag(sync=True)
+    height = traitlets.Int(HEIGHT).tag(sync=True)
+
+    def __init__(
+        self, session: Session, page: Callable[[], str], title: str = "machine", height: int = HEIGHT
+    ) -> None:
+        super().__init__(title=title, height=height)
+        self._session = session
+        self._page = page
+        self._unsubscribe = session.subscribe(lambda data, _: self.send({}, [data]))
+        self.on_msg(self._received)
+
+    def close(self) -> None:
+        """End it in all cells."""
+        self._unsubscribe()
+        super().close()
+
+    def _received(self, _widget: Any, content: Any, _buffers: Any) -> None:
+        if not isinstance(content, Mapping) or not isinstance(content.get("message"), Mapping):
+            return
+        view, message = str(content.get("view", "")), content["message"]
+
+        def reply(data: bytes, _key: Hashable) -> None:
+            self.send({"view": view}, [data])
+
+        kind = message.get("type")
+        if kind == "page":
+            self.send({"view": view, "page": True}, [self._page().encode()])
+        elif kind == "hello":
+            for data in self._session.greeting():
+                reply(data, None)
+        else:
+            try:
+                self._session.received(message, view, reply)
+            except P3dofError as error:
+                reply(packed_message({"type": "error", "message": one_line(str(error))}), "error")
