@@ -50,12 +50,39 @@ function compute(state) {
     const run = runOf(state);
     if (!hand || !run) return instantOf(document, run, time);
     const where = locate(run.time.data, time);
-    const held = state.engine?.held?.(hand, state) ?? {};
-    const q = held.q ?? ("q" in hand ? Float64Array.from(hand.q) : joints(document, run, where));
-    const values = Object.fromEntries(run.curves.map(({ key }) => [key, held.values?.[key] ?? NaN]));
-    const pose = "pose" in hand ? hand.pose : held.pose ?? null;
-    return { time, run, byHand: true, q, pose, ...placed(document, run, q, where, values, null, held.loads) };
+    const { q = joints(document, run, where), pose = null, values = {}, loads } = heldBy(state, hand);
+    const known = { ...unknown(run), ...values };
+    return { time, run, byHand: true, q, pose, ...placed(document, run, q, where, known, null, loads) };
 }
+
+/**
+ * What is known of a machine that stands still in somebody's hand.
+ * @param {State} state @param {import("./types").Hand} hand
+ * @returns {{q?: Float64Array, pose?: number[] | null, values?: Record<string, number>, loads?: any}}
+ */
+function heldBy(state, hand) {
+    const { engine } = state;
+    const held = engine?.held?.(hand, state);
+    if (held) return held;
+    if (!("pose" in hand)) return { q: Float64Array.from(hand.q) };
+    if (!engine?.holding) return { pose: hand.pose };
+    const { pose } = hand;
+    const forces = engine.holding(pose);
+    /** @type {Record<string, number>} */
+    const values = { y: pose[0], z: pose[1], theta: pose[2], power_total: 0 };
+    for (const name of ["y_dot", "z_dot", "theta_dot", "y_ddot", "z_ddot", "theta_ddot"]) values[name] = 0;
+    /** @type {number[]} */
+    const sliders = [...engine.sliders(pose)];
+    ["a", "b", "c"].forEach((leg, i) => {
+        for (const name of ["force", "static"]) values[`${name}_${leg}`] = forces[i];
+        for (const name of ["speed", "acceleration", "power"]) values[`${name}_${leg}`] = 0;
+        values[`slider_${leg}`] = sliders[i];
+    });
+    return { q: engine.joints(pose), pose, values };
+}
+
+/** @param {Run} run @returns {Record<string, number>} */
+const unknown = (run) => Object.fromEntries(run.curves.map(({ key }) => [key, NaN]));
 
 /**
  * @param {State["document"]} document @param {Run} run @param {Float64Array} q @param {Where} where

@@ -1,5 +1,190 @@
-// The machine in 3D.
-/** @param {HTMLElement} element @param {import("./types").State} state */
+// The machine in 3D: what the state shows, seen by a camera that the pointer turns.
+import { Color, Group, Vector3, WebGLRenderer } from "three";
+import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+import { Cameras, DIRECTIONS } from "./cameras.js";
+import { Contents } from "./contents.js";
+import * as drag from "./drag.js";
+import { Eye } from "./eye.js";
+import { mountOverlay } from "./overlay.js";
+
+/** @typedef {import("./types").State} State */
+
+/** @param {HTMLElement} element @param {State} state */
 export function mount(element, state) {
-    void element, state;
+    const canvas = document.createElement("canvas");
+    canvas.setAttribute("role", "img");
+    canvas.setAttribute("aria-label", `${state.document.title} in 3D`);
+    const context = canvas.getContext("webgl2", { antialias: true, alpha: false });
+    const stage = context ? new Stage(element, canvas, context, state) : null;
+    mountOverlay(element, state, stage);
+    state.stage = stage;
+}
+
+export class Stage {
+    /** @param {HTMLElement} element @param {HTMLCanvasElement} canvas @param {WebGL2RenderingContext} context @param {State} state */
+    constructor(element, canvas, context, state) {
+        this.element = element;
+        this.canvas = canvas;
+        this.state = state;
+        this.renderer = new WebGLRenderer({ canvas, context: /** @type {any} */ (context) });
+        this.renderer.autoClear = false;
+        this.renderer.localClippingEnabled = true;
+        this.cameras = new Cameras();
+        this.target = new Vector3();
+        /** For what others draw, in metres. */
+        this.guests = new Group();
+        this.contents = new Contents(state, this.guests);
+        /** Whether somebody turned the camera since it was fitted. */
+        this.touched = false;
+        this.width = this.height = 1;
+        this.waiting = false;
+        /** Pictures drawn so far. */
+        this.frames = 0;
+        /** Called after each picture. @type {Set<() => void>} */
+        this.drawn = new Set();
+        element.prepend(canvas);
+        drag.mount(canvas, this);
+        this.controls = this._controls();
+        this.style = this._style();
+        new ResizeObserver(() => this.resize()).observe(element);
+        new MutationObserver(() => this.tint()).observe(document.documentElement, { attributes: true, attributeFilter: ["data-theme"] });
+        canvas.addEventListener("webglcontextrestored", () => this.redraw());
+        this.resize();
+        state.subscribe((_, changed) => this.refresh(changed));
+    }
+
+    _controls() {
+        const controls = new OrbitControls(this.cameras.used, this.canvas);
+        controls.target = this.target;
+        controls.minDistance = 0.1;
+        controls.maxDistance = 30;
+        controls.minZoom = 0.1;
+        controls.maxZoom = 50;
+        controls.addEventListener("start", () => void (this.touched = true));
+        controls.addEventListener("change", () => {
+            this._name();
+            this.redraw();
+        });
+        return controls;
+    }
+
+    /** The name of the view is gone when the camera was turned. */
+    _name() {
+        const { view } = this.state;
+        if (view === "free" || !this.touched) return;
+        const seen = this.cameras.used.position.clone().sub(this.target).normalize();
+        if (seen.distanceTo(direction(view)) > 1e-2) this.state.set({ view: "free" });
+    }
+
+    _style() {
+        const style = getComputedStyle(document.documentElement);
+        const [ground, ink, grid] = ["--ground", "--ink", "--grid"].map((name) => style.getPropertyValue(name).trim() || "#888888");
+        const dark = new Color(ground).getHSL({ h: 0, s: 0, l: 0 }).l < 0.5;
+        /** @type {Map<string, string>} */
+        const tints = new Map();
+        const tint = (/** @type {string} */ colour) => {
+            if (!dark) return colour;
+            if (!tints.has(colour)) tints.set(colour, `#${new Color(colour).lerp(new Color("#ffffff"), 0.25).getHexString()}`);
+            return /** @type {string} */ (tints.get(colour));
+        };
+        return { halo: ground, ground, ink, grid, tint };
+    }
+
+    /** Take the colours of the page's theme. */
+    tint() {
+        this.style = this._style();
+        this.contents.tint(this.style);
+        this.contents.back.background = new Color(this.style.ground);
+        this.redraw();
+    }
+
+    resize() {
+        const { clientWidth, clientHeight } = this.element;
+        if (!clientWidth || !clientHeight) return;
+        [this.width, this.height] = [clientWidth, clientHeight];
+        this.renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
+        this.renderer.setSize(this.width, this.height);
+        this.cameras.resize(this.width, this.height);
+        if (!this.touched) this.look(this.state.view);
+        this.contents.place();
+        this.tint();
+        this.render();
+    }
+
+    /** What is seen now, between metres and pixels. */
+    eye() {
+        return new Eye(this.cameras.used, this.contents.world, this.width, this.height);
+    }
+
+    /** Look from a standard direction at all that the run needs; without a name, from where the eye is. */
+    /** @param {import("./types").View} [view] */
+    look(view = "free") {
+        this.cameras.use(this.state.layers.parallel, this.target);
+        const from = view === "free" ? this.cameras.used.position.clone().sub(this.target) : direction(view);
+        this.touched = false;
+        this.cameras.fit(this.contents.points(), from, this.target);
+        this.controls.object = this.cameras.used;
+        this.controls.update();
+        this.redraw();
+    }
+
+    /** @param {Set<string>} changed */
+    refresh(changed) {
+        const { state } = this;
+        if (state.document.scene !== this.contents.of) this._rebuild();
+        if (changed.has("view") && state.view !== "free") this.look(state.view);
+        else if (changed.has("layers") && this.cameras.use(state.layers.parallel, this.target)) {
+            this.controls.object = this.cameras.used;
+            this.controls.update();
+        }
+        if (["run", "solved", "document"].some((key) => changed.has(key))) this.contents.measure();
+        this.contents.place();
+        if (changed.has("run") || changed.has("document")) this.contents.tint(this.style);
+        this.render();
+    }
+
+    _rebuild() {
+        this.contents.dispose();
+        this.contents = new Contents(this.state, this.guests);
+        this.look(this.touched ? "free" : this.state.view);
+        this.tint();
+    }
+
+    /** Ask for another picture, though the state did not change. */
+    redraw() {
+        if (this.waiting) return;
+        this.waiting = true;
+        requestAnimationFrame(() => this.waiting && this.render());
+    }
+
+    /** Draw now. */
+    render() {
+        this.waiting = false;
+        const camera = this.cameras.used;
+        camera.updateMatrixWorld();
+        this.contents.face(this.eye(), this.style, this.target);
+        this.renderer.clear();
+        this.renderer.render(this.contents.back, camera);
+        this.renderer.clearDepth();
+        this.renderer.render(this.contents.front, camera);
+        this.frames += 1;
+        for (const listener of this.drawn) listener();
+    }
+
+    /** Where a point of the fixed frame is in the picture [pixels]. @param {number[]} point */
+    pixel(point) {
+        return this.eye().pixel(new Vector3(point[0], point[1], point[2]));
+    }
+
+    /** The picture as it is now, as a data URL. */
+    picture(type = "image/png") {
+        this.render();
+        return this.canvas.toDataURL(type);
+    }
+}
+
+/** @param {Exclude<import("./types").View, "free">} view */
+function direction(view) {
+    const [x, y, z] = DIRECTIONS[view];
+    return new Vector3(x, y, z).normalize();
 }

@@ -7,12 +7,10 @@ const later = typeof requestAnimationFrame === "function" ? requestAnimationFram
 /** Layers of the page itself, beside those of the document's scene. */
 export const OWN_LAYERS = [
     { name: "forces", label: "forces", shown: true },
-    { name: "path", label: "path", shown: true },
     { name: "map", label: "workspace map", shown: false },
-    { name: "labels", label: "labels", shown: true },
     { name: "closures", label: "closures", shown: false },
-    { name: "section", label: "section", shown: false },
-    { name: "parallel", label: "parallel", shown: false },
+    { name: "section", label: "section through P", shown: false },
+    { name: "parallel", label: "parallel projection", shown: false },
 ];
 
 /**

@@ -17,16 +17,21 @@ export type Shape =
     | { kind: "mesh"; positions: Table; indices: Table; scale?: number | number[]; offset?: number[] };
 export interface Solid {
     name: string; joint: number; placement: Placement; shape: Shape; colour: string; opacity?: number; layer?: string;
+    /** The leg that it belongs to, which turns red when it cannot follow. */
+    leg?: string;
 }
+/** A point whose path over the run is drawn; of the paper's machine the point P, which can be dragged. */
+export interface Traced { name: string; joint: number; point: number[]; colour: string; layer?: string }
 export interface Label { text: string; at: number[]; joint?: number; height: number; colour?: string; layer?: string }
 export interface Line { points: Table; joint?: number; colour?: string; layer?: string }
 export interface Layer { name: string; label: string; shown: boolean }
 export interface Scene {
     centre: number[]; radius: number; floor: number | null;
     joints: Joint[]; solids: Solid[]; labels: Label[]; lines: Line[]; layers: Layer[];
+    traced?: Traced;
 }
 export interface Curve {
-    key: string; label: string; group: string; unit: string; values: Table; colour?: string;
+    key: string; label: string; group: string; unit: string; values: Table; column?: [string, number]; colour?: string;
     limit?: [number | null, number | null];
 }
 export interface Load {
@@ -51,12 +56,15 @@ export interface Document {
     engine: { kind: "p3dof"; parameters: Table } | { kind: "ask" } | { kind: "none" };
 }
 
+/** What a pose by hand could not do, and which legs are to blame ("a", "b", "c"). */
+export interface Refusal { text: string; legs: string[] }
 /** The platform or the joints as somebody holds them, instead of the run. */
 export type Hand = { pose: number[] } | { q: number[] };
 /** What is recomputed with other parameters than the document's; absent: as in the document. */
 export type WhatIf = Partial<Record<"payload" | "below" | "viscous" | "coulomb" | "L" | "R" | "r" | "gravity", number>>
     & { wrench?: number[] };
-export type View = "3d" | "front" | "side" | "top";
+/** "free": turned by hand. */
+export type View = "3d" | "front" | "side" | "top" | "free";
 export interface ChartChoice { group: string; hidden: string[] }
 
 /** A coloured picture in the plane x = 0 of the fixed frame, drawn in 3D: rows go up in z. */
@@ -75,15 +83,15 @@ export interface Fields {
     speed: number;
     loop: boolean;
     hand: Hand | null;
-    /** Why the hand could not go where it was moved, and which leg or joint is to blame ("" when it could). */
-    refused: { text: string; legs: string[] } | null;
+    /** Why the hand did not go where it was moved last. */
+    refused: Refusal | null;
     whatIf: WhatIf;
     /** The run that is shown, recomputed in the page; null: as in the document. */
     solved: Run | null;
     case: "total" | "static" | "dynamic";
     units: "mm" | "SI";
     theme: "auto" | "light" | "dark";
-    /** By name: those of the document's scene and the page's own: forces, path, map, labels, closures, section, parallel. */
+    /** By name: those of the document's scene and the page's own: forces, map, closures, section, parallel. */
     layers: Record<string, boolean>;
     view: View;
     charts: ChartChoice[];

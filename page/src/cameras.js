@@ -1,0 +1,95 @@
+// The camera: standard views, perspective or parallel, and how far away it must be to see all.
+import { OrthographicCamera, PerspectiveCamera, Vector3 } from "three";
+
+/** Opening of the perspective camera, upward [degrees]: a long lens distorts little. */
+const OPENING = 35;
+const TANGENT = Math.tan((OPENING * Math.PI) / 360);
+/** How much of the picture is filled. */
+const FILLED = 0.94;
+
+/** From what is looked at to the eye, in the fixed frame. */
+export const DIRECTIONS = {
+    "3d": [0.85, -0.45, 0.36], // as pictures of the package are taken
+    front: [1, 0, 0],
+    side: [0, -1, 0],
+    top: [1e-4, 0, 1], // y to the right, as in front
+};
+
+/** Two cameras of which one is used; distances are in radii of the scene. */
+export class Cameras {
+    constructor() {
+        this.perspective = new PerspectiveCamera(OPENING, 1, 0.02, 60);
+        this.parallel = new OrthographicCamera(-1, 1, 1, -1, 0.02, 60);
+        for (const camera of [this.perspective, this.parallel]) camera.up.set(0, 0, 1);
+        /** @type {PerspectiveCamera | OrthographicCamera} */
+        this.used = this.perspective;
+        this.aspect = 1;
+    }
+
+    /** @param {number} width @param {number} height */
+    resize(width, height) {
+        this.aspect = width / height;
+        this.perspective.aspect = this.aspect;
+        this.perspective.updateProjectionMatrix();
+        this._widen(this.parallel.top);
+    }
+
+    /** Use the other camera from the same place. @param {boolean} parallel @param {Vector3} target */
+    use(parallel, target) {
+        const next = parallel ? this.parallel : this.perspective;
+        if (next === this.used) return false;
+        const away = this.used.position.clone().sub(target);
+        next.position.copy(this.used.position);
+        if (parallel) {
+            this.parallel.zoom = 1;
+            this._widen(away.length() * TANGENT);
+        } else {
+            next.position.copy(target).addScaledVector(away.normalize(), this.parallel.top / this.parallel.zoom / TANGENT);
+        }
+        next.lookAt(target);
+        next.updateMatrixWorld();
+        this.used = next;
+        return true;
+    }
+
+    /**
+     * Look from a direction so that all points are just in the picture.
+     * @param {Vector3[]} points @param {Vector3} direction from them to the eye @param {Vector3} target changed to what is looked at
+     */
+    fit(points, direction, target) {
+        const eye = direction.clone().normalize();
+        const right = new Vector3(0, 0, 1).cross(eye).normalize();
+        const up = eye.clone().cross(right);
+        const tan = [TANGENT * this.aspect * FILLED, TANGENT * FILLED];
+        const straight = this.used === this.parallel;
+        const sides = [[-Infinity, -Infinity], [-Infinity, -Infinity]];
+        for (const point of points) {
+            const depth = point.dot(eye);
+            [right, up].forEach((axis, i) => {
+                const x = point.dot(axis);
+                const slope = straight ? 0 : depth * tan[i];
+                sides[i][0] = Math.max(sides[i][0], x + slope);
+                sides[i][1] = Math.max(sides[i][1], slope - x);
+            });
+        }
+        const middle = sides.map(([most, least]) => (most - least) / 2);
+        const needed = sides.map(([most, least], i) => (most + least) / 2 / tan[i]);
+        const distance = Math.max(...needed);
+        target.copy(right.multiplyScalar(middle[0])).addScaledVector(up, middle[1]);
+        this.used.position.copy(target).addScaledVector(eye, straight ? 4 : distance);
+        if (straight) {
+            this.parallel.zoom = 1;
+            this._widen(distance * TANGENT);
+        }
+        this.used.lookAt(target);
+        this.used.updateMatrixWorld();
+    }
+
+    /** @param {number} half height of what the parallel camera sees */
+    _widen(half) {
+        const camera = this.parallel;
+        [camera.top, camera.bottom] = [half, -half];
+        [camera.left, camera.right] = [-half * this.aspect, half * this.aspect];
+        camera.updateProjectionMatrix();
+    }
+}

@@ -1,0 +1,233 @@
+// Everything that is drawn of a document's scene, at the instant of the state.
+import { Group, Plane, Scene, Vector3 } from "three";
+import { Arrows, largest } from "./arrows.js";
+import { Closures } from "./closures.js";
+import { Handles } from "./handles.js";
+import { instant, instantOf, runOf, treeOf } from "./instant.js";
+import { Ghost, Solids } from "./solids.js";
+import { Labels, MapPicture, floorOf, lighten, lineOf } from "./surroundings.js";
+import { pointOf } from "./tree.js";
+
+/** @typedef {import("./types").State} State */
+/** @typedef {{halo: string, ink: string, grid: string, ground: string, tint: (colour: string) => string}} Look */
+
+/** How many instants of a run the camera frames. */
+const FRAMED = 24;
+
+export class Contents {
+    /** @param {State} state @param {Group} guests what others draw, in metres */
+    constructor(state, guests) {
+        const { scene, closures, engine } = state.document;
+        this.state = state;
+        this.of = scene;
+        this.radius = scene.radius;
+        /** In metres, drawn in radii of the scene about its centre. */
+        this.world = this._metres();
+        /** The same, in front of all. */
+        this.overlay = this._metres();
+        this.back = new Scene();
+        this.front = new Scene();
+        this.lamps = [lighten(this.back), lighten(this.front)];
+        this.solids = new Solids(scene);
+        this.floor = scene.floor === null ? null : floorOf(this.radius, scene.centre, scene.floor);
+        this.map = new MapPicture();
+        this.labels = new Labels(scene);
+        this.arrows = new Arrows(this.radius);
+        this.closures = new Closures(closures, this.radius);
+        this.lines = scene.lines.map((line) => {
+            const drawn = lineOf(line.points.data, line.colour ?? "#5f6b76");
+            const joint = line.joint ?? -1;
+            (joint < 0 ? this.solids.fixed : this.solids.joints[joint]).add(drawn);
+            return { line, drawn };
+        });
+        this.handles = scene.traced && engine.kind === "p3dof" ? new Handles(this.radius, scene.traced) : null;
+        this.section = new Plane(new Vector3(-1, 0, 0), 0);
+        this.sectionAt = new Vector3();
+        this.cut = false;
+        /** @type {Ghost | null} */
+        this.ghost = null;
+        /** @type {{run: object, line: ReturnType<typeof lineOf>} | null} */
+        this.trace = null;
+        /** @type {{run: object, points: Vector3[]} | null} */
+        this.known = null;
+        this.world.add(this.solids.group, this.map.mesh, guests);
+        if (this.floor) this.world.add(this.floor);
+        this.overlay.add(this.arrows.group, this.closures.group);
+        if (this.handles) this.overlay.add(this.handles.group);
+        this.back.add(this.world);
+        this.front.add(this.overlay, this.labels.group, this.arrows.texts);
+    }
+
+    _metres() {
+        const group = new Group();
+        const { centre, radius } = this.of;
+        group.scale.setScalar(1 / radius);
+        group.position.set(centre[0], centre[1], centre[2]).divideScalar(-radius);
+        group.updateMatrixWorld(true);
+        return group;
+    }
+
+    /** All that should be in the picture: corners of solids, labels and arrows, at some instants of the run. */
+    points() {
+        const { document } = this.state;
+        const run = runOf(this.state);
+        if (this.known?.run === run) return this.known.points;
+        this.measure();
+        const { data } = run.time;
+        const points = [];
+        for (let i = 0; i <= FRAMED; i++) {
+            const now = instantOf(document, run, data[0] + ((data[data.length - 1] - data[0]) * i) / FRAMED);
+            if (i % 4 === 0) {
+                this.solids.place(now.placements);
+                points.push(...corners(this.solids));
+            }
+            points.push(...now.loads.flatMap((load) => this._ends(load)));
+        }
+        for (const { label } of this.labels.all) {
+            if ((label.joint ?? -1) < 0) points.push(new Vector3(label.at[0], label.at[1], label.at[2] + label.height / 2));
+        }
+        points.forEach((point) => point.applyMatrix4(this.world.matrixWorld));
+        this.known = { run, points };
+        return points;
+    }
+
+    /** Where the arrow of a load starts and ends. @param {import("./types").ShownLoad} shown */
+    _ends({ load, at, vector }) {
+        const start = new Vector3(at[0], at[1], at[2]);
+        const along = new Vector3(vector[0], vector[1], vector[2]);
+        const size = along.length();
+        if (!(size > 0) || !Number.isFinite(size)) return [];
+        const length = this.arrows.length(size, load.unit) + 0.06 * this.radius;
+        return [start, start.clone().addScaledVector(along, length / size)];
+    }
+
+    /** Scale the arrows for the largest load of all runs. */
+    measure() {
+        const { state, arrows } = this;
+        arrows.scales = largest([...state.document.runs, runOf(state)], arrows.scales);
+    }
+
+    /** Put everything where it is at the instant of the state. */
+    place() {
+        const { state, solids, arrows } = this;
+        const now = instant(state);
+        solids.place(now.placements);
+        solids.show(state.layers);
+        solids.mark(state.refused?.legs ?? []);
+        for (const { line, drawn } of this.lines) drawn.visible = state.layers[line.layer ?? ""] ?? true;
+        this.closures.show(now.placements, state.layers.closures);
+        this.map.show(state.map, state.layers.map);
+        arrows.group.visible = arrows.texts.visible = state.layers.forces;
+        this._trace();
+        this._ghost();
+        this._cut(now);
+    }
+
+    _trace() {
+        const { document, layers } = this.state;
+        const traced = document.scene.traced;
+        if (!traced) return;
+        const run = runOf(this.state);
+        if (this.trace?.run !== run) {
+            if (this.trace) {
+                this.overlay.remove(this.trace.line);
+                this.trace.line.geometry.dispose();
+            }
+            this.trace = { run, line: lineOf(pathOf(document, run, traced), traced.colour) };
+            this.overlay.add(this.trace.line);
+        }
+        this.trace.line.visible = layers[traced.layer ?? ""] ?? true;
+    }
+
+    _ghost() {
+        const { document, compare, time } = this.state;
+        const run = compare === null ? undefined : document.runs[compare];
+        if (run && !this.ghost) {
+            this.ghost = new Ghost(this.solids);
+            this.world.add(this.ghost.group);
+        }
+        if (!this.ghost) return;
+        this.ghost.group.visible = run !== undefined;
+        if (run) this.ghost.place(instantOf(document, run, time).placements);
+    }
+
+    /** @param {import("./types").Instant} now */
+    _cut(now) {
+        const { layers } = this.state;
+        const at = this.of.traced ? pointOf(now.placements, this.of.traced.joint, this.of.traced.point) : this.of.centre;
+        this.sectionAt.set(at[0], at[1], at[2]).applyMatrix4(this.world.matrixWorld);
+        if (this.cut === Boolean(layers.section)) return;
+        this.cut = Boolean(layers.section);
+        this.solids.cut(this.cut ? [this.section] : null);
+    }
+
+    /** Colours of the page's theme. @param {Look} look */
+    tint(look) {
+        this.look = look;
+        if (this.floor) this.floor.material.color.set(look.grid);
+        this.trace?.line.material.color.set(look.tint(this.of.traced?.colour ?? look.ink));
+    }
+
+    /** What depends on where the eye is. @param {import("./eye.js").Eye} eye @param {Look} look @param {Vector3} target */
+    face(eye, look, target) {
+        const { state, handles } = this;
+        const now = instant(state);
+        if (state.layers.forces) this.arrows.show(now.loads, eye, look);
+        this.labels.show((joint, at) => pointOf(now.placements, joint, at), eye, state.layers, look, this.radius);
+        if (handles && now.pose) {
+            const [x, y, z] = pointOf(now.placements, handles.traced.joint, handles.traced.point);
+            handles.show(new Vector3(x, y, z), now.pose[2], eye);
+            handles.group.visible = state.engine !== null;
+        }
+        const { camera } = eye;
+        for (const lamp of this.lamps) lamp.position.set(-0.6, 0.9, 1).applyQuaternion(camera.quaternion);
+        if (this.cut) sectioned(this.section, camera.position.clone().sub(target), this.sectionAt);
+    }
+
+    dispose() {
+        this.solids.dispose();
+        for (const { text } of this.labels.all) text.dispose();
+        for (const { text } of this.arrows.arrows.values()) text.dispose();
+    }
+}
+
+/** Turn a plane so that it takes away what is nearer to the eye. @param {Plane} plane @param {Vector3} away @param {Vector3} at */
+function sectioned(plane, away, at) {
+    const parts = away.toArray();
+    const axis = parts.reduce((best, x, i) => (Math.abs(x) > Math.abs(parts[best]) ? i : best), 0);
+    plane.normal.set(0, 0, 0).setComponent(axis, -Math.sign(parts[axis]));
+    plane.constant = -plane.normal.dot(at);
+}
+
+/** Where a point is at all samples of a run. */
+/** @param {State["document"]} document @param {import("./types").Run} run @param {import("./types").Traced} traced */
+function pathOf(document, run, traced) {
+    const tree = treeOf(document);
+    const width = run.q.shape[1];
+    const count = run.time.data.length;
+    const points = new Float64Array(3 * count);
+    const out = new Float64Array(16 * tree.joints.length);
+    for (let i = 0; i < count; i++) {
+        const placed = run.placed ? (/** @type {{name: string}} */ { name }) => run.placed?.[name].data.subarray(7 * i, 7 * i + 7) ?? [] : null;
+        tree.place(run.q.data.subarray(width * i, width * (i + 1)), placed, out);
+        points.set(pointOf(out, traced.joint, traced.point), 3 * i);
+    }
+    return points;
+}
+
+/** The corners of the boxes around all solids [m]. @param {Solids} solids */
+function corners(solids) {
+    const found = [];
+    for (const mesh of solids.meshes) {
+        if (!mesh.geometry.boundingBox) mesh.geometry.computeBoundingBox();
+        const { min, max } = /** @type {import("three").Box3} */ (mesh.geometry.boundingBox);
+        const { joint } = mesh.userData.solid;
+        for (let i = 0; i < 8; i++) {
+            const corner = new Vector3(i & 1 ? min.x : max.x, i & 2 ? min.y : max.y, i & 4 ? min.z : max.z);
+            corner.applyMatrix4(mesh.matrix);
+            if (joint >= 0) corner.applyMatrix4(solids.joints[joint].matrix);
+            found.push(corner);
+        }
+    }
+    return found;
+}
