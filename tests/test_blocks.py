@@ -385,7 +385,7 @@ def test_bad_arguments_are_refused_before_anything_is_written(tmp_path, options,
 def test_what_is_no_problem_is_refused(tmp_path):
     with pytest.raises(p3dof.InputError, match="problem: expected an object with count, columns"):
         p3dof.sweep(5, tmp_path)
-    with pytest.raises(p3dof.InputError, match="expected one that can be pickled"):
+    with pytest.raises(p3dof.InputError, match="problem: expected what can be pickled"):
         p3dof.sweep(problem(function=lambda c: c), tmp_path, workers=2)
 
 

@@ -9,6 +9,7 @@ import sys
 import warnings
 from pathlib import Path
 
+import numpy as np
 import psutil
 import pytest
 from sweep_problems import WAITING, files, gated, peaks, problem, reductions, wait_until
@@ -108,6 +109,22 @@ def test_a_worker_and_then_the_whole_program_may_be_killed(whole, tmp_path):
     made = p3dof.sweep(problem(), folder, reductions=reductions(), seed=3, resume=True)
     assert made.notes == ()
     assert files(folder) == whole
+
+
+def test_a_cluster_makes_runs_to_the_same_bits(client, monkeypatch):
+    monkeypatch.setattr("p3dof.many_runs.clients._NUMBERS", 2000)
+    rest = p3dof.Motion.rest_to_rest([0, 0, 0], [0.02, -0.02, 0.1], 0.1, 11)
+    options = {
+        "controller": p3dof.PD(p3dof.PAPER, rest),
+        "control": p3dof.ControlLoop(rate=1000, noise=p3dof.Noise(1e-6, 1e-4)),
+        "wrench": lambda time: [0, 0, 5 * time, 0, 0, 0],  # of a script: Dask takes it
+    }
+    masses = {"platform.mass": np.linspace(7, 9, 300)}
+    here, there = (p3dof.load().simulate_many(0.1, masses, **options, client=one) for one in (None, client))
+    assert here.finished.all()
+    for figure in ("pose", "peak_error", "rms_force", "energy"):
+        np.testing.assert_array_equal(getattr(here, figure), getattr(there, figure))
+    wait_until(lambda: not client.futures)  # the cluster keeps nothing
 
 
 def test_ctrl_c_leaves_a_folder_that_a_cluster_goes_on_with(client, whole, tmp_path):

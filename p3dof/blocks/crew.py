@@ -152,8 +152,15 @@ class Crew:
     def __init__(self, executor: Executor, room: int, own: bool = False) -> None:
         self._executor, self._room, self._own = executor, room, own
 
-    def told(self, work: Any) -> Any:
+    def told(self, work: Any, name: str = "problem") -> Any:
         """Return something as workers are told it: as bytes that they make it of again; here, as it is.
+
+        Parameters
+        ----------
+        work : object
+            What to tell.
+        name : str
+            What of it may be at fault where it cannot be told.
 
         Raises
         ------
@@ -166,7 +173,7 @@ class Crew:
             return self.dumps(work)
         except Exception as error:
             told = one_line(f"{type(error).__name__}: {error}", 200)
-            raise InputError(f"problem: expected one that can be pickled ({told})") from error
+            raise InputError(f"{name}: expected what can be pickled ({told})") from error
 
     @property
     def room(self) -> int:

@@ -597,7 +597,7 @@ class Manipulator:
         `runs` is how many, or columns of what differs: starts, gains, seeds, payloads, any number of the
         machine; or a `Parameters` for each run. `options` are those of `p3dof.simulate_many`: `start`,
         `controller`, `control`, `reference`, `wrench`, `stop_at`, `integration`, `histories`, `every`,
-        `threads`, `lanes`, `progress`.
+        `threads`, `lanes`, `client`, `progress`.
 
         Raises
         ------

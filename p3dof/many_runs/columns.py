@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from copy import copy
 from functools import cached_property
 from typing import Any
 
@@ -104,6 +105,29 @@ class RunColumns:
                     f"runs: unknown column {name}; a run starts at start.y, start.z, start.theta"
                 )
         self.designs, self.count = designs, len(designs)
+
+    first: int = 0
+    """The number of the first run, where these are some of many."""
+
+    def part(self, start: int, stop: int) -> RunColumns:
+        """Return some of the runs, which keep their numbers.
+
+        Parameters
+        ----------
+        start, stop : int
+            The first of them, and the one behind the last.
+
+        Returns
+        -------
+        RunColumns
+        """
+        found = copy(self)
+        found.own = {name: column[start:stop] for name, column in self.own.items()}
+        if self.designs is not None and len(self.designs) > 1:
+            found.designs = self.designs.part(start, stop)
+        found.count, found.first = stop - start, self.first + start
+        found.status = self.status[start:stop]
+        return found
 
     @cached_property
     def status(self) -> NDArray[np.int16]:

@@ -13,12 +13,11 @@ from p3dof.checks import FloatArray, Progress, frozen_array, positive, shown
 from p3dof.compiled.kernels import NUMPY, MachineKernels
 from p3dof.compiled.many import HISTORY_WIDTH, RESULTS
 from p3dof.errors import InputError
+from p3dof.many_runs.clients import RunWork, run_with
 from p3dof.many_runs.columns import GAINS, RunColumns
 from p3dof.many_runs.friction import CAREFULLY
 from p3dof.many_runs.plan import Task, why_not
 from p3dof.many_runs.results import ManyRuns, RunHistories
-from p3dof.many_runs.running import Batch, Machines
-from p3dof.many_runs.singly import run_singly
 from p3dof.motion import Motion
 from p3dof.motion.wrenches import WrenchOverTime
 from p3dof.parameters import Parameters
@@ -55,6 +54,7 @@ def simulate_many(
     level: str | None = None,
     threads: int | None = None,
     lanes: bool = True,
+    client: Any = None,
     progress: Progress | None = None,
 ) -> ManyRuns:
     """Run many machines in time, each from its own start, with its own gains, noise, payload and wrench.
@@ -102,6 +102,11 @@ def simulate_many(
     lanes : bool
         Side by side in the lanes of the processor; False is quicker for fewer than five runs, the same but
         for rounding.
+    client : distributed.Client or concurrent.futures.Executor, optional
+        Who makes the runs, in parts of a quarter of a second or so: a cluster of Dask,
+        `p3dof.blocks.Processes`, or any executor; the threads of this process without one. The results are
+        the same to the last bit. A controller written in Python must be one that can be pickled (Dask takes
+        any), and begins each part as it is now.
     progress : callable, optional
         Called with (done, total) runs.
 
@@ -115,6 +120,8 @@ def simulate_many(
     InputError
         If an argument or the name or length of a column does not fit, or it would take too long. A run with
         numbers that cannot be has a reason instead.
+    SweepError
+        If workers of a client die again and again.
     """
     task = _task(duration, start, controller, control, reference, wrench, stop_at, integration)
     columns = RunColumns(runs, machine)
@@ -125,17 +132,18 @@ def simulate_many(
     kernels = MachineKernels(machine, level, threads)
     reason = "the extension is not used" if kernels.level == NUMPY else why_not(task)
     begun = clock.perf_counter()
+    work = RunWork(task, columns, machine, kept, every, None if reason else kernels.level, bool(lanes))
     if reason is None:
         _require_time(task, np.ones(1, np.int64), columns.count)  # before any column is filled
-        machines = Machines.of(columns, machine)
-        batch = Batch(every, task, columns, machines, kernels.level, kept, bool(lanes))
-        _require_time(task, batch.parts)
-        found, states, interrupted = batch.run(kernels.threads, progress)
+        seconds = _require_time(task, work.batch.parts)
         note = f"lanes on {kernels.level}" if lanes else f"in C on {kernels.level}"
     else:
-        _require_time_singly(task, columns.count)
-        found, states, interrupted = run_singly(task, columns, machine, kept, every, progress)
+        seconds = _require_time_singly(task, columns.count)
         note = f"one by one: {reason}"
+    if client is None:
+        found, states, interrupted = work.run(kernels.threads, progress)
+    else:
+        found, states, interrupted = run_with(client, work, seconds, progress)
     return _results(found, states, kept, columns, clock.perf_counter() - begun, interrupted, note)
 
 
@@ -186,21 +194,22 @@ def _check_gains(columns: RunColumns, controller: Any) -> None:
             raise InputError(f"runs: the column {name} is for a controller of the kind {whose}")
 
 
-def _require_time(task: Task, parts: NDArray[np.int64], times: int = 1) -> None:
-    """Raise if the runs would take too long, whose steps are cut into parts."""
+def _require_time(task: Task, parts: NDArray[np.int64], times: int = 1) -> float:
+    """Raise if the runs would take too long, whose steps are cut into parts; return about how long."""
     each = task.duration * np.maximum(1 / task.tick, parts / task.step)
     each[parts == CAREFULLY] = _CAREFUL * task.duration / task.step
     steps = times * float(each.sum())
-    _require(task, Work(steps, steps * _PER_STEP))
+    return _require(task, Work(steps, steps * _PER_STEP))
 
 
-def _require_time_singly(task: Task, count: int) -> None:
+def _require_time_singly(task: Task, count: int) -> float:
     one = estimate("compiled", task.duration, task.ticks, task.control.changes, task.tick)
-    _require(task, Work(count * one.steps, count * one.seconds))
+    return _require(task, Work(count * one.steps, count * one.seconds))
 
 
-def _require(task: Task, work: Work) -> None:
+def _require(task: Task, work: Work) -> float:
     require_affordable(work, 1, task.integration.time_limit, "time_limit of Integration")
+    return work.seconds
 
 
 def _kept(histories: bool | int | Sequence[int], count: int) -> NDArray[np.int64]:

@@ -240,7 +240,7 @@ class Batch:
         if noise is None:
             return None
         seeds = self.columns.own.get(SEED)
-        chosen = noise.seed + runs if seeds is None else seeds[runs].astype(np.int64)
+        chosen = noise.seed + self.columns.first + runs if seeds is None else seeds[runs].astype(np.int64)
         return np.stack(
             [np.random.default_rng(int(s)).standard_normal((self.engine.ticks, 6)) for s in chosen]
         )

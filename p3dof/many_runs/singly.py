@@ -88,7 +88,7 @@ def _one(
     x = [own.get(name, known) for name, known in zip(STARTS, task.start, strict=True)]
     control = task.control
     if control.noise is not None:
-        seed = int(own.get(SEED, control.noise.seed + run))
+        seed = int(own.get(SEED, control.noise.seed + columns.first + run))
         control = replace(control, noise=Noise(control.noise.position, control.noise.velocity, seed))
     failed = np.full(RESULT_WIDTH, np.nan)
     failed[RESULTS["time"]] = 0.0
