@@ -29,7 +29,7 @@ def test_a_document_is_in_the_page_whatever_texts_it_has():
 
 def test_the_page_carries_the_licences_of_what_is_in_it():
     page = page_html(SMALL)
-    for holder in ("© 2010-2026 three.js authors", "(c) 2022 Leon Sorokin"):
+    for holder in ("© 2010-2026 three.js authors", "(c) 2022 Leon Sorokin", "2019 The MessagePack Community"):
         assert holder in page
     assert page.count("The above copyright notice and this permission notice shall be included in") == 2
     assert page.count('THE SOFTWARE IS PROVIDED "AS IS", WITHOUT WARRANTY OF ANY KIND') == 2
