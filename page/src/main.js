@@ -13,6 +13,7 @@ import * as keys from "./keys.js";
 import * as map from "./map.js";
 import * as panel from "./panel.js";
 import * as scene from "./scene.js";
+import * as solving from "./solving.js";
 import { createState, within } from "./state.js";
 import * as table from "./table.js";
 import * as themes from "./themes.js";
@@ -74,6 +75,7 @@ async function start() {
         console.warn(error);
         say(element("heading"), `The forces cannot be computed in this page: ${message(error)}. What is stored is shown.`);
     }
+    solving.mount(state); // first: all others show what it computes
     for (const [name, id, mount] of PARTS) {
         try {
             mount(element(id), state);

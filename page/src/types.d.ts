@@ -61,8 +61,7 @@ export interface Refusal { text: string; legs: string[] }
 /** The platform or the joints as somebody holds them, instead of the run. */
 export type Hand = { pose: number[] } | { q: number[] };
 /** What is recomputed with other parameters than the document's; absent: as in the document. */
-export type WhatIf = Partial<Record<"payload" | "below" | "viscous" | "coulomb" | "L" | "R" | "r" | "gravity", number>>
-    & { wrench?: number[] };
+export type WhatIf = import("./machine.js").WhatIf;
 /** "free": turned by hand. */
 export type View = "3d" | "front" | "side" | "top" | "free";
 export interface ChartChoice { group: string; hidden: string[] }
@@ -88,6 +87,10 @@ export interface Fields {
     whatIf: WhatIf;
     /** The run that is shown, recomputed in the page; null: as in the document. */
     solved: Run | null;
+    /** What the recomputed run was in the document, the same part of the forces: drawn dashed; null: nothing to draw. */
+    before: Run | null;
+    /** What recomputing came to; null without an engine, or a run that it cannot compute. */
+    report: import("./resolve.js").Report | null;
     case: "total" | "static" | "dynamic";
     units: "mm" | "SI";
     theme: "auto" | "light" | "dark";

@@ -1,0 +1,220 @@
+// The numbers of a machine of the paper's kind, as the generated C takes them, and what if they were others.
+
+/** How many numbers describe a machine. */
+export const NUMBERS = 140;
+
+/** Links in their order; each has mass, mass centre (3) and inertia (6): xx, xy, xz, yy, yz, zz. */
+export const LINKS = [
+    "slider_a", "leg_a", "slider_b", "leg_b", "slider_c",
+    "crossbar_upper", "rod_left", "crossbar_lower", "platform", "rod_right",
+];
+
+/** Joints of the tree, as a configuration has them. */
+export const JOINTS = [
+    "slide_a", "hinge_a", "slide_b", "hinge_b", "slide_c", "hinge_c", "hinge_left", "hinge_lower",
+    "hinge_platform", "hinge_right",
+];
+
+/** Where the numbers stand. */
+export const PLACES = {
+    r: 0, R: 1, L: 2, b: 3, gravity: 4, bodies: 7, viscous: 107, coulomb: 120, smoothing: 133,
+    travel: 134, speed: 136, force: 137, tilt: 138,
+};
+
+const BODY = 10;
+const SLIDES = 3;
+
+/** Length of a leg less R - r, and R - r itself, as shares of the length: what a machine needs at least. */
+const PARALLEL = 1e-6;
+
+/** The density of the solids that have the masses of the paper [kg/m^3], and their sizes [m]. */
+const STEEL = 7801.0;
+const SOLIDS = { slider: 0.05, rod: 0.01, plate: 0.05, corner: 0.02 };
+const PAPER = { r: 0.1, R: 0.25, L: 0.4, b: 0.05 };
+
+/**
+ * What is changed of the machine; what is missing is as in the file. Payload [kg] at `below` [m] below P,
+ * friction of each slider besides the file's [N s/m, N], lengths [m], gravity [m/s^2]. `bodies` says which bodies
+ * a machine of other lengths has: those of the file, or steel solids that are as long as it.
+ * @typedef {object} WhatIf
+ * @property {number} [payload]
+ * @property {number} [below]
+ * @property {number} [viscous]
+ * @property {number} [coulomb]
+ * @property {number} [L]
+ * @property {number} [R]
+ * @property {number} [r]
+ * @property {"kept"|"solids"} [bodies]
+ * @property {number[]} [gravity]
+ * @property {number[]} [wrench]
+ */
+
+/**
+ * Returns the numbers of a machine with something changed.
+ * @param {ArrayLike<number>} original
+ * @param {WhatIf} whatIf
+ * @returns {Float64Array}
+ */
+export function changed(original, whatIf) {
+    const numbers = Float64Array.from(original);
+    for (const name of /** @type {const} */ (["r", "R", "L"])) {
+        const value = whatIf[name];
+        if (value !== undefined) numbers[PLACES[name]] = value;
+    }
+    requireLengths(numbers);
+    if (whatIf.gravity) numbers.set(whatIf.gravity, PLACES.gravity);
+    if (whatIf.bodies === "solids") setSolids(numbers);
+    for (const kind of /** @type {const} */ (["viscous", "coulomb"])) {
+        const value = whatIf[kind] ?? 0;
+        if (!(value >= 0)) throw new RangeError(`${kind} friction: expected zero or more, got ${value}`);
+        for (let slide = 0; slide < SLIDES; ++slide) numbers[PLACES[kind] + slide] += value;
+    }
+    const payload = whatIf.payload ?? 0;
+    if (!(payload >= 0)) throw new RangeError(`payload: expected zero or more, got ${payload} kg`);
+    if (payload > 0) carry(numbers, payload, [0, 0, -(whatIf.below ?? 0)]);
+    return numbers;
+}
+
+/**
+ * Throws unless the lengths are those of a machine.
+ * @param {Float64Array} numbers
+ */
+function requireLengths(numbers) {
+    const [r, R, L] = numbers;
+    const told = `r = ${milli(r)}, R = ${milli(R)}, L = ${milli(L)} mm`;
+    if (!(r > 0 && R > 0 && L > 0)) throw new RangeError(`lengths: expected more than zero, got ${told}`);
+    if (!(R - r >= PARALLEL * L))
+        throw new RangeError(`lengths: expected a base R larger than the platform r, got ${told}`);
+    if (!(R - r < L)) throw new RangeError(`lengths: the legs L do not bridge R - r = ${milli(R - r)} mm, got ${told}`);
+}
+
+/** @param {number} length */
+const milli = (length) => String(Number((1e3 * length).toPrecision(6)));
+
+/**
+ * Fixes a point mass to the platform.
+ * @param {Float64Array} numbers
+ * @param {number} mass
+ * @param {number[]} place in the platform's frame [m]
+ */
+function carry(numbers, mass, place) {
+    const at = bodyPlace("platform");
+    const body = numbers.subarray(at, at + BODY);
+    const whole = body[0] + mass, reduced = (body[0] * mass) / whole;
+    const [x, y, z] = [0, 1, 2].map((k) => place[k] - body[1 + k]);
+    const moments = [y * y + z * z, -x * y, -x * z, x * x + z * z, -y * z, x * x + y * y];
+    for (let k = 0; k < 3; ++k) body[1 + k] += (mass / whole) * (place[k] - body[1 + k]);
+    for (let k = 0; k < 6; ++k) body[4 + k] += reduced * moments[k];
+    body[0] = whole;
+}
+
+/** @param {string} link */
+const bodyPlace = (link) => PLACES.bodies + BODY * LINKS.indexOf(link);
+
+/**
+ * Gives the machine the bodies of steel solids of its lengths: cubes, round rods and the rounded plate, their other
+ * sizes those of the paper times the least ratio of the lengths to the paper's.
+ * @param {Float64Array} numbers
+ */
+function setSolids(numbers) {
+    const [r, R, L, b] = numbers;
+    const ratio = Math.min(L / PAPER.L, r / PAPER.r, b / PAPER.b, (R - r) / (PAPER.R - PAPER.r));
+    const edge = ratio * SOLIDS.slider, mass = STEEL * edge ** 3, cube = (mass * edge * edge) / 6;
+    const slider = [mass, 0, 0, 0, cube, 0, 0, cube, 0, cube];
+    const leg = cylinder(ratio * SOLIDS.rod, L, 0, 0);
+    const crossbar = cylinder(ratio * SOLIDS.rod, 2 * b, 1, -b);
+    const platform = plate(r, ratio * SOLIDS.corner, ratio * SOLIDS.plate);
+    for (const link of LINKS) {
+        const kind = link.startsWith("slider") ? slider : link.startsWith("crossbar") ? crossbar : leg;
+        numbers.set(link === "platform" ? platform : kind, bodyPlace(link));
+    }
+}
+
+/**
+ * Returns a round bar along one of the axes.
+ * @param {number} radius
+ * @param {number} length
+ * @param {number} axis
+ * @param {number} start
+ */
+function cylinder(radius, length, axis, start) {
+    const mass = STEEL * Math.PI * radius * radius * length;
+    const across = (mass * (3 * radius * radius + length * length)) / 12, along = (mass * radius * radius) / 2;
+    const body = [mass, 0, 0, 0, across, 0, 0, across, 0, across];
+    body[1 + axis] = start + length / 2;
+    body[[4, 7, 9][axis]] = along;
+    return body;
+}
+
+/**
+ * Returns the plate: the triangle of the platform's joints, widened all round by a radius.
+ * @param {number} size
+ * @param {number} radius
+ * @param {number} thickness
+ */
+function plate(size, radius, thickness) {
+    const corners = [[0, -1], [0, 1], [-1, 0]];
+    const pieces = platePieces(corners, size, radius);
+    const total = pieces.reduce((sum, piece) => sum + piece.area, 0);
+    const centre = [0, 1].map((k) => pieces.reduce((sum, piece) => sum + piece.area * piece.at[k], 0) / total);
+    /** @param {number} i @param {number} j */
+    const second = (i, j) =>
+        pieces.reduce(
+            (sum, piece) => sum + piece.own[i][j] + piece.area * (piece.at[i] - centre[i]) * (piece.at[j] - centre[j]),
+            0,
+        );
+    const across = (total * thickness * thickness) / 12, mass = STEEL * thickness;
+    const xx = second(1, 1) + across, yy = second(0, 0) + across, zz = second(0, 0) + second(1, 1);
+    return [
+        mass * total, centre[0], centre[1], 0,
+        mass * xx, -mass * second(0, 1), 0, mass * yy, 0, mass * zz,
+    ];
+}
+
+/**
+ * Cuts the widened triangle into triangle, strips along the edges, and sectors at the corners.
+ * @param {number[][]} corners counter-clockwise
+ * @param {number} size
+ * @param {number} radius
+ */
+function platePieces(corners, size, radius) {
+    const points = corners.map((corner) => corner.map((x) => size * x));
+    const middle = [0, 1].map((k) => (points[0][k] + points[1][k] + points[2][k]) / 3);
+    const edges = points.map((point, k) => [0, 1].map((i) => points[(k + 1) % 3][i] - point[i]));
+    const area = (edges[0][0] * edges[1][1] - edges[0][1] * edges[1][0]) / 2;
+    const spokes = points.map((point) => [point[0] - middle[0], point[1] - middle[1]]);
+    const core = [0, 1].map((i) => [0, 1].map((j) => (area / 12) * spokes.reduce((sum, s) => sum + s[i] * s[j], 0)));
+    const pieces = [{ area, at: middle, own: core }];
+    const normals = edges.map(([x, y]) => [y / Math.hypot(x, y), -x / Math.hypot(x, y)]);
+    for (let k = 0; k < 3; ++k) {
+        const [edge, normal, previous] = [edges[k], normals[k], normals[(k + 2) % 3]];
+        const strip = Math.hypot(edge[0], edge[1]) * radius;
+        pieces.push({
+            area: strip,
+            at: [0, 1].map((i) => points[k][i] + edge[i] / 2 + (radius * normal[i]) / 2),
+            own: [0, 1].map((i) => [0, 1].map((j) => (strip / 12) * (edge[i] * edge[j] + radius ** 2 * normal[i] * normal[j]))),
+        });
+        pieces.push(sector(points[k], normal, previous, radius));
+    }
+    return pieces;
+}
+
+/**
+ * Returns the circular sector at a corner.
+ * @param {number[]} corner
+ * @param {number[]} normal
+ * @param {number[]} previous
+ * @param {number} radius
+ */
+function sector(corner, normal, previous, radius) {
+    const half = Math.acos(normal[0] * previous[0] + normal[1] * previous[1]) / 2;
+    const sum = [normal[0] + previous[0], normal[1] + previous[1]];
+    const axis = sum.map((x) => x / Math.hypot(sum[0], sum[1])), other = [-axis[1], axis[0]];
+    const distance = (2 * Math.sin(half)) / (3 * half), wave = Math.sin(half) * Math.cos(half);
+    const along = (half + wave) / 4 - half * distance ** 2, across = (half - wave) / 4;
+    return {
+        area: half * radius ** 2,
+        at: [0, 1].map((i) => corner[i] + radius * distance * axis[i]),
+        own: [0, 1].map((i) => [0, 1].map((j) => radius ** 4 * (along * axis[i] * axis[j] + across * other[i] * other[j]))),
+    };
+}

@@ -1,0 +1,67 @@
+// Keeps the run that is shown in step with what is changed: first of all in every refresh.
+import { Engine } from "./engine.js";
+import { gapsOf, peaksOf, resolved } from "./resolve.js";
+
+/** @typedef {import("./types").State} State */
+
+const WATCHED = ["whatIf", "case", "run", "document"];
+
+/** The engine in the page; null where there is none, or Python is asked. @param {State} state @returns {Engine | null} */
+export const engineOf = ({ engine }) => (engine instanceof Engine ? engine : null);
+
+/** @param {State} state */
+export function mount(state) {
+    state.subscribe((_, changed) => {
+        const engine = engineOf(state);
+        if (!engine || !WATCHED.some((field) => changed.has(field))) return;
+        const { engine: given } = state.document;
+        if (changed.has("document") && given.kind === "p3dof") engine.take(given.parameters.data);
+        solve(state, engine);
+        for (const field of ["solved", "before", "report"]) changed.add(field);
+        state.version += 1;
+    });
+}
+
+/** Whether something is changed of the machine. @param {import("./types").WhatIf} whatIf */
+export const isChanged = (whatIf) => Object.values(whatIf).some((value) => value !== undefined);
+
+/** Computes `solved`, `before` and `report`. @param {State} state @param {Engine} engine */
+export function solve(state, engine) {
+    const { document, whatIf, case: part } = state, run = document.runs[state.run];
+    state.solved = state.before = state.report = null;
+    const fault = changedTo(engine, whatIf);
+    if (!run?.pose || !run.velocity || !run.acceleration) return;
+    const start = performance.now(), changed = isChanged(engine.whatIf);
+    if (changed || part !== "total") state.solved = resolved(engine, document, run, part);
+    if (changed) state.before = part === "total" ? run : original(engine, () => resolved(engine, document, run, part));
+    const after = !changed ? run : part === "total" && state.solved ? state.solved : resolved(engine, document, run, "total");
+    state.report = {
+        changed, fault,
+        before: peaksOf(run),
+        after: peaksOf(after),
+        samples: run.time.shape[0],
+        gaps: changed ? gapsOf(engine, run) : [],
+        milliseconds: performance.now() - start,
+    };
+}
+
+/** @param {Engine} engine @param {import("./types").WhatIf} whatIf @returns {string} why it cannot be */
+function changedTo(engine, whatIf) {
+    try {
+        engine.set(whatIf);
+        return "";
+    } catch (error) {
+        return error instanceof Error ? error.message : String(error);
+    }
+}
+
+/** What is computed with the document's machine. @template T @param {Engine} engine @param {() => T} compute @returns {T} */
+function original(engine, compute) {
+    const { whatIf } = engine;
+    engine.set({});
+    try {
+        return compute();
+    } finally {
+        engine.set(whatIf);
+    }
+}
