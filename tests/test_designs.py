@@ -445,6 +445,30 @@ def test_tables_of_any_kind_are_columns():
     np.testing.assert_array_equal(forces_of_designs(pyarrow.table(plain), MOTION).peak_force, wanted)
 
 
+def test_arrays_of_xarray_are_columns_with_their_units():
+    xarray = pytest.importorskip("xarray")
+    wanted = forces_of_designs({"R [mm]": [240.0, 260.0], "L": [0.4, 0.41]}, MOTION).peak_force
+    data = xarray.Dataset({"R": ("design", [240.0, 260.0], {"units": "mm"}), "L": ("design", [0.4, 0.41])})
+    np.testing.assert_array_equal(forces_of_designs(data, MOTION).peak_force, wanted)
+    np.testing.assert_array_equal(forces_of_designs({"R": data.R, "L": data.L}, MOTION).peak_force, wanted)
+    named = data.rename({"R": "R [mm]"})  # told twice, the name counts
+    np.testing.assert_array_equal(forces_of_designs(named, MOTION).peak_force, wanted)
+    one = data.assign(payload=((), 0.1)).rename(payload="payload.mass")
+    assert len(forces_of_designs(one, MOTION)) == 2
+    grid = xarray.Dataset({"R": ("i", [0.24, 0.26]), "L": ("j", [0.4, 0.41])})  # xarray would combine them
+    for bad, message in (
+        (grid, r"along one dimension, got i, j; .*\.stack\(run=\['i', 'j'\]\)"),
+        (data.set_coords(["R", "L"]), r"got coordinates only; \.reset_coords\(\)"),
+        (data.L, "expected columns by name"),
+        (data.assign(L=data.L.assign_attrs(units="kg")), r"column 'L \[kg\]': expected a length"),
+        ({"R": ("design", [0.24, 0.26])}, "column 'R': expected real numbers"),
+    ):
+        with pytest.raises(InputError, match=message):
+            forces_of_designs(bad, MOTION)
+    stacked = xarray.merge(xarray.broadcast(grid)).stack(run=["i", "j"])
+    assert len(forces_of_designs(stacked, MOTION)) == 4
+
+
 def test_units_are_those_of_parameter_files():
     assert column_of("R [mm]").in_si(np.array([120.0]))[0] == 0.12
     assert column_of("density [g/cm^3]").in_si(np.array([7.8]))[0] == pytest.approx(7800)

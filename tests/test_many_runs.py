@@ -3,6 +3,7 @@
 import csv
 import re
 import signal
+import sys
 import threading
 import time
 
@@ -365,6 +366,39 @@ def test_any_kind_of_table_gives_the_same():
     assert np.allclose(machines.pose[0], one.pose[0], atol=1e-12)
     counted = ROBOT.simulate_many(0.01, 2, controller=HOLD)
     assert same(counted, ROBOT.simulate_many(0.01, {"start.y": [0.0, 0.0]}, controller=HOLD))
+
+
+def test_runs_go_through_xarray():
+    xarray = pytest.importorskip("xarray")
+    given = {"L [mm]": [400.0, 410, 420], "frequency": [5.0, 6, 7], "payload.mass": 0.1, "seed": [1.0, 2, 3]}
+    data = xarray.Dataset(
+        {
+            "L": ("run", given["L [mm]"], {"units": "mm"}),
+            "frequency": ("run", given["frequency"], {"units": "Hz"}),
+            "payload.mass": 0.1,
+            "seed": ("run", given["seed"]),
+        }
+    )
+    loop = {"controller": PD(PAPER, MOTION), "control": ControlLoop(1000, noise=Noise(1e-6, 1e-4))}
+    many, other = (ROBOT.simulate_many(0.02, runs, **loop) for runs in (given, data))
+    assert same(many, other)
+    found = other.to_xarray()
+    assert found.sizes == {"run": 3}
+    assert found["geometry.L"].attrs["units"] == "m"
+    assert found["controller.frequency"].attrs["units"] == "Hz"
+    assert found["peak_force A"].attrs["units"] == "N"
+    assert found["seed"].attrs == {}
+    assert set(found["stop"].values) == {"finished"}
+    assert np.array_equal(found["peak_error theta"], many.peak_error[:, 2])
+    assert same(many, ROBOT.simulate_many(0.02, found[list(other.given)], **loop))  # what was given, again
+    with pytest.raises(InputError, match="runs: expected columns along one dimension, got run, i"):
+        ROBOT.simulate_many(0.02, data.assign(R=("i", [0.25, 0.26, 0.27])), **loop)
+
+
+def test_without_xarray_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    with pytest.raises(p3dof.MissingExtraError, match=r"p3dof\[xarray\]"):
+        ROBOT.simulate_many(0.01, 1, controller=HOLD).to_xarray()
 
 
 def test_results_are_columns_files_and_tables(tmp_path):

@@ -138,9 +138,18 @@ def _is_machines(columns: Any) -> bool:
 
 
 def by_header(columns: Any) -> Mapping[Any, Any]:
-    """Return the columns of whatever kind of table, by what they are called."""
+    """Return the columns of whatever kind of table, by what they are called, units included.
+
+    Raises
+    ------
+    InputError
+        If it is no table, or its columns are along several dimensions.
+    """
     if isinstance(columns, Mapping):
-        return {name: getattr(values, "values", values) for name, values in columns.items()}
+        _require_one_dimension(columns)
+        return {
+            _with_units(name, values): getattr(values, "values", values) for name, values in columns.items()
+        }
     names = getattr(getattr(columns, "dtype", None), "names", None)
     if names is None:
         names = getattr(columns, "column_names", getattr(columns, "columns", None))
@@ -149,6 +158,34 @@ def by_header(columns: Any) -> Mapping[Any, Any]:
             f"designs: expected columns by name, a table or a sequence of Parameters, got {shown(columns)}"
         )
     return {name: columns[name] for name in names}
+
+
+def _require_one_dimension(columns: Mapping[Any, Any]) -> None:
+    """Raise if arrays of xarray have dimensions that xarray would make a grid of."""
+    along = dict.fromkeys(dim for values in columns.values() for dim in getattr(values, "dims", ()))
+    if len(along) > 1:
+        raise InputError(
+            f"designs: expected columns along one dimension, got {', '.join(map(str, along))}; to take every "
+            f"combination, stack them: xarray.broadcast(...), then .stack(run={[str(dim) for dim in along]})"
+        )
+    if not columns and getattr(columns, "coords", None):
+        raise InputError(
+            "designs: expected columns, got coordinates only; .reset_coords() makes columns of them"
+        )
+
+
+def _with_units(name: Any, values: Any) -> Any:
+    """Return what a column is called, with the unit that an array of xarray has as an attribute."""
+    attributes = getattr(values, "attrs", None)
+    unit = attributes.get("units", "") if isinstance(attributes, Mapping) else ""
+    if (
+        not isinstance(name, str)
+        or not isinstance(unit, str)
+        or not unit.strip()
+        or name.rstrip().endswith("]")
+    ):
+        return name
+    return f"{name} [{unit.strip()}]"
 
 
 def _of_machines(machines: Sequence[Parameters]) -> dict[str, FloatArray]:

@@ -200,7 +200,12 @@ def as_column(name: str, values: object) -> FloatArray:
         If they are no real numbers.
     """
     to_numpy = getattr(values, "to_numpy", None)
-    array = np.asarray(values if to_numpy is None else to_numpy())
+    try:
+        array = np.asarray(values if to_numpy is None else to_numpy())
+    except ValueError as error:  # of lists that are no array
+        raise InputError(
+            f"designs: column {shown(name)}: expected real numbers, one a design, got {shown(values)}"
+        ) from error
     if array.dtype.kind not in "iuf" or array.ndim > 1:
         got = (
             f"shape {array.shape}"

@@ -59,6 +59,17 @@ class RunColumns:
         self.own: dict[str, FloatArray] = {}
         self.designs: Designs | None = None
         self.count = 1
+        try:
+            self._fill(runs, machine)
+        except InputError as error:
+            told = str(error)
+            if not told.startswith("designs: "):
+                raise
+            raise InputError(
+                f"runs: {told.removeprefix('designs: ').replace('one a design', 'one a run')}"
+            ) from error
+
+    def _fill(self, runs: Any, machine: Parameters) -> None:
         if isinstance(runs, int | np.integer) and not isinstance(runs, bool):
             if runs < 1:
                 raise InputError(f"runs: expected at least one, got {runs}")

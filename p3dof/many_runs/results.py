@@ -16,7 +16,7 @@ from p3dof.checks import FloatArray
 from p3dof.compiled.many import START
 from p3dof.errors import InputError, MissingExtraError
 from p3dof.files import pack_arrays, suffix_of, write_atomic, write_table
-from p3dof.many_runs.columns import faults
+from p3dof.many_runs.columns import faults, unit_of
 from p3dof.many_runs.stops import FINISHED, NOT_RUN, kind_of, reason_of
 from p3dof.parameters import LEGS
 from p3dof.tables import ShownInNotebook
@@ -196,11 +196,12 @@ class ManyRuns(ShownInNotebook):
         try:
             import xarray  # type: ignore[import-not-found,unused-ignore]
         except ImportError as error:
-            raise MissingExtraError("to_xarray needs xarray: pip install xarray") from error
+            raise MissingExtraError("to_xarray needs xarray: pip install 'p3dof[xarray]'") from error
         variables = {}
         for header, column in self.columns().items():
-            name, bracket, unit = header.partition(" [")
-            variables[name] = ("run", column, {"units": unit.removesuffix("]")} if bracket else {})
+            name, _, unit = header.partition(" [")
+            unit = unit_of(header) if header in self.given else unit.removesuffix("]")
+            variables[name] = ("run", column, {"units": unit} if unit else {})
         return xarray.Dataset(variables, coords={"run": np.arange(len(self))})
 
     def history(self, run: int) -> dict[str, FloatArray]:
