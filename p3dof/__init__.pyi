@@ -31,7 +31,7 @@ from .kinematics import BodyMotion, InverseKinematics, MechanismMotion, Singular
 from .manipulator import Comparison, Opinion
 from .methods import Exceedance, InverseDynamics, JointStates, Utilisation
 from .energy import DriveLoads, Energy
-from .reactions import JointLoad, OpenPeak, Peak, Reactions, ReactionsComparison
+from .reactions import JointLoad, OpenPeak, Peak, Reactions, ReactionsComparison, Stiffness, read_stiffness
 from .methods.compiled import ForceDerivatives
 from .methods.regressor import ForceRegressor
 
@@ -171,6 +171,7 @@ __all__ = [
     "Singularity",
     "SingularityError",
     "Springs",
+    "Stiffness",
     "Stop",
     "Sweep",
     "SweepError",
@@ -196,6 +197,7 @@ __all__ = [
     "paper_motion",
     "plots",
     "read_parameters",
+    "read_stiffness",
     "read_task",
     "report",
     "show_robot",

@@ -141,9 +141,9 @@ def test_the_numbers_of_a_comparison_and_a_run(shown):
 def test_open_loads_stand_with_their_remark(shown):
     page = page_of(shown["both reactions"])
     assert "Rigid bodies cannot decide the open loads" in page.text
-    assert "paper and points" in page.text
-    header = page.tables["Open forces: not to size joints for"][0]
-    assert [name.split()[-1] for name in header[1:]] == ["paper", "points"] * 4
+    assert "open loads: elastic, paper, points" in page.text
+    header = page.tables["Open forces: of elastic joints, and by two idealisations, which are no bounds"][0]
+    assert [name.split()[-1] for name in header[1:]] == ["elastic", "paper", "points"] * 4
 
 
 def test_samples_that_are_not_possible_are_told(robot):

@@ -25,7 +25,7 @@ from p3dof.motion.splines import eased
 from p3dof.parameters import Body, read_parameters
 from p3dof.parameters.plain import require_near
 from p3dof.parameters.quantities import LENGTH, MASS
-from p3dof.reactions import BOTH, IDEALISATIONS, AnyReactions, Choice
+from p3dof.reactions import ALL, WAYS, AnyReactions, Choice, read_stiffness
 
 _PARAMETERS = click.option(
     "--parameters",
@@ -95,11 +95,16 @@ FIGURE = click.option(
 )
 JOINTS = click.option(
     "--joints",
-    type=click.Choice((BOTH, *IDEALISATIONS)),
-    default=BOTH,
+    type=click.Choice((ALL, *WAYS)),
+    default=ALL,
     show_default=True,
-    help="What joins legs and platform, right rod and cross-bar: universal joints and a hinge (paper), balls "
-    "(points), or one beside the other.",
+    help="How loads are found that rigid bodies leave open: by elastic joints and rods, or by one of two "
+    "idealisations of what joins legs and platform: universal joints (paper), balls (points).",
+)
+STIFFNESS = click.option(
+    "--stiffness",
+    type=InputFile(),
+    help="YAML file with the stiffness of joints and rods, and the misfit of assembly.",
 )
 
 
@@ -324,11 +329,17 @@ class Case:
                 param_hint=option,
             )
 
-    def reactions(self, joints: Choice = BOTH) -> AnyReactions:
+    def reactions(self, joints: Choice = ALL, stiffness: Path | None = None) -> AnyReactions:
         """Return the reactions of all joints, with a progress bar."""
+        given = None if stiffness is None else read_stiffness(stiffness)
         with progress_bar("reactions", len(self.motion)) as progress:
             result = self.robot.reactions(  # type: ignore[call-overload,unused-ignore]  # on_invalid: see solve
-                self.motion, joints, wrench=self.wrench, on_invalid=self.on_invalid, progress=progress
+                self.motion,
+                joints,
+                wrench=self.wrench,
+                on_invalid=self.on_invalid,
+                progress=progress,
+                stiffness=given,
             )
         self.require_valid(result.valid)
         return cast(AnyReactions, result)

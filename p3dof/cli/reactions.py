@@ -8,11 +8,11 @@ import click
 
 from p3dof.cli.app import app
 from p3dof.cli.files import OutputFile, console_beside, write_results
-from p3dof.cli.options import FIGURE, JOINTS, Case, with_case
+from p3dof.cli.options import FIGURE, JOINTS, STIFFNESS, Case, with_case
 from p3dof.cli.output import print_plain, print_warnings, show
 from p3dof.cli.payloads import print_payloads
 from p3dof.reactions import JOINTS as ALL_JOINTS
-from p3dof.reactions import UNDECIDED, Choice, how_chosen, open_tables, reactions_table
+from p3dof.reactions import Choice, how_chosen, open_tables, reactions_table
 
 _KEY = "\n".join(f"  {joint.label}  {joint.name:15} {joint.meaning}" for joint in ALL_JOINTS)
 
@@ -20,31 +20,33 @@ _KEY = "\n".join(f"  {joint.label}  {joint.name:15} {joint.meaning}" for joint i
 @app.command(epilog=f"\b\nJoints: in the drawing, in tables and files, and what they are\n{_KEY}")
 @with_case
 @JOINTS
+@STIFFNESS
 @click.option(
     "--out",
     type=OutputFile("table", stream=True),
     help="CSV file, - for the standard output, for the reactions of all joints in all samples.",
 )
 @FIGURE
-def reactions(case: Case, joints: Choice, out: Path | None, figure: Path | None) -> int:
+def reactions(
+    case: Case, joints: Choice, stiffness: Path | None, out: Path | None, figure: Path | None
+) -> int:
     """Compute the forces and moments in all joints over a motion: peaks on the screen, samples in a file.
 
-    Loads that rigid bodies leave open are shown apart from those to size the joints for.
+    Loads that rigid bodies leave open (~) are those of elastic joints and rods, with the stiffness of
+    --stiffness or a guessed one; apart from them is what two idealisations would say, which are no bounds.
 
     Exit code 1 when the machine cannot make the motion: there are no peaks then.
     """
     case.protect(out, figure)
-    result = case.reactions(joints)
+    result = case.reactions(joints, stiffness)
     from p3dof import plots
 
     written = write_results(result.to_csv, out, lambda: plots.reactions_figure(result), figure)
     console = console_beside(out)
     print_payloads(console, case)
     show(console, reactions_table(result), notes=True)
-    tables = [table for table in open_tables(result) if table.rows]
-    show(console, *tables)
-    if tables:
-        print_plain(console, f"{UNDECIDED} {how_chosen(result)}")
+    show(console, *(table for table in open_tables(result) if table.rows))
+    print_plain(console, how_chosen(result))
     known = case.robot.inverse_dynamics(
         case.motion,
         method="virtual-power",

@@ -11,18 +11,19 @@ from rich.console import Console
 
 from p3dof.cli.app import app
 from p3dof.cli.files import STREAM, OutputFile
-from p3dof.cli.options import JOINTS, Case, with_case
+from p3dof.cli.options import JOINTS, STIFFNESS, Case, with_case
 from p3dof.cli.output import print_plain, print_warnings, progress_bar
 from p3dof.cli.payloads import payloads_in_words, print_payloads
 from p3dof.errors import InputError, MissingExtraError
 from p3dof.files import suffix_of
 from p3dof.manipulator import InverseDynamics
-from p3dof.reactions import BOTH, Choice
+from p3dof.reactions import ALL, Choice, read_stiffness
 
 
 @app.command("report")
 @with_case
 @JOINTS
+@STIFFNESS
 @click.option(
     "--out",
     type=OutputFile("report"),
@@ -32,7 +33,9 @@ from p3dof.reactions import BOTH, Choice
 )
 @click.option("--title", help="Heading of the page.")
 @click.option("--animation/--no-animation", default=True, help="Embed the animation (needs the extra 'viz').")
-def make(case: Case, joints: Choice, out: Path, title: str | None, animation: bool) -> int:
+def make(
+    case: Case, joints: Choice, stiffness: Path | None, out: Path, title: str | None, animation: bool
+) -> int:
     """Write parameters, figures, tables and an animation as one page (needs the extra 'report').
 
     Exit code 1 when the machine cannot make the motion.
@@ -60,10 +63,11 @@ def make(case: Case, joints: Choice, out: Path, title: str | None, animation: bo
         case.on_invalid,
         title=title,
         about=_about(case),
-        command=_command(case, joints, out, title, animation),
+        command=_command(case, joints, stiffness, out, title, animation),
         animation=moving,
         no_animation=reason,
         joints=joints,
+        stiffness=None if stiffness is None else read_stiffness(stiffness),
         picture=picture,
         comparison=comparison,
     )
@@ -114,7 +118,9 @@ def _named(path: Path | None) -> str:
     return "from the standard input" if path == STREAM else str(path)
 
 
-def _command(case: Case, joints: Choice, out: Path, title: str | None, animation: bool) -> str:
+def _command(
+    case: Case, joints: Choice, stiffness: Path | None, out: Path, title: str | None, animation: bool
+) -> str:
     """Return the command that makes this report."""
     payload = None
     if case.payload is not None:
@@ -126,7 +132,8 @@ def _command(case: Case, joints: Choice, out: Path, title: str | None, animation
         "--payload": payload,
         "--wrench": case.wrench_file,
         "--on-invalid": None if case.on_invalid == "raise" else case.on_invalid,
-        "--joints": None if joints == BOTH else joints,
+        "--joints": None if joints == ALL else joints,
+        "--stiffness": stiffness,
         "--title": title,
         "--out": out,
     }

@@ -6,7 +6,7 @@ those of the tree's joints in the joints' own.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,10 +16,31 @@ from numpy.typing import NDArray
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.batch.linear import apply, blocks, largest
 from p3dof.closed_loop.closure_joints import ClosureJoint
+from p3dof.closed_loop.compliance import JointCompliance, factor
 from p3dof.closed_loop.linear import RANK_TOLERANCE
 from p3dof.closed_loop.rotations import skew
+from p3dof.errors import ModelError
 
 IndexArray = NDArray[np.int_]
+
+
+@dataclass(frozen=True, eq=False)
+class Measure:
+    """What is smallest where rigid bodies leave a choice: (2), or the complementary energy.
+
+    Parameters
+    ----------
+    length : float
+        What compares moments with forces in (2) [m].
+    compliances : tuple of JointCompliance, optional
+        Of all joints and closures: then their energy is smallest.
+    misfit : (n + c, 6) array, optional
+        By how much each joint may be out of place when it is assembled [m, rad].
+    """
+
+    length: float
+    compliances: tuple[JointCompliance, ...] | None = None
+    misfit: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +59,12 @@ class Structure:
         The joint of each freedom.
     along : (k,) array of bool
         Which couplings act along lengths.
-    size, length : float
-        What compares moments with forces in (1) and in (2) [m].
+    size : float
+        What compares moments with forces in (1) [m].
+    parents : (n + 1,) array of int
+        The parent of each joint.
+    measure : Measure
+        What is smallest in (2).
     """
 
     joints: tuple[ClosureJoint, ...]
@@ -48,7 +73,8 @@ class Structure:
     freedoms: IndexArray
     along: NDArray[np.bool_]
     size: float
-    length: float
+    parents: IndexArray
+    measure: Measure
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +135,8 @@ class Solved:
         Rank of (1), and how many changes it leaves open.
     residual, scale : (N,) array
         Error of (1), and the largest force in it.
+    fit : (2, N, n + c, 6) array
+        What misfits add, at worst and at random; zero without any.
     """
 
     wrenches: FloatArray
@@ -119,6 +147,7 @@ class Solved:
     undetermined: IndexArray
     residual: FloatArray
     scale: FloatArray
+    fit: FloatArray
 
 
 def solve(structure: Structure, loads: Loads) -> Solved:
@@ -145,6 +174,7 @@ def solve(structure: Structure, loads: Loads) -> Solved:
         undetermined=np.empty(count, dtype=int),
         residual=np.empty(count),
         scale=np.empty(count),
+        fit=np.zeros((2, count, bodies + closures, 6)),
     )
     for block in blocks(count):
         place = _Places(structure, loads.rows(block))
@@ -173,6 +203,37 @@ class _Places:
     def rows(self, chosen: IndexArray) -> _Places:
         """Return some of the samples."""
         return _Places(self.structure, self.loads.rows(chosen))
+
+    def weighted(self, alike: IndexArray) -> Callable[[FloatArray], FloatArray]:
+        """Return what takes wrenches (N, 6 m, k) of some samples to rows whose squares are to be small."""
+        measure = self.structure.measure
+        if measure.compliances is None:
+            row = np.array([1.0] * 3 + [1.0 / measure.length] * 3)
+            return lambda X: np.tile(row, X.shape[1] // 6)[:, None] * X
+        own = np.array([factor(one.own) for one in measure.compliances])
+        before = {
+            i: factor(one.before) for i, one in enumerate(measure.compliances) if one.before is not None
+        }
+        turned = {i: S @ self._to_predecessor(i)[alike] for i, S in before.items()}
+
+        def rows(X: FloatArray) -> FloatArray:
+            each = X.reshape(len(X), -1, 6, X.shape[-1])
+            parts = [(own @ each).reshape(X.shape), *(S @ each[:, i] for i, S in turned.items())]
+            return np.concatenate(parts, axis=1)
+
+        return rows
+
+    def _to_predecessor(self, i: int) -> FloatArray:
+        """Return what takes a joint's wrench to the axes of the body before it, (N, 6, 6)."""
+        turn = np.zeros((len(self.loads), 6, 6))
+        bodies = self.loads.tree.shape[1]
+        if i < bodies:
+            parent = self.structure.parents[i + 1]
+            turn[:, :3, :3] = np.swapaxes(self.loads.R[:, parent], -1, -2) @ self.loads.R[:, i + 1]
+        else:
+            turn[:, :3, :3] = np.eye(3)
+        turn[:, 3:, 3:] = turn[:, :3, :3]
+        return turn
 
     def free(self, c: int) -> tuple[FloatArray, FloatArray]:
         """Return singular values and right singular vectors of a closure's free axes, in those of frame 1."""
@@ -264,9 +325,15 @@ def _solve_alike(place: _Places, where: IndexArray, result: Solved) -> None:
         null = E[alike] @ np.swapaxes(open_, -1, -2)
         tree = loads.tree[alike].reshape(len(alike), -1)
         change = np.concatenate([T[alike] @ null, null[:, :wrenched]], axis=1)
-        wrenches = some - apply(null, _steps(structure, tree, T[alike], some, change))
+        all_ = np.concatenate([tree + apply(T[alike], some), some[:, :wrenched]], axis=1)
+        weighted = place.weighted(alike)
+        coupled = wrenched < some.shape[1]
+        steps = _steps(weighted(all_[..., None])[..., 0], weighted(change), coupled)
+        wrenches = some - apply(null, steps)
         at = where[alike]
         total = np.concatenate([tree + apply(T[alike], wrenches), wrenches[:, :wrenched]], axis=1)
+        if structure.measure.misfit is not None:
+            result.fit[:, at] = _fit(structure.measure.misfit, change, weighted(change))
         result.wrenches[at] = total.reshape(len(alike), -1, 6)
         result.moves[at] = np.linalg.norm(change, axis=-1).reshape(len(alike), -1, 2, 3)
         result.rank[at], result.undetermined[at] = r, null.shape[-1]
@@ -276,20 +343,38 @@ def _solve_alike(place: _Places, where: IndexArray, result: Solved) -> None:
     result.positions[where] = np.concatenate([loads.p[:, 1:], place.p1], axis=1)
 
 
-def _steps(
-    structure: Structure, tree: FloatArray, T: FloatArray, some: FloatArray, change: FloatArray
-) -> FloatArray:
-    """Return how much of each open change to take away, (N, k), for (2) to be smallest."""
+def _steps(all_: FloatArray, change: FloatArray, coupled: bool) -> FloatArray:
+    """Return how much of each open change (N, m, k) to take away, (N, k), for the least squares."""
     if change.shape[-1] == 0:
         return np.zeros((len(change), 0))
-    weight = np.tile([1.0] * 3 + [1.0 / structure.length] * 3, change.shape[1] // 6)
-    wrenched = some.shape[1] - len(structure.along)
-    all_ = np.concatenate([tree + apply(T, some), some[:, :wrenched]], axis=1)
-    if wrenched < some.shape[1]:  # changes of couplings alone move nothing here, and stay out
-        inverse = np.linalg.pinv(weight[:, None] * change, rcond=RANK_TOLERANCE)
-        return apply(np.asarray(inverse, dtype=np.float64), weight * all_)
-    Q, R = np.linalg.qr(weight[:, None] * change)
-    return np.asarray(np.linalg.solve(R, np.swapaxes(Q, -1, -2) @ (weight * all_)[..., None])[..., 0])
+    if coupled:  # changes of couplings alone move nothing here, and stay out
+        inverse = np.linalg.pinv(change, rcond=RANK_TOLERANCE)
+        return apply(np.asarray(inverse, dtype=np.float64), all_)
+    Q, R = _factored(change)
+    return np.asarray(np.linalg.solve(R, np.swapaxes(Q, -1, -2) @ all_[..., None])[..., 0])
+
+
+def _factored(change: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return Q and R of weighted changes, which must all count."""
+    Q, R = np.linalg.qr(change)
+    diagonal = np.abs(np.diagonal(R, axis1=-2, axis2=-1))
+    if (diagonal <= RANK_TOLERANCE * diagonal.max(axis=-1, keepdims=True)).any():
+        raise ModelError(
+            "compliances: they leave loads open: in some way that loads can change, nothing gives way"
+        )
+    return Q, R
+
+
+def _fit(misfit: FloatArray, change: FloatArray, weighted: FloatArray) -> FloatArray:
+    """Return what misfits within their tolerances add at worst, and at random, (2, N, m, 6)."""
+    if change.shape[-1] == 0:
+        return np.zeros((2, len(change), *misfit.shape))
+    _, R = _factored(weighted)
+    B = np.swapaxes(np.linalg.solve(np.swapaxes(R, -1, -2), np.swapaxes(change, -1, -2)), -1, -2)
+    H = np.abs(B @ np.swapaxes(B, -1, -2))
+    tolerance = misfit.ravel()
+    both = np.stack([H @ tolerance, np.sqrt(H**2 @ tolerance**2)])
+    return both.reshape(2, len(change), *misfit.shape)
 
 
 def _dual(R: FloatArray, p: FloatArray) -> FloatArray:

@@ -16,7 +16,8 @@ as determined or not. Of all solutions the one is taken in which
 is smallest: forces f and moments m of tree and closures alike, so that it does not depend on where the loops
 were cut, on the unit of moments, or on left and right of a symmetric mechanism. It does depend on the length
 ℓ. It is how joints that are all equally stiff would share the load, with ℓ² for the ratio of their stiffness
-against turning to that against shifting; other joints share it otherwise.
+against turning to that against shifting; other joints share it otherwise, and where their compliances are
+given (`p3dof.closed_loop.compliance`), the complementary energy takes the place of (2).
 
 References
 ----------
@@ -40,9 +41,10 @@ from p3dof.closed_loop.batch.kinematics import placed, shared_placements
 from p3dof.closed_loop.closed_tree import CLOSED, CONSISTENT
 from p3dof.closed_loop.closure_joints import ClosureJoint, joints_of
 from p3dof.closed_loop.closures import ClosurePoint, LoopKinematics, max_abs
+from p3dof.closed_loop.compliance import JointCompliance
 from p3dof.closed_loop.loop_model import External
 from p3dof.closed_loop.model import ClosedLoopModel
-from p3dof.closed_loop.reaction_algebra import Loads, Solved, Structure, solve
+from p3dof.closed_loop.reaction_algebra import Loads, Measure, Solved, Structure, solve
 from p3dof.errors import DynamicsError, InputError, ModelError
 
 __all__ = ["BoolArray", "ClosureJoint", "JointReactions", "ReactionSolver", "loop_reactions"]
@@ -161,13 +163,20 @@ class ReactionSolver:
     length : float, optional
         What compares moments with forces where a choice is made, ℓ in (2) [m]; a twentieth of the longest
         link by default, about the span of a bearing.
+    compliances : sequence of JointCompliance, optional
+        How each joint and closure gives way, in the order of `names`: then, instead of (2), the complementary
+        energy is smallest: what elastic joints bear; see `p3dof.closed_loop.compliance`.
+    misfit : (n + c, 6) array, optional
+        By how much each joint may be out of place when it is assembled, shifts [m] and turns [rad] of the
+        successor against the predecessor in the axes of the reaction; zero along freedoms. Then the results
+        tell what this adds.
 
     Raises
     ------
     InputError
         If `loop` is something else, or the length is not positive.
     ModelError
-        If there is not one `ClosureJoint` for each closure.
+        If there is not one `ClosureJoint` for each closure, or not one `JointCompliance` for each joint.
     """
 
     def __init__(
@@ -175,6 +184,8 @@ class ReactionSolver:
         loop: ClosedLoopModel,
         joints: Sequence[ClosureJoint] | None = None,
         length: float | None = None,
+        compliances: Sequence[JointCompliance] | None = None,
+        misfit: ArrayLike | None = None,
     ) -> None:
         if not isinstance(loop, ClosedLoopModel):
             raise InputError(f"loop: expected a ClosedLoopModel, got {type(loop).__name__}")
@@ -188,7 +199,7 @@ class ReactionSolver:
         self._ends = [tuple(frame(name, "closure", ModelError) for name in pair) for pair in ends]
         self._size = self._longest_link()
         self.length = LENGTH_SHARE * self._size if length is None else positive("length", length, InputError)
-        self._structure = self._structured()
+        self._structure = self._structured(self._measure(compliances, misfit))
         self._placements = shared_placements(self._kinematics.data)
         self._no_loads = pin.StdVec_Force([pin.Force.Zero() for _ in range(loop.model.njoints)])
 
@@ -350,14 +361,32 @@ class ReactionSolver:
         signs[list(self.loop.model.supports[frame2.parentJoint])] -= 1
         return signs
 
-    def _structured(self) -> Structure:
+    def _measure(self, compliances: Sequence[JointCompliance] | None, misfit: ArrayLike | None) -> Measure:
+        """Return what is smallest where rigid bodies leave a choice."""
+        count = len(self.names)
+        if compliances is None:
+            if misfit is not None:
+                raise ModelError("misfit: what it adds depends on how joints give way; give compliances too")
+            return Measure(self.length)
+        given = tuple(compliances)
+        if len(given) != count or not all(isinstance(one, JointCompliance) for one in given):
+            raise ModelError(f"compliances: expected a JointCompliance for each of {', '.join(self.names)}")
+        if misfit is None:
+            return Measure(self.length, given)
+        tolerances = frozen_array("misfit", misfit, (count, 6), ModelError)
+        if (tolerances < 0).any():
+            raise ModelError("misfit: expected tolerances that are not negative")
+        return Measure(self.length, given, tolerances)
+
+    def _structured(self, measure: Measure) -> Structure:
         """Return what is the same in all samples."""
         model = self.loop.model
         ends = [(f.parentJoint, f.placement, g.parentJoint, g.placement) for f, g in self._ends]
         signs = np.array([self._passes(*pair) for pair in self._ends]).reshape(-1, model.njoints)
         freedoms = np.repeat(np.arange(model.njoints), model.nvs)
         along = self._kinematics.lengths[self._kinematics.couplings.following]
-        return Structure(self.joints, ends, signs, freedoms, along, self._size, self.length)
+        parents = np.array(list(model.parents))
+        return Structure(self.joints, ends, signs, freedoms, along, self._size, parents, measure)
 
     def _longest_link(self) -> float:
         """Return the length that compares moments with forces in (1): the longest arm within a body [m]."""

@@ -37,12 +37,13 @@ from p3dof.motion import Motion, WrenchHistory, WrenchOverTime, states_of, state
 from p3dof.outputs import result_in
 from p3dof.parameters import PAPER, Parameters, machine_html, read_parameters
 from p3dof.reactions import (
-    BOTH,
+    ALL,
     AnyReactions,
     Choice,
-    Idealisation,
     Reactions,
     ReactionsComparison,
+    Stiffness,
+    Way,
     over_motion,
 )
 from p3dof.samples import OnInvalid
@@ -476,21 +477,23 @@ class Manipulator:
     def reactions(
         self,
         motion: Motion,
-        joints: Literal["both"] = ...,
+        joints: Literal["all"] = ...,
         *,
         wrench: WrenchOverTime = ...,
         on_invalid: OnInvalid = ...,
         progress: Progress | None = ...,
+        stiffness: Stiffness | None = ...,
     ) -> ReactionsComparison: ...
     @overload
     def reactions(
         self,
         motion: Motion,
-        joints: Idealisation,
+        joints: Way,
         *,
         wrench: WrenchOverTime = ...,
         on_invalid: OnInvalid = ...,
         progress: Progress | None = ...,
+        stiffness: Stiffness | None = ...,
     ) -> Reactions: ...
     @overload
     def reactions(
@@ -501,22 +504,25 @@ class Manipulator:
         wrench: WrenchOverTime = ...,
         on_invalid: OnInvalid = ...,
         progress: Progress | None = ...,
+        stiffness: Stiffness | None = ...,
     ) -> AnyReactions: ...
     def reactions(
         self,
         motion: Motion,
-        joints: Choice = BOTH,
+        joints: Choice = ALL,
         *,
         wrench: WrenchOverTime = None,
         on_invalid: OnInvalid = "raise",
         progress: Progress | None = None,
+        stiffness: Stiffness | None = None,
     ) -> AnyReactions:
         """Return the force and moment in every joint over a motion: `p3dof.reactions`.
 
-        `joints` is how the cuts of the loops are built: ``"paper"``, with universal joints and a hinge;
-        ``"points"``, with balls; or ``"both"``, since rigid bodies leave some loads open.
+        Rigid bodies leave some loads open. `joints` is how these are found: ``"elastic"``, by the `stiffness`
+        of joints and rods; ``"paper"`` or ``"points"``, two idealisations of the joints; or ``"all"``.
         """
-        return over_motion(self.loop, self.parameters, motion, joints, wrench, on_invalid, progress)
+        given = wrench, on_invalid, progress, stiffness
+        return over_motion(self.loop, self.parameters, motion, joints, *given)
 
     def energy(self, result: InverseDynamics) -> Energy:
         """Return energy, momentum, work and drive loads over a motion, from its forces by any method.

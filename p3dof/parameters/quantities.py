@@ -39,6 +39,9 @@ _UNITS: dict[str, tuple[_Powers, Fraction]] = {
     "N": ((1, 1, -2, 0), Fraction(1)),
     "mN": ((1, 1, -2, 0), Fraction(1, 1000)),
     "kN": ((1, 1, -2, 0), Fraction(1000)),
+    "Pa": ((-1, 1, -2, 0), Fraction(1)),
+    "MPa": ((-1, 1, -2, 0), Fraction(10**6)),
+    "GPa": ((-1, 1, -2, 0), Fraction(10**9)),
     "Nm": ((2, 1, -2, 0), Fraction(1)),
     "Nmm": ((2, 1, -2, 0), Fraction(1, 1000)),
 }
@@ -183,3 +186,6 @@ SLIDE_DAMPING = Quantity("viscous friction of a slide", "N s/m", ("N s/mm",))
 HINGE_DAMPING = Quantity("viscous friction of a hinge", "N m s", ("N m s/rad",))
 TIME = Quantity("a time", "s", ("ms",))
 ROTATION = Quantity("a rotational speed", "rad/s", ("rpm",))
+STIFFNESS = Quantity("a stiffness", "N/m", ("N/um",))
+TURNING_STIFFNESS = Quantity("a stiffness against turning", "N m", ("N m/rad", "N m/mrad"))
+PRESSURE = Quantity("a modulus", "Pa", ("GPa",))

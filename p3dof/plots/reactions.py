@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,8 +25,12 @@ _ROWS = (
 """The panels: leg A, leg B, leg C from its slider to the platform."""
 
 _LABELS = {joint.name: joint.label for joint in JOINTS}
-_STYLES = {"paper": (0, (4, 2)), "points": (0, (1, 1.2))}
-"""Of open loads, by idealisation: dashes and dots."""
+_STYLES: Mapping[str, Mapping[str, Any]] = {
+    "elastic": {"ls": "-", "lw": 1.2},
+    "paper": {"ls": (0, (4, 2)), "lw": 0.8},
+    "points": {"ls": (0, (1, 1.2)), "lw": 0.8},
+}
+"""Of open loads, by the way they are found: solid, dashes and dots."""
 
 _NOTHING = 1e-9
 """Moments that are rounding, of a joint that bears none [N m]."""
@@ -37,8 +42,8 @@ def reactions_figure(result: AnyReactions) -> Figure:
     Parameters
     ----------
     result : Reactions or ReactionsComparison
-        The reactions. What rigid bodies determine is drawn solid; of what they leave open, dashes stand for
-        ``"paper"`` and dots for ``"points"``. Panels have the names of the tables and of the drawing.
+        The reactions. What rigid bodies determine is drawn solid, and what elastic joints bear too; dashes
+        stand for ``"paper"`` and dots for ``"points"``. Panels have the names of the tables and the drawing.
 
     Returns
     -------
@@ -68,15 +73,16 @@ def reactions_figure(result: AnyReactions) -> Figure:
     from matplotlib.patches import Patch
 
     handles: list[Artist] = [Line2D([], [], lw=1.2, color=colour, label=label) for _, label, colour in _KINDS]
-    handles.append(Line2D([], [], lw=1.2, color="0.3", label="determined"))
+    solid = "determined, or elastic joints" if result.rests_on_stiffness else "determined"
+    handles.append(Line2D([], [], lw=1.2, color="0.3", label=solid))
+    ideal = [way for way in result.ways if way != "elastic"]
     handles += [
-        Line2D([], [], lw=1.2, color="0.3", ls=_STYLES[kind], label=f"open, joints as {kind!r}")
-        for kind in result.idealisations
+        Line2D([], [], color="0.3", label=f"open, joints as {way!r}", **_STYLES[way]) for way in ideal
     ]
     if not result.possible:
         handles.append(Patch(**GAP_STYLE, label=GAP))
     axes[0, 3].legend(handles=handles, loc="center", frameon=False, fontsize=9)
-    note = "Rigid bodies cannot decide\nopen loads: each curve is one\nof many, and none is a bound."
+    note = "Rigid bodies cannot decide\nopen loads: dashes and dots are\none of many, and no bounds."
     axes[1, 3].text(0.5, 0.5, note, fontsize=9, ha="center", va="center", transform=axes[1, 3].transAxes)
     figure.suptitle("resultants in the joints", fontsize=10)
     return figure
@@ -84,7 +90,7 @@ def reactions_figure(result: AnyReactions) -> Figure:
 
 def _draw(axis: Axes, result: AnyReactions, name: str, kind: str, colour: str) -> None:
     """Draw the size of a joint's force or moment against its own scale, in its colour."""
-    each = {one.idealisation: one[name] for one in result.each}
+    each = {one.way: one[name] for one in result.each}
     determined = all(getattr(one, f"determined_{kind}")[result.valid].all() for one in each.values())
     sizes = {name: np.linalg.norm(getattr(one, kind), axis=-1) for name, one in each.items()}
     if determined:  # the same in all
@@ -96,9 +102,8 @@ def _draw(axis: Axes, result: AnyReactions, name: str, kind: str, colour: str) -
         axis.set_yticks([])
         axis.spines["right"].set_visible(False)
         return
-    for idealisation, size in sizes.items():
-        style = {"color": colour, "lw": 1.2, "ls": _STYLES.get(idealisation, "-")}
-        line(axis, result.time, size, result.valid, **style)
+    for way, size in sizes.items():
+        line(axis, result.time, size, result.valid, color=colour, **_STYLES.get(way, _STYLES["elastic"]))
     axis.set_ylim(0, 1.05 * largest or 1.0)
     few_ticks(axis)
     axis.tick_params(axis="y", labelsize=7, colors=colour)

@@ -10,38 +10,64 @@ which moments they transmit:
     The cuts are ball joints, as they are in the model. 9 components on 7 constraints: 2 are left open.
 
 What is left open, rigid bodies do not tell: it depends on stiffness, play and assembly. Such components are
-marked in every sample. Of all possible reactions those are taken that have the smallest sum of squares over
-all joints, moments taken as forces on an arm of L/20 (20 mm in the paper's machine, the diameter of its
-rods): what joints that are all equally stiff would bear (see `p3dof.closed_loop.reactions`). With ``"paper"``
-it treats left and right alike, as the machine does. It is a choice, not an estimate, and neither idealisation
-is a bound: other stiffnesses lead to loads outside both. So `Reactions.peaks`, what to size joints for,
-leaves open loads out; `Reactions.open_peaks` has them.
+marked in every sample. There are three ways to them:
+
+``"elastic"``
+    Joints and rods give way as a `Stiffness` says, between rigid bodies and without play; of all possible
+    reactions those bear the load whose complementary energy is smallest (`p3dof.closed_loop.compliance`).
+    This is what to size joints for, and as good as the stiffnesses; see `Stiffness`, whose numbers by default
+    are guesses. What a misfit of assembly adds comes with it. The half width b of the parallelogram, which
+    decides no actuator force and stands in no paper, decides the loads of its rods.
+``"paper"``, ``"points"``
+    The cuts built so, those reactions that have the smallest sum of squares over all joints, moments taken as
+    forces on an arm of L/20 (20 mm in the paper's machine, the diameter of its rods). It is a choice, not an
+    estimate, not even alike for left and right, and neither is a bound: stiffness leads to loads outside
+    both. They are shown beside the elastic loads, as what they are.
+
+`Reactions.peaks` are to size joints for: with ``"paper"`` or ``"points"`` alone they leave open loads out;
+`Reactions.open_peaks` has them in every way.
 
 Friction of the joints is part of their reactions, and lies along their freedoms.
 """
 
-from p3dof.reactions.comparison import UNDECIDED, AnyReactions, ReactionsComparison, how_chosen
+from p3dof.reactions.comparison import AnyReactions, ReactionsComparison, how_chosen
 from p3dof.reactions.evaluation import of_result, of_solution, over_motion
-from p3dof.reactions.joints import BOTH, IDEALISATIONS, JOINTS, Choice, Idealisation, Joint
+from p3dof.reactions.joints import ALL, IDEALISATIONS, JOINTS, WAYS, Choice, Idealisation, Joint, Way
 from p3dof.reactions.one_joint import JointLoad, JointReaction, OpenPeak, Peak
 from p3dof.reactions.results import Reactions
+from p3dof.reactions.stiffness import (
+    HingeStiffness,
+    Misfit,
+    RodSection,
+    SlideStiffness,
+    Stiffness,
+    UniversalStiffness,
+    read_stiffness,
+)
 from p3dof.reactions.tables import names_table, open_tables, reactions_table
 
 __all__ = [
-    "BOTH",
+    "ALL",
     "IDEALISATIONS",
     "JOINTS",
-    "UNDECIDED",
+    "WAYS",
     "AnyReactions",
     "Choice",
+    "HingeStiffness",
     "Idealisation",
     "Joint",
     "JointLoad",
     "JointReaction",
+    "Misfit",
     "OpenPeak",
     "Peak",
     "Reactions",
     "ReactionsComparison",
+    "RodSection",
+    "SlideStiffness",
+    "Stiffness",
+    "UniversalStiffness",
+    "Way",
     "how_chosen",
     "names_table",
     "of_result",
@@ -49,4 +75,5 @@ __all__ = [
     "open_tables",
     "over_motion",
     "reactions_table",
+    "read_stiffness",
 ]

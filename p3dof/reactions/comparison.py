@@ -1,4 +1,4 @@
-"""Reactions of all joints by both idealisations, side by side."""
+"""Reactions of all joints by elastic joints and by both idealisations, side by side."""
 
 from __future__ import annotations
 
@@ -23,21 +23,30 @@ UNDECIDED = (
     "of many possible values. Neither is a bound, and that they lie close together is no evidence."
 )
 """What must stand beside every open load."""
+ELASTIC = (
+    "Loads marked ~ are those of elastic joints and rods between rigid bodies, without play. They are as "
+    "good as the stiffness that these were given, and depend on the width b of the parallelogram, which no "
+    "paper tells."
+)
+"""What must stand beside every load of elastic joints."""
 
 
 @dataclass(frozen=True, eq=False)
 class ReactionsComparison(ShownInNotebook):
-    """Reactions of all joints over a motion, with the cuts of the loops built in both ways.
+    """Reactions of all joints over a motion, with elastic joints and with two idealisations beside them.
 
-    What rigid bodies determine is the same in both. Of the rest each shows one of many possible values, and
-    neither is a bound: with elastic joints a load can lie outside both.
+    What rigid bodies determine is the same in all. Of the rest the idealisations show one of many possible
+    values each, and neither is a bound: with elastic joints a load can lie outside both.
 
     Parameters
     ----------
+    elastic : Reactions
+        Of joints and rods that give way.
     paper, points : Reactions
-        With universal joints and a hinge at the cuts, and with balls.
+        With universal joints and a hinge at the cuts, and with balls; open loads by a choice.
     """
 
+    elastic: Reactions
     paper: Reactions
     points: Reactions
 
@@ -46,9 +55,14 @@ class ReactionsComparison(ShownInNotebook):
         return f"ReactionsComparison({self.motion!r}, residual {worst:.1e})"
 
     @property
-    def idealisations(self) -> tuple[str, ...]:
+    def ways(self) -> tuple[str, ...]:
         """Names of what is compared."""
-        return tuple(one.idealisation for one in self.each)
+        return tuple(one.way for one in self.each)
+
+    @property
+    def rests_on_stiffness(self) -> bool:
+        """Whether loads that rigid bodies leave open are those of elastic joints."""
+        return True
 
     @property
     def motion(self) -> Motion:
@@ -72,8 +86,8 @@ class ReactionsComparison(ShownInNotebook):
 
     @property
     def valid(self) -> BoolArray:
-        """Which samples have reactions in both, shape (N,)."""
-        return self.paper.valid & self.points.valid
+        """Which samples have reactions in all, shape (N,)."""
+        return self.elastic.valid & self.paper.valid & self.points.valid
 
     @property
     def possible(self) -> bool:
@@ -82,36 +96,36 @@ class ReactionsComparison(ShownInNotebook):
 
     @property
     def residual(self) -> FloatArray:
-        """Largest error of Newton's and Euler's equations in either, shape (N,) [N or N m]."""
-        return np.maximum(self.paper.residual, self.points.residual)
+        """Largest error of Newton's and Euler's equations in any, shape (N,) [N or N m]."""
+        return np.asarray(np.max([one.residual for one in self.each], axis=0))
 
     @property
     def determined_forces(self) -> BoolArray:
-        """Which components of the forces are determined in both, shape (N, 13, 3)."""
-        return self.paper.determined_forces & self.points.determined_forces
+        """Which components of the forces are determined in all, shape (N, 13, 3)."""
+        return np.asarray(np.all([one.determined_forces for one in self.each], axis=0))
 
     @property
     def determined_moments(self) -> BoolArray:
-        """Which components of the moments are determined in both, shape (N, 13, 3)."""
-        return self.paper.determined_moments & self.points.determined_moments
+        """Which components of the moments are determined in all, shape (N, 13, 3)."""
+        return np.asarray(np.all([one.determined_moments for one in self.each], axis=0))
 
     @property
     def each(self) -> tuple[Reactions, ...]:
         """What is compared."""
-        return self.paper, self.points
+        return self.elastic, self.paper, self.points
 
     def peaks(self) -> tuple[Peak, ...]:
-        """Return the largest loads of every joint that rigid bodies determine, for sizing its bearings.
+        """Return the largest loads of every joint, for sizing its bearings.
 
         Returns
         -------
         tuple of Peak
-            One for each of `JOINTS`; NaN where `open_peaks` tells.
+            One for each of `JOINTS`, with what elastic joints bear of loads that rigid bodies leave open.
         """
         return tuple(peak for peak, _ in self._peaks())
 
     def open_peaks(self) -> tuple[OpenPeak, ...]:
-        """Return the largest values, in either idealisation, of the loads that rigid bodies leave open.
+        """Return the largest values, in each way, of the loads that rigid bodies leave open.
 
         Returns
         -------
@@ -121,15 +135,13 @@ class ReactionsComparison(ShownInNotebook):
         return tuple(peak for _, peaks in self._peaks() for peak in peaks)
 
     def _peaks(self) -> list[tuple[Peak, tuple[OpenPeak, ...]]]:
-        return [
-            peaks_of(name, {one.idealisation: one.loads(name) for one in self.each}) for name in self.joints
-        ]
+        return [peaks_of(name, {one.way: one.loads(name) for one in self.each}) for name in self.joints]
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write time, all reactions and the residuals to a CSV file, 17 significant digits.
 
-        A component that is determined throughout has one column. Of any other there are three: its values in
-        both idealisations, and where it is determined (1) and where not (0).
+        A component that is determined throughout has one column. Of any other there are four: its values with
+        elastic joints and in both idealisations, and where it is determined (1) and where not (0).
 
         Parameters
         ----------
@@ -152,20 +164,20 @@ class ReactionsComparison(ShownInNotebook):
                 determined = getattr(self, f"determined_{kind}")[:, k]
                 for i, axis in enumerate("xyz"):
                     component = f"{name} {kind[0]}{axis}"
-                    values = {one.idealisation: getattr(one, kind)[:, k, i] for one in self.each}
+                    values = {one.way: getattr(one, kind)[:, k, i] for one in self.each}
                     if determined[self.valid, i].all():
                         header.append(f"{component} [{unit}]")
-                        columns.append(values["paper"])
+                        columns.append(values["elastic"])
                         continue
                     header += [f"{component} {kind} [{unit}]" for kind in values]
                     header.append(f"{component} determined")
                     columns += [*values.values(), determined[:, i].astype(float)]
-        header += [f"residual {name}" for name in self.idealisations]
+        header += [f"residual {name}" for name in self.ways]
         return write_table(path, header, (*columns, *(one.residual for one in self.each)))
 
 
 AnyReactions: TypeAlias = Reactions | ReactionsComparison
-"""Of one idealisation or of both."""
+"""Found in one way or in all."""
 
 
 def how_chosen(result: AnyReactions) -> str:
@@ -179,7 +191,7 @@ def how_chosen(result: AnyReactions) -> str:
     Returns
     -------
     str
-        One sentence.
+        A few sentences.
 
     Raises
     ------
@@ -188,7 +200,11 @@ def how_chosen(result: AnyReactions) -> str:
     """
     if not isinstance(result, Reactions | ReactionsComparison):
         raise InputError(f"result: expected Reactions, got {type(result).__name__}")
-    return (
-        "Shown are those with the least sum of squares over all joints, moments taken as forces on an arm of "
-        f"{1e3 * result.length:g} mm, as if all joints were equally stiff."
-    )
+    told = [ELASTIC] if result.rests_on_stiffness else []
+    ideal = [f"{way!r}" for way in result.ways if way != "elastic"]
+    if ideal:
+        told.append(
+            f"{UNDECIDED} Those of {' and '.join(ideal)} have the least sum of squares over all joints, "
+            f"moments taken as forces on an arm of {1e3 * result.length:g} mm, as if all were equally stiff."
+        )
+    return " ".join(told)

@@ -17,9 +17,10 @@ from p3dof.methods.pinocchio_friction import FrictionForces
 from p3dof.motion import Motion, WrenchOverTime, states_over
 from p3dof.parameters import Parameters
 from p3dof.reactions.comparison import AnyReactions, ReactionsComparison
-from p3dof.reactions.joints import BOTH, IDEALISATIONS, Choice, Idealisation, cuts
+from p3dof.reactions.joints import ALL, Choice, Idealisation, Way, cuts, ways_of
 from p3dof.reactions.newton_euler import in_fixed_axes, residual
 from p3dof.reactions.results import Reactions
+from p3dof.reactions.stiffness import Stiffness
 from p3dof.samples import OnInvalid
 
 
@@ -28,20 +29,22 @@ def over_motion(
     loop: ClosedLoopModel,
     parameters: Parameters,
     motion: Motion,
-    joints: Literal["both"] = ...,
+    joints: Literal["all"] = ...,
     wrench: WrenchOverTime = ...,
     on_invalid: OnInvalid = ...,
     progress: Progress | None = ...,
+    stiffness: Stiffness | None = ...,
 ) -> ReactionsComparison: ...
 @overload
 def over_motion(
     loop: ClosedLoopModel,
     parameters: Parameters,
     motion: Motion,
-    joints: Idealisation,
+    joints: Way,
     wrench: WrenchOverTime = ...,
     on_invalid: OnInvalid = ...,
     progress: Progress | None = ...,
+    stiffness: Stiffness | None = ...,
 ) -> Reactions: ...
 @overload
 def over_motion(
@@ -52,15 +55,17 @@ def over_motion(
     wrench: WrenchOverTime = ...,
     on_invalid: OnInvalid = ...,
     progress: Progress | None = ...,
+    stiffness: Stiffness | None = ...,
 ) -> AnyReactions: ...
 def over_motion(
     loop: ClosedLoopModel,
     parameters: Parameters,
     motion: Motion,
-    joints: Choice = BOTH,
+    joints: Choice = ALL,
     wrench: WrenchOverTime = None,
     on_invalid: OnInvalid = "raise",
     progress: Progress | None = None,
+    stiffness: Stiffness | None = None,
 ) -> AnyReactions:
     """Return the reactions of all joints over a motion.
 
@@ -72,37 +77,37 @@ def over_motion(
         The machine that it is a model of.
     motion : Motion
         The motion of the platform.
-    joints : {"both", "paper", "points"}
-        How the cuts of the loops are built, see the module; in both ways by default.
+    joints : {"all", "elastic", "paper", "points"}
+        How the loads are found that rigid bodies leave open, see the module; in all ways by default.
     wrench : array-like, shape (6,) or (N, 6), or callable, optional
         External force and moment on the platform at P, in the fixed frame [N, N m]; or a function of time.
     on_invalid : {"raise", "nan"}
         Raise for samples that are out of reach or singular, or leave NaN in their rows.
     progress : callable, optional
         Called with (done, total) now and then.
+    stiffness : Stiffness, optional
+        How joints and rods give way; guesses by default.
 
     Returns
     -------
     ReactionsComparison or Reactions
-        By both idealisations, or by the one that was asked for.
+        In all ways, or in the one that was asked for.
 
     Raises
     ------
     ReachError, SingularityError, SampleError
         Naming the first bad sample.
     InputError
-        If the wrench does not fit, the idealisation is unknown, or `motion` is not a `Motion`.
+        If the wrench does not fit, the way is unknown, or `motion` is not a `Motion`.
     """
-    kinds = IDEALISATIONS if joints == BOTH else (joints,)
-    for kind in kinds:
-        cuts(kind)  # before the long part
+    ways = ways_of(joints)
     states = states_over(motion, wrench, on_invalid)
     solution = PinocchioMethod(parameters, loop).solve(states, progress)
     solution, _ = without_crossings(motion.time, solution, on_invalid)
-    found = _of_kinds(
-        loop, parameters, motion, solution.joints, solution.forces, kinds, states.wrench, on_invalid
+    found = _in_ways(
+        loop, parameters, motion, solution.joints, solution.forces, ways, states.wrench, on_invalid, stiffness
     )
-    return ReactionsComparison(*found) if joints == BOTH else found[0]
+    return ReactionsComparison(*found) if joints == ALL else found[0]
 
 
 def of_solution(
@@ -110,15 +115,16 @@ def of_solution(
     parameters: Parameters,
     motion: Motion,
     solution: Solution,
-    joints: Idealisation = "paper",
+    joints: Way = "elastic",
     wrench: FloatArray | None = None,
     on_invalid: OnInvalid = "raise",
+    stiffness: Stiffness | None = None,
 ) -> Reactions:
     """Return the reactions that belong to actuator forces and joint states already found.
 
     Parameters
     ----------
-    loop, parameters, motion, joints, on_invalid
+    loop, parameters, motion, joints, on_invalid, stiffness
         As for `over_motion`.
     solution : Solution
         Actuator forces and joints of the motion; rows of NaN are left out.
@@ -134,24 +140,26 @@ def of_solution(
     SampleError
         If the forces of a sample do not produce its motion.
     InputError
-        If the idealisation is unknown.
+        If the way is unknown.
     """
     states, forces = solution.joints, solution.forces
-    return _of_kinds(loop, parameters, motion, states, forces, (joints,), wrench, on_invalid)[0]
+    ways = ways_of(joints)
+    return _in_ways(loop, parameters, motion, states, forces, ways, wrench, on_invalid, stiffness)[0]
 
 
 def of_result(
     loop: ClosedLoopModel,
     parameters: Parameters,
     result: InverseDynamics,
-    joints: Choice = BOTH,
+    joints: Choice = ALL,
     on_invalid: OnInvalid = "raise",
+    stiffness: Stiffness | None = None,
 ) -> AnyReactions:
     """Return the reactions that belong to forces already found by Pinocchio.
 
     Parameters
     ----------
-    loop, parameters, joints, on_invalid
+    loop, parameters, joints, on_invalid, stiffness
         As for `over_motion`.
     result : InverseDynamics
         The forces, with their motion and load.
@@ -165,39 +173,55 @@ def of_result(
     SampleError
         If the forces of a sample do not produce its motion.
     InputError
-        If the idealisation is unknown.
+        If the way is unknown.
     """
-    kinds = IDEALISATIONS if joints == BOTH else (joints,)
+    ways = ways_of(joints)
     wrench = result.wrench if np.any(result.wrench) else None
     states, forces = result.joints, result.forces
-    found = _of_kinds(loop, parameters, result.motion, states, forces, kinds, wrench, on_invalid)
-    return ReactionsComparison(*found) if joints == BOTH else found[0]
+    found = _in_ways(loop, parameters, result.motion, states, forces, ways, wrench, on_invalid, stiffness)
+    return ReactionsComparison(*found) if joints == ALL else found[0]
 
 
-def _of_kinds(
+def _in_ways(
     loop: ClosedLoopModel,
     parameters: Parameters,
     motion: Motion,
     states: JointStates,
     tau: FloatArray,
-    kinds: Sequence[Idealisation],
+    ways: Sequence[Way],
     wrench: FloatArray | None,
     on_invalid: OnInvalid,
+    stiffness: Stiffness | None,
 ) -> list[Reactions]:
-    """Return the reactions by several idealisations."""
-    solvers = [ReactionSolver(loop, cuts(kind), LENGTH_SHARE * parameters.geometry.L) for kind in kinds]
+    """Return the reactions found in several ways."""
+    given = Stiffness() if stiffness is None else stiffness
+    built: list[Idealisation] = [given.cuts if way == "elastic" else way for way in ways]
+    solvers = [
+        _solver(loop, parameters, kind, given if way == "elastic" else None)
+        for way, kind in zip(ways, built, strict=True)
+    ]
     lost = FrictionForces(loop, parameters.friction).over(states.q, states.v)
     external = lost.external_with(wrench)
     batches = reactions_by_each(
         solvers, states.q, states.v, states.a, tau, external, lost.joint_forces, lost.external
     )
     results = []
-    for kind, solver, found in zip(kinds, solvers, batches, strict=True):
+    for way, kind, solver, found in zip(ways, built, solvers, batches, strict=True):
         if found.errors and on_invalid == "raise":
             i, error = next(iter(found.errors.items()))
             raise SampleError(f"sample {i}: {error}", (i,)) from error
         arrays = found.arrays()
         forces, moments = (in_fixed_axes(arrays["rotations"], arrays[name]) for name in ("forces", "moments"))
         errors = residual(parameters, motion, wrench, forces, moments, arrays["positions"])
-        results.append(Reactions(kind, solver.length, motion, **arrays, residual=errors))
+        results.append(Reactions(way, kind, solver.length, motion, **arrays, residual=errors))
     return results
+
+
+def _solver(
+    loop: ClosedLoopModel, parameters: Parameters, kind: Idealisation, stiffness: Stiffness | None
+) -> ReactionSolver:
+    """Return what finds reactions with cuts of a kind, of elastic joints or of rigid ones."""
+    length = LENGTH_SHARE * parameters.geometry.L
+    if stiffness is None:
+        return ReactionSolver(loop, cuts(kind), length)
+    return ReactionSolver(loop, cuts(kind), length, stiffness.compliances(parameters), stiffness.misfits())

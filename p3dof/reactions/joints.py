@@ -14,9 +14,12 @@ from p3dof.errors import InputError
 Idealisation: TypeAlias = Literal["paper", "points"]
 """How the cuts of the loops are built."""
 IDEALISATIONS: tuple[Idealisation, ...] = get_args(Idealisation)
-Choice: TypeAlias = Literal["both", "paper", "points"]
-"""One of them, or both."""
-BOTH: Literal["both"] = "both"
+Way: TypeAlias = Literal["elastic", "paper", "points"]
+"""By what the loads are found that rigid bodies leave open: by stiffness, or by a choice."""
+WAYS: tuple[Way, ...] = get_args(Way)
+Choice: TypeAlias = Literal["all", "elastic", "paper", "points"]
+"""One of them, or all."""
+ALL: Literal["all"] = "all"
 
 _Y = (0.0, 1.0, 0.0)
 _AXES = {"y": _Y, "z": (0.0, 0.0, 1.0)}
@@ -124,9 +127,34 @@ def cuts(idealisation: str) -> tuple[ClosureJoint, ...]:
         If there is no such idealisation.
     """
     if idealisation not in IDEALISATIONS:
-        expected = " or ".join(map(repr, (*IDEALISATIONS, BOTH)))
-        raise InputError(f"joints: expected {expected}, got {idealisation!r}")
+        expected = " or ".join(map(repr, IDEALISATIONS))
+        raise InputError(f"cuts: expected {expected}, got {idealisation!r}")
     return _CUTS[idealisation]
+
+
+def ways_of(choice: str) -> tuple[Way, ...]:
+    """Return the ways that were asked for.
+
+    Parameters
+    ----------
+    choice : str
+        One of `WAYS`, or ``"all"``.
+
+    Returns
+    -------
+    tuple of str
+
+    Raises
+    ------
+    InputError
+        If it is something else.
+    """
+    if choice == ALL:
+        return WAYS
+    for way in WAYS:
+        if choice == way:
+            return (way,)
+    raise InputError(f"joints: expected {' or '.join(map(repr, (ALL, *WAYS)))}, got {choice!r}")
 
 
 def joint_axes(idealisation: str) -> FloatArray:

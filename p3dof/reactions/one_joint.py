@@ -27,6 +27,8 @@ class JointReaction:
         [N, N m].
     determined_forces, determined_moments : ndarray of bool, shape (N, 3)
         Which components rigid bodies determine; False where the sample is invalid.
+    fit : ndarray, shape (N, 2, 3)
+        What a misfit of assembly adds to force and moment at worst, either way [N, N m].
     """
 
     joint: Joint
@@ -35,14 +37,16 @@ class JointReaction:
     moments: FloatArray
     determined_forces: BoolArray
     determined_moments: BoolArray
+    fit: FloatArray
 
 
 @dataclass(frozen=True)
 class Peak:
-    """The largest loads of one joint that rigid bodies determine, over the valid samples of a motion.
+    """The largest loads of one joint, over the valid samples of a motion.
 
-    NaN stands for a load that has an undetermined part, and for one that the joint has not: without an axis
-    nothing is along or across it.
+    They are what rigid bodies determine, and beyond it what elastic joints bear. NaN stands for a load that
+    the joint has not (without an axis nothing is along or across it) and, where no stiffness was asked for,
+    for one that has an undetermined part.
 
     Parameters
     ----------
@@ -55,7 +59,10 @@ class Peak:
     rms_force, rms_moment : float
         Root mean squares over time of the resultants [N, N m].
     undetermined : tuple of str
-        Which of these fields are NaN since they contain a component that rigid bodies do not determine.
+        Which of these fields contain a component that rigid bodies do not determine: with elastic joints they
+        rest on their stiffness, without they are NaN.
+    fit_force, fit_moment : float
+        The most that a misfit of assembly adds to the force and to the moment [N, N m].
     """
 
     joint: str
@@ -67,13 +74,15 @@ class Peak:
     rms_force: float
     rms_moment: float
     undetermined: tuple[str, ...]
+    fit_force: float = 0.0
+    fit_moment: float = 0.0
 
 
 @dataclass(frozen=True)
 class OpenPeak:
-    """The largest value of a load that rigid bodies do not determine, by idealisations.
+    """The largest value of a load that rigid bodies do not determine, by ways to find it.
 
-    Its values are some of many possible ones, and bound nothing.
+    Those of idealisations are some of many possible ones, and bound nothing.
 
     Parameters
     ----------
@@ -82,7 +91,7 @@ class OpenPeak:
     load : str
         Which of the fields of a `Peak`.
     values : mapping of str to float
-        By the name of the idealisation [N or N m]; NaN where the joint has no such load.
+        By the name of the way [N or N m]; NaN where the joint has no such load.
     """
 
     joint: str
@@ -104,6 +113,9 @@ class JointLoad:
 
     value: float
     undetermined: bool
+
+
+_FIT = ("fit_force", "fit_moment")
 
 
 def loads_of(one: JointReaction, time: FloatArray, valid: BoolArray) -> dict[str, JointLoad]:
@@ -136,6 +148,8 @@ def loads_of(one: JointReaction, time: FloatArray, valid: BoolArray) -> dict[str
         "across": (largest(_length(_across(moment, axis))), open_moment[across].any()),
         "rms_force": (_rms(time, _length(force)), open_force.any()),
         "rms_moment": (_rms(time, _length(moment)), open_moment.any()),
+        "fit_force": (largest(_length(one.fit[valid, 0])), False),
+        "fit_moment": (largest(_length(one.fit[valid, 1])), False),
     }
     return {
         name: JointLoad(value, bool(mark and np.isfinite(value))) for name, (value, mark) in loads.items()
@@ -150,24 +164,27 @@ def peaks_of(joint: str, loads: Mapping[str, dict[str, JointLoad]]) -> tuple[Pea
     joint : str
         Its name.
     loads : mapping of str to dict
-        What `loads_of` tells, by the name of the idealisation.
+        What `loads_of` tells, by the way in which the loads were found.
 
     Returns
     -------
     peak : Peak
-        What is determined in each of them; there they agree.
+        What is determined in each of them, where they agree, and what elastic joints bear of the rest.
     open_peaks : tuple of OpenPeak
         What is open in one of them or more.
     """
-    names = tuple(next(iter(loads.values())))
+    names = tuple(name for name in next(iter(loads.values())) if not name.startswith("fit_"))
     each = {name: {kind: one[name] for kind, one in loads.items()} for name in names}
     marked = tuple(name for name in names if any(load.undetermined for load in each[name].values()))
     known = {}
     for name in names:
         values = [load.value for load in each[name].values() if np.isfinite(load.value)]
         known[name] = values[0] if values and name not in marked else float("nan")
+        if "elastic" in each[name]:
+            known[name] = each[name]["elastic"].value
     rest = (OpenPeak(joint, name, {kind: load.value for kind, load in each[name].items()}) for name in marked)
-    return Peak(joint, **known, undetermined=marked), tuple(rest)
+    fit = {name: loads["elastic"][name].value for name in _FIT} if "elastic" in loads else {}
+    return Peak(joint, **known, undetermined=marked, **fit), tuple(rest)
 
 
 def _length(vectors: FloatArray) -> FloatArray:

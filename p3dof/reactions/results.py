@@ -26,10 +26,12 @@ class Reactions(ShownInNotebook):
 
     Parameters
     ----------
-    idealisation : str
+    way : str
+        How loads are found that rigid bodies leave open: ``"elastic"``, ``"paper"`` or ``"points"``.
+    cuts : str
         How the cuts are built, ``"paper"`` or ``"points"``.
     length : float
-        What compares moments with forces where rigid bodies leave a choice [m]; see `p3dof.reactions`.
+        What compares moments with forces where a choice is made [m]; see `p3dof.reactions`.
     motion : Motion
         The motion of the platform.
     forces, moments : ndarray, shape (N, 13, 3)
@@ -44,12 +46,16 @@ class Reactions(ShownInNotebook):
         Origins of the joints' frames in the fixed frame [m].
     undetermined : ndarray of int, shape (N,)
         How many independent changes of the reactions leave the motion as it is.
+    fit : ndarray, shape (2, N, 13, 2, 3)
+        What a misfit of assembly may add to each component of force and moment, either way: at worst, and at
+        random (standard deviations, if the tolerances are some) [N, N m]; zero without any.
     residual : ndarray, shape (N,)
         Largest error of Newton's and Euler's equations [N or N m]: of every body, with the motion of its mass
         centre from the closed forms of `p3dof.kinematics`, and all reactions that act on it.
     """
 
-    idealisation: str
+    way: str
+    cuts: str
     length: float
     motion: Motion
     forces: FloatArray
@@ -59,11 +65,12 @@ class Reactions(ShownInNotebook):
     rotations: FloatArray
     positions: FloatArray
     undetermined: NDArray[np.int_]
+    fit: FloatArray
     residual: FloatArray
 
     def __repr__(self) -> str:
         worst = largest(self.residual[self.valid])
-        return f"Reactions({self.idealisation}, {self.motion!r}, residual {worst:.1e})"
+        return f"Reactions({self.way}, {self.motion!r}, residual {worst:.1e})"
 
     def __getitem__(self, name: str) -> JointReaction:
         if name not in self.joints:
@@ -76,12 +83,18 @@ class Reactions(ShownInNotebook):
             self.moments[:, i],
             self.determined_forces[:, i],
             self.determined_moments[:, i],
+            self.fit[0, :, i],
         )
 
     @property
-    def idealisations(self) -> tuple[str, ...]:
-        """The one idealisation, as of a comparison."""
-        return (self.idealisation,)
+    def ways(self) -> tuple[str, ...]:
+        """The one way, as of a comparison."""
+        return (self.way,)
+
+    @property
+    def rests_on_stiffness(self) -> bool:
+        """Whether loads that rigid bodies leave open are those of elastic joints."""
+        return self.way == "elastic"
 
     @property
     def each(self) -> tuple[Reactions, ...]:
@@ -96,7 +109,7 @@ class Reactions(ShownInNotebook):
     @property
     def axes(self) -> FloatArray:
         """Axis of each joint in its own frame, shape (13, 3); NaN for ball joints."""
-        return joint_axes(self.idealisation)
+        return joint_axes(self.cuts)
 
     @property
     def time(self) -> FloatArray:
@@ -146,26 +159,26 @@ class Reactions(ShownInNotebook):
         return loads_of(self[name], self.time, self.valid & self.possible)
 
     def peaks(self) -> tuple[Peak, ...]:
-        """Return the largest loads of every joint that rigid bodies determine, for sizing its bearings.
+        """Return the largest loads of every joint, for sizing its bearings.
 
         Returns
         -------
         tuple of Peak
-            One for each of `JOINTS`; NaN where `open_peaks` tells.
+            One for each of `JOINTS`; unless the joints are elastic, NaN where `open_peaks` tells.
         """
-        return tuple(peaks_of(name, {self.idealisation: self.loads(name)})[0] for name in self.joints)
+        return tuple(peaks_of(name, {self.way: self.loads(name)})[0] for name in self.joints)
 
     def open_peaks(self) -> tuple[OpenPeak, ...]:
         """Return the largest values here of the loads that rigid bodies leave open.
 
-        Each is one of many possible values, and no bound.
+        Unless the joints are elastic, each is one of many possible values, and no bound.
 
         Returns
         -------
         tuple of OpenPeak
             In the order of `JOINTS`.
         """
-        found = (peaks_of(name, {self.idealisation: self.loads(name)})[1] for name in self.joints)
+        found = (peaks_of(name, {self.way: self.loads(name)})[1] for name in self.joints)
         return tuple(peak for peaks in found for peak in peaks)
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from p3dof.reactions.comparison import UNDECIDED, AnyReactions, ReactionsComparison, how_chosen
+import math
+
+from p3dof.reactions.comparison import AnyReactions, ReactionsComparison, how_chosen
 from p3dof.reactions.joints import JOINTS, Joint
+from p3dof.reactions.one_joint import Peak
 from p3dof.reactions.results import Reactions
 from p3dof.tables import Table, html_of, notebook_html, number, table_of
 
@@ -38,11 +41,12 @@ _LOADS = {
     "across": "across [N m]",
     "rms_moment": "RMS moment [N m]",
 }
+_FIT = {"fit_force": "fit [N]", "fit_moment": "fit [N m]"}
 _NAMES = {joint.name: f"{joint.name} ({joint.label})" for joint in JOINTS}
 
 
 def reactions_table(result: AnyReactions) -> Table:
-    """Return the largest loads of every joint that rigid bodies determine.
+    """Return the largest loads of every joint, to size it for.
 
     Parameters
     ----------
@@ -53,24 +57,38 @@ def reactions_table(result: AnyReactions) -> Table:
     -------
     Table
     """
-    rows = {
-        _NAMES[peak.joint]: tuple(
-            "open" if name in peak.undetermined else _load(getattr(peak, name)) for name in _LOADS
-        )
-        for peak in result.peaks()
-    }
+    peaks = result.peaks()
+    columns = dict(_LOADS)
+    if any(peak.fit_force or peak.fit_moment for peak in peaks):
+        columns |= _FIT
+    rows = {_NAMES[peak.joint]: tuple(_cell(peak, name) for name in columns) for peak in peaks}
     residual = result.residual[result.valid].max(initial=0.0)
+    marks = (
+        "~: rests on the stiffness of joints and rods"
+        if result.rests_on_stiffness
+        else "open: rigid bodies do not determine it, see below"
+    )
+    fit = "; fit: the most that a misfit of assembly adds" if len(columns) > len(_LOADS) else ""
     note = (
         "Axial and radial: along and across the joint's axis; moment and across: all, and across the axis; "
-        "open: rigid bodies do not determine it, see below. "
-        f"Largest error of Newton's and Euler's equations: {residual:.1e} N or N m."
+        f"{marks}{fit}. Largest error of Newton's and Euler's equations: {residual:.1e} N or N m."
     )
-    title = "Largest reactions that rigid bodies determine: to size joints for"
-    return table_of(title, ("joint", *_LOADS.values()), rows, note, "wide", decimals=2)
+    title = "Largest reactions: to size joints for"
+    if not result.rests_on_stiffness:
+        title = "Largest reactions that rigid bodies determine: to size joints for"
+    return table_of(title, ("joint", *columns.values()), rows, note, "wide", decimals=2)
+
+
+def _cell(peak: Peak, name: str) -> float | str:
+    """Return one load; what stiffness decides is marked, and what nothing decides is called open."""
+    value = _load(getattr(peak, name))
+    if name not in peak.undetermined:
+        return value
+    return "open" if math.isnan(value) else f"~{value:.2f}"
 
 
 def open_tables(result: AnyReactions) -> list[Table]:
-    """Return the loads that rigid bodies leave open, by idealisations: of forces and of moments.
+    """Return the loads that rigid bodies leave open, in each way: of forces and of moments.
 
     Parameters
     ----------
@@ -80,12 +98,15 @@ def open_tables(result: AnyReactions) -> list[Table]:
     Returns
     -------
     list of Table
+        None for elastic joints alone.
     """
+    if result.ways == ("elastic",):
+        return []  # all of it stands among the loads to size for
     values = {(peak.joint, peak.load): peak.values for peak in result.open_peaks()}
     tables = []
     for what, unit in (("forces", "[N]"), ("moments", "[N m]")):
         loads = [name for name, title in _LOADS.items() if title.endswith(unit)]
-        columns = [(name, kind) for name in loads for kind in result.idealisations]
+        columns = [(name, kind) for name in loads for kind in result.ways]
         rows = {
             _NAMES[joint]: tuple(
                 _load(values[joint, name][kind]) if (joint, name) in values else "" for name, kind in columns
@@ -94,7 +115,10 @@ def open_tables(result: AnyReactions) -> list[Table]:
             if any((joint, name) in values for name in loads)
         }
         header = ("joint", *(f"{_LOADS[name]} {kind}" for name, kind in columns))
-        tables.append(table_of(f"Open {what}: not to size joints for", header, rows, "", "wide", decimals=2))
+        title = f"Open {what}: not to size joints for"
+        if result.rests_on_stiffness:
+            title = f"Open {what}: of elastic joints, and by two idealisations, which are no bounds"
+        tables.append(table_of(title, header, rows, "", "wide", decimals=2))
     return tables
 
 
@@ -106,10 +130,10 @@ def _load(value: float) -> float:
 @html_of.register(Reactions)
 def reactions_html(result: AnyReactions) -> str:
     """Return how a notebook shows reactions, as HTML."""
-    words = " and ".join(result.idealisations)
-    facts = f"cuts of the loops: {words}; {len(result.time)} samples over {number(result.motion.duration)} s"
+    words = ", ".join(result.ways)
+    facts = f"open loads: {words}; {len(result.time)} samples over {number(result.motion.duration)} s"
     invalid = int((~result.valid).sum())
     warnings = [f"{invalid} samples are invalid: no largest load is known"] if invalid else []
     tables = [table for table in open_tables(result) if table.rows]
-    remark = f"{UNDECIDED} {how_chosen(result)}" if tables else ""
+    remark = how_chosen(result)
     return notebook_html("Reactions", facts, [reactions_table(result), *tables], warnings, remark)

@@ -116,7 +116,8 @@ def pictures_of(
         reactions=picture(
             plots.reactions_figure(reactions),
             f"Resultant force and moment in each of the thirteen joints {span}.",
-            "Resultant forces and moments in the joints; dashed and dotted what rigid bodies leave open.",
+            "Resultant forces and moments in the joints. Of what rigid bodies leave open, solid lines are "
+            "what elastic joints bear, dashed and dotted ones what two idealisations would say.",
         ),
     )
 

@@ -24,10 +24,10 @@ from p3dof.methods import evidence_table, limits_table
 from p3dof.motion import Motion, WrenchOverTime, motion_table
 from p3dof.parameters import LEGS, parameter_tables, payload_table
 from p3dof.reactions import (
-    BOTH,
-    UNDECIDED,
+    ALL,
     AnyReactions,
     Choice,
+    Stiffness,
     how_chosen,
     names_table,
     of_result,
@@ -79,7 +79,8 @@ def render(
     no_animation: str = "",
     date: datetime | None = None,
     progress: Progress | None = None,
-    joints: Choice = BOTH,
+    joints: Choice = ALL,
+    stiffness: Stiffness | None = None,
     picture: bytes | None = None,
     comparison: Comparison | None = None,
 ) -> str:
@@ -109,8 +110,10 @@ def render(
         When it was made; now by default.
     progress : callable, optional
         Called with (done, total) while Pinocchio solves.
-    joints : {"both", "paper", "points"}
-        How the cuts of the loops are built; see `p3dof.reactions`.
+    joints : {"all", "elastic", "paper", "points"}
+        How loads are found that rigid bodies leave open; see `p3dof.reactions`.
+    stiffness : Stiffness, optional
+        How joints and rods give way; guesses by default.
     picture : bytes, optional
         A picture of the machine (PNG), for paper, where nothing moves; it takes the place of the animation.
     comparison : Comparison, optional
@@ -140,7 +143,7 @@ def render(
         raise InputError("comparison: expected what robot.compare found of this motion")
     if not (comparison.first.valid.any() and comparison.second.valid.any()):
         raise InputError(f"no sample of the motion is within what the machine can do ({len(motion)} samples)")
-    reactions = of_result(robot.loop, robot.parameters, comparison.first, joints, on_invalid)
+    reactions = of_result(robot.loop, robot.parameters, comparison.first, joints, on_invalid, stiffness)
     findings = Findings(robot, motion, comparison, robot.energy(comparison.first), reactions)
     when = datetime.now().astimezone() if date is None else date
     words: dict[str, Any] = {
@@ -260,7 +263,7 @@ def _content(findings: Findings) -> dict[str, Any]:
         "names": names_table(),
         "reactions": reactions_table(findings.reactions),
         "open": open_tables(findings.reactions),
-        "undecided": f"{UNDECIDED} {how_chosen(findings.reactions)}",
+        "undecided": how_chosen(findings.reactions),
         "pictures": pictures,
     }
 
