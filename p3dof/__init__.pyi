@@ -89,7 +89,20 @@ from .errors import (
 )
 
 # Rooms that are used by their own name: p3dof.viewer.save_animation, p3dof.engines.load, ...
-from . import blocks, closed_loop, codegen, drives, engines, plots, report, simulation, sweeps, tasks, viewer
+from . import (
+    blocks,
+    closed_loop,
+    codegen,
+    drives,
+    engines,
+    plots,
+    reactions,
+    report,
+    simulation,
+    sweeps,
+    tasks,
+    viewer,
+)
 
 # The version
 from .version import __version__
@@ -196,6 +209,7 @@ __all__ = [
     "of_solids",
     "paper_motion",
     "plots",
+    "reactions",
     "read_parameters",
     "read_stiffness",
     "read_task",

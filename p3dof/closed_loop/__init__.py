@@ -14,7 +14,8 @@ Where to look, from what a user has to what is computed:
 - closures: `closures` evaluates them, `closure_kinds` and `relative_motion` those that Pinocchio does not
   know, `couplings`; `closure_wrenches` has the forces in them in space;
 - closing loops: `assembly`, `solver`, `trust`, `modes`, `targets`;
-- dynamics: `inverse`, `forward`, `hybrid` with their `results`; `partitions` and `linear` solve; `reactions`;
+- dynamics: `inverse`, `forward`, `hybrid` with their `results`; `partitions` and `linear` solve;
+  `reactions`, with `compliance` of elastic joints;
 - equations of motion: `independent`, `minimal`, `margins`, `linearised` with `*_tangents` (derivatives),
   `regressor`, `base_parameters`;
 - the class, a chain in which each module adds one subject: `closed_tree` (what it is), `built_model` (where
@@ -33,6 +34,7 @@ from p3dof.closed_loop.batch.states import BatchStates
 from p3dof.closed_loop.batch.targets import FrameTargets
 from p3dof.closed_loop.compiled.compiled_loop import CompiledLoop
 from p3dof.closed_loop.compiled.results import CompiledDerivatives, CompiledDynamics
+from p3dof.closed_loop.compliance import JointCompliance, beam
 from p3dof.closed_loop.derivatives import (
     ByForces,
     ByMotion,
@@ -83,6 +85,7 @@ __all__ = [
     "HybridDynamicsDerivatives",
     "InverseDynamics",
     "InverseDynamicsDerivatives",
+    "JointCompliance",
     "JointData",
     "JointReactions",
     "LoopRegressor",
@@ -92,6 +95,7 @@ __all__ = [
     "Sidecar",
     "SingularityMargins",
     "State",
+    "beam",
     "load_robot",
     "reactions_batch",
     "reactions_by_each",
