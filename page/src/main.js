@@ -12,8 +12,10 @@ import { instant } from "./instant.js";
 import * as keys from "./keys.js";
 import * as map from "./map.js";
 import * as panel from "./panel.js";
+import * as print from "./print.js";
 import * as scene from "./scene.js";
 import * as solving from "./solving.js";
+import * as spoken from "./spoken.js";
 import { createState, within } from "./state.js";
 import * as table from "./table.js";
 import * as themes from "./themes.js";
@@ -32,6 +34,7 @@ const PARTS = [
     ["time bar", "time-bar", time_bar.mount],
     ["charts", "charts", charts.mount],
     ["connection", "connection", connection.mount],
+    ["settings", "settings", panel.settings],
     ["table", "table", table.mount],
     ["pose", "pose", panel.mount],
     ["static and dynamic part", "cases", cases.mount],
@@ -41,6 +44,8 @@ const PARTS = [
     ["layers", "layers", views.mount],
     ["downloads", "downloads", downloads.mount],
     ["keys", "page", keys.mount],
+    ["spoken text", "page", spoken.mount],
+    ["printed page", "print", print.mount],
 ];
 
 /** @param {string} id */

@@ -1,5 +1,97 @@
-// Fields for the pose, and what else belongs to the panel.
-/** @param {HTMLElement} element @param {import("./types").State} state */
+// Settings of the whole page, and fields for the pose.
+import { instant } from "./instant.js";
+import { choose, make, write } from "./make.js";
+import { fixed, shown } from "./units.js";
+
+/** @typedef {import("./types").State} State */
+/** @typedef {import("./types").Input} Input */
+
+/** Run, units, light or dark. @param {HTMLElement} element @param {State} state */
+export function settings(element, state) {
+    const runs = make("select", { id: "run" });
+    runs.addEventListener("change", () => state.set({ run: Number(runs.value), solved: null, whatIf: {}, hand: null, zoom: null }));
+    const row = make("label", { className: "field" }, "Run ", runs);
+    const units = make("select", { "aria-label": "Units", title: "Units (U)" });
+    units.addEventListener("change", () => state.set({ units: /** @type {State["units"]} */ (units.value) }));
+    const theme = make("select", { "aria-label": "Light or dark", title: "Light or dark (T)" });
+    theme.addEventListener("change", () => state.set({ theme: /** @type {State["theme"]} */ (theme.value) }));
+    const help = make("button", { type: "button", title: "Keys (?)", onclick: () => state.set({ help: true }) }, "Keys");
+    const notes = make("ul", { className: "note notes" });
+    element.append(row, make("div", { className: "choices" }, units, theme, help), notes);
+    state.subscribe((_, changed) => {
+        const { document } = state;
+        if (changed.has("document") || changed.has("run")) {
+            choose(runs, document.runs.map((run, i) => [String(i), run.name || `run ${i + 1}`]), String(state.run));
+            row.hidden = document.runs.length < 2;
+            const said = document.runs[state.run]?.notes ?? [];
+            notes.replaceChildren(...said.map((text) => make("li", {}, text)));
+            notes.hidden = !said.length;
+        }
+        choose(units, [["mm", "mm, deg"], ["SI", "SI units"]], state.units);
+        choose(theme, [["auto", "System"], ["light", "Light"], ["dark", "Dark"]], state.theme);
+    });
+}
+
+/** Fields for what may be set by hand. @param {HTMLElement} element @param {State} state */
 export function mount(element, state) {
-    void element, state;
+    const { inputs } = state.document;
+    if (!inputs.length) return;
+    const fields = inputs.map((input) => new Field(input, state));
+    const release = make("button", { type: "button", onclick: () => state.set({ hand: null, refused: null }) }, "Back to the run");
+    const said = make("p", { className: "note refused", role: "status" });
+    element.append(make("h2", {}, "Pose"), make("div", { className: "fields" }, ...fields.map(({ row }) => row)), release, said);
+    state.subscribe(() => {
+        fields.forEach((field) => field.show());
+        release.hidden = !state.hand;
+        write(said, state.refused?.text ?? "");
+    });
+}
+
+class Field {
+    /** @param {Input} input @param {State} state */
+    constructor(input, state) {
+        this.input = input;
+        this.state = state;
+        this.box = make("input", { type: "number", name: input.key });
+        this.text = make("span");
+        this.row = make("label", {}, this.text, this.box);
+        this.box.addEventListener("change", () => this.take());
+    }
+
+    show() {
+        const { unit, factor } = shown(this.input.unit, this.state.units);
+        write(this.text, `${this.input.label} [${unit}]`);
+        this.box.step = String(10 ** Math.floor(Math.log10(Math.max(1e-9, (this.input.high - this.input.low) * factor / 100))));
+        if (this.box === document.activeElement && !this.state.playing) return;
+        const value = this.value() * factor;
+        const text = Number.isFinite(value) ? fixed(value, factor === 1 ? 4 : 2).replace("−", "-") : "";
+        if (this.box.value !== text) this.box.value = text;
+    }
+
+    /** What it is now, in stored units. */
+    value() {
+        const { pose, q } = instant(this.state);
+        const place = ["y", "z", "theta"].indexOf(this.input.key);
+        if (this.input.joint === undefined && place >= 0 && pose) return pose[place];
+        const joint = this.state.document.scene.joints[this.input.joint ?? -1];
+        return joint?.q ? q[joint.q[0]] : NaN;
+    }
+
+    take() {
+        const value = Number(this.box.value) / shown(this.input.unit, this.state.units).factor;
+        if (this.box.value === "" || !Number.isFinite(value)) return;
+        const { pose, q } = instant(this.state);
+        const place = ["y", "z", "theta"].indexOf(this.input.key);
+        if (this.input.joint === undefined && place >= 0 && pose) {
+            const held = [...pose];
+            held[place] = value;
+            this.state.set({ hand: { pose: held }, playing: false });
+            return;
+        }
+        const joint = this.state.document.scene.joints[this.input.joint ?? -1];
+        if (!joint?.q) return;
+        const held = [...q];
+        held[joint.q[0]] = value;
+        this.state.set({ hand: { q: held }, playing: false });
+    }
 }

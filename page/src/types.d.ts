@@ -100,6 +100,12 @@ export interface Fields {
     charts: ChartChoice[];
     /** Index of a run to compare with. */
     compare: number | null;
+    /** Whether charts show what differs from it, instead of both. */
+    difference: boolean;
+    /** What the charts show of the run [s]; null: all of it. */
+    zoom: [number, number] | null;
+    /** Whether the list of keys is open. */
+    help: boolean;
     /** Instant under the pointer in a chart [s]. */
     hover: number | null;
     /** The workspace map in 3D. */

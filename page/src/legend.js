@@ -1,0 +1,93 @@
+// The legend of a chart: names, colours and values at an instant, in columns that do not wrap.
+import { decimals, fixed, shown } from "./units.js";
+import { valueAt } from "./curves.js";
+import { make, write } from "./make.js";
+import { readable } from "./themes.js";
+
+/** @typedef {import("./lines").Line} Line */
+/** @typedef {import("./lines").Drawing} Drawing */
+/** @typedef {{line: Line, cell: HTMLElement}} Value */
+
+const ORDER = /** @type {const} */ (["now", "before", "other", "difference"]);
+
+export class Legend {
+    /** @param {HTMLElement} element @param {(key: string) => void} toggle */
+    constructor(element, toggle) {
+        this.element = element;
+        this.toggle = toggle;
+        /** @type {Value[]} */
+        this.values = [];
+        this.shape = "";
+        this.factor = 1;
+        this.digits = 1;
+    }
+
+    /**
+     * Rows for curves, columns for now, before and the other run.
+     * @param {Drawing} drawing
+     * @param {string[]} hidden
+     * @param {"mm" | "SI"} units
+     * @param {"light" | "dark"} theme
+     */
+    draw(drawing, hidden, units, theme) {
+        const kinds = ORDER.filter((kind) => drawing.lines.some((line) => line.kind === kind));
+        const keys = [...new Set(drawing.lines.map(({ key }) => key))];
+        const focus = this.element.querySelector(":focus")?.getAttribute("data-key");
+        this.factor = shown(drawing.unit, units).factor;
+        this.values = [];
+        this.digits = decimals(this.factor * Math.max(0, ...drawing.lines.map(largest)));
+        this.element.style.setProperty("--columns", String(kinds.length));
+        const rows = keys.map((key) => {
+            const lines = kinds.flatMap((kind) => drawing.lines.filter((line) => line.key === key && line.kind === kind));
+            const button = make("button", {
+                type: "button", className: "curve", "data-key": key, "aria-pressed": !hidden.includes(key),
+                title: hidden.includes(key) ? "show this curve" : "hide this curve",
+            }, swatch(lines[0], theme), make("span", { className: "name" }, lines[0].label));
+            button.addEventListener("click", () => this.toggle(key));
+            return make("div", { className: "row" }, button, ...lines.map((line) => this.value(line)));
+        });
+        const head = kinds.length > 1 || kinds[0] === "difference"
+            ? [make("div", { className: "row head" }, make("span"), ...kinds.map((kind) => heading(kind, drawing.names[kind] ?? kind)))]
+            : [];
+        this.element.replaceChildren(...head, ...rows);
+        if (focus) /** @type {HTMLElement | null} */ (this.element.querySelector(`[data-key="${CSS.escape(focus)}"]`))?.focus();
+    }
+
+    /** @param {Line} line */
+    value(line) {
+        const cell = make("span", { className: "value", "data-kind": line.kind });
+        this.values.push({ line, cell });
+        return cell;
+    }
+
+    /**
+     * Show values at an instant.
+     * @param {number} time [s]
+     * @param {Record<string, number> | null} own of the run that is shown, where they are known already
+     */
+    at(time, own) {
+        for (const { line, cell } of this.values) {
+            const value = own && line.kind === "now" ? own[line.key] : valueAt(line.time, line.values, time);
+            write(cell, fixed(value * this.factor, this.digits));
+        }
+    }
+}
+
+/** @param {Line} line @returns {number} */
+function largest({ values }) {
+    let found = 0;
+    for (let i = 0; i < values.length; i++) if (Math.abs(values[i]) > found) found = Math.abs(values[i]);
+    return found;
+}
+
+/** @param {Line} line @param {"light" | "dark"} theme */
+function swatch({ colour }, theme) {
+    const mark = make("span", { className: "swatch", "aria-hidden": "true" });
+    mark.style.setProperty("--colour", readable(colour, theme));
+    return mark;
+}
+
+/** @param {string} kind @param {string} name */
+function heading(kind, name) {
+    return make("span", { className: `value ${kind}`, title: name }, name);
+}

@@ -1,0 +1,153 @@
+// What a chart draws: curves of the run that is shown, as they were before, and those of another run.
+import { difference, groupsOf, resample, shortened } from "./curves.js";
+import { runOf } from "./instant.js";
+
+/** @typedef {import("./types").State} State */
+/** @typedef {import("./types").Run} Run */
+/** @typedef {import("./types").Curve} Curve */
+/** @typedef {"now" | "before" | "other" | "difference"} Kind */
+/** @typedef {{key: string, label: string, colour: string, kind: Kind, time: ArrayLike<number>,
+ *             values: ArrayLike<number>, limit?: [number | null, number | null]}} Line */
+/** @typedef {{group: string, unit: string, lines: Line[], names: Partial<Record<Kind, string>>}} Drawing */
+
+const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#6b299e", "#b8860b", "#c2185b", "#455a64", "#7cb342"];
+
+/** What three charts show first, by units: the first group, speeds, powers. */
+const FIRST = [[], ["m/s", "rad/s"], ["W"]];
+
+/**
+ * The first group of each list of units, and others in their order where there is none.
+ * @param {import("./curves").Group[]} groups
+ * @param {string[][]} wanted
+ */
+export function byUnits(groups, wanted) {
+    /** @type {(import("./curves").Group | undefined)[]} */
+    const found = wanted.map((units, i) => (i ? groups.find(({ unit }) => units.includes(unit)) : groups[0]));
+    const rest = groups.filter((group) => !found.includes(group));
+    return found.map((group) => group ?? rest.shift()).filter((group) => group !== undefined);
+}
+
+/** @param {State} state @returns {string[]} */
+export function groupNames(state) {
+    return groupsOf(runOf(state)).map(({ name }) => name);
+}
+
+/**
+ * The group that a chart shows: the one that was chosen, where the run has it.
+ * @param {State} state
+ * @param {number} index of the chart
+ */
+export function groupOf(state, index) {
+    const groups = groupsOf(runOf(state));
+    const chosen = state.charts[index]?.group;
+    if (chosen !== undefined && groups.some(({ name }) => name === chosen)) return chosen;
+    return (byUnits(groups, FIRST)[index] ?? groups[0])?.name ?? "";
+}
+
+/** @param {State} state @param {number} index of the chart @returns {string[]} keys of curves that are not drawn */
+export const hiddenIn = (state, index) => state.charts[index]?.hidden ?? [];
+
+/**
+ * All that a chart draws, hidden curves too.
+ * @param {State} state
+ * @param {string} group
+ * @returns {Drawing}
+ */
+export function drawingOf(state, group) {
+    const run = runOf(state);
+    const before = state.solved ? state.document.runs[state.run] : null;
+    const other = state.compare === null ? null : (state.document.runs[state.compare] ?? null);
+    const found = groupsOf(run).find(({ name }) => name === group);
+    /** @type {Drawing} */
+    const drawing = { group, unit: found?.unit ?? "", lines: [], names: { now: run?.name ?? "" } };
+    const labels = shortened(found?.curves.map(({ label }) => label) ?? []);
+    found?.curves.forEach((curve, i) => {
+        const colour = curve.colour ?? COLOURS[i % COLOURS.length];
+        /** @param {Kind} kind @param {Run} of @param {ArrayLike<number>} values */
+        const line = (kind, of, values) => drawing.lines.push({
+            key: curve.key, label: labels[i], colour, kind, time: of.time.data, values, limit: curve.limit,
+        });
+        const past = curveOf(before, curve.key);
+        const another = curveOf(other, curve.key);
+        if (another && other && state.difference) {
+            line("difference", run, difference(run.time.data, curve.values.data, other.time.data, another.values.data));
+            return;
+        }
+        line("now", run, curve.values.data);
+        if (past && before) line("before", before, past.values.data);
+        if (another && other) line("other", other, another.values.data);
+    });
+    if (before) drawing.names.before = "before";
+    if (other) drawing.names.other = other.name;
+    if (drawing.lines.some(({ kind }) => kind === "difference")) {
+        drawing.names.difference = `${run.name} − ${other?.name}`;
+        drawing.lines.forEach((line) => delete line.limit);
+    }
+    return drawing;
+}
+
+/** @param {Run | null} run @param {string} key */
+const curveOf = (run, key) => run?.curves.find((curve) => curve.key === key) ?? null;
+
+/**
+ * One axis of time for all lines, and their values on it; null where a line has no value.
+ * @param {Line[]} lines
+ * @returns {[ArrayLike<number>, ...(ArrayLike<number | null>)[]]}
+ */
+export function aligned(lines) {
+    /** @type {ArrayLike<number>[]} */
+    const axes = [];
+    for (const { time } of lines) if (!axes.some((axis) => same(axis, time))) axes.push(time);
+    const time = axes.length ? axes.reduce(union) : [];
+    return [time, ...lines.map((line) => gaps(same(time, line.time) ? line.values : resample(line.time, line.values, time)))];
+}
+
+/** @param {ArrayLike<number>} a @param {ArrayLike<number>} b */
+function same(a, b) {
+    if (a === b) return true;
+    if (a.length !== b.length) return false;
+    for (let i = 0; i < a.length; i++) if (a[i] !== b[i]) return false;
+    return true;
+}
+
+/** @param {ArrayLike<number>} a @param {ArrayLike<number>} b both rising @returns {Float64Array} */
+function union(a, b) {
+    const all = new Float64Array(a.length + b.length);
+    let count = 0;
+    for (let i = 0, j = 0; i < a.length || j < b.length; count++) {
+        const next = j >= b.length || a[i] <= b[j] ? a[i] : b[j];
+        if (a[i] === next) i++;
+        if (b[j] === next) j++;
+        all[count] = next;
+    }
+    return all.subarray(0, count);
+}
+
+/** @param {ArrayLike<number>} values @returns {ArrayLike<number | null>} what uPlot breaks a line at is null */
+function gaps(values) {
+    for (let i = 0; i < values.length; i++) {
+        if (Number.isNaN(values[i])) return Array.from(values, (value) => (Number.isNaN(value) ? null : value));
+    }
+    return values;
+}
+
+/** From the first to the last instant of all that is drawn: of charts and time bar. @param {State} state @returns {[number, number]} */
+export function wholeSpan(state) {
+    const runs = [runOf(state), state.solved && state.document.runs[state.run], state.compare !== null && state.document.runs[state.compare]];
+    let [start, end] = [Infinity, -Infinity];
+    for (const run of runs) {
+        if (!run) continue;
+        const { data } = run.time;
+        start = Math.min(start, data[0]);
+        end = Math.max(end, data[data.length - 1]);
+    }
+    return end > start ? [start, end] : Number.isFinite(start) ? [start, start + 1] : [0, 1];
+}
+
+/** The part of it that charts show. @param {State} state @returns {[number, number]} */
+export function shownSpan(state) {
+    const [start, end] = wholeSpan(state);
+    if (!state.zoom) return [start, end];
+    const zoom = /** @type {[number, number]} */ ([Math.max(start, state.zoom[0]), Math.min(end, state.zoom[1])]);
+    return zoom[1] > zoom[0] ? zoom : [start, end];
+}

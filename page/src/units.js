@@ -1,0 +1,73 @@
+// What is stored in SI units and radians, shown in millimetres and degrees or as it is.
+
+/** @typedef {"mm" | "SI"} System */
+/** @typedef {{unit: string, factor: number}} Shown */
+
+const DEGREE = 180 / Math.PI;
+
+/** What stands for a length or an angle in millimetres and degrees; a compound unit is made from these. */
+const MILLIMETRES = [
+    { of: "m", unit: "mm", factor: 1000 },
+    { of: "rad", unit: "°", factor: DEGREE },
+];
+
+/** Units whose first part is not a length or an angle alone: they stay as they are. */
+const SEPARATOR = /^(m|rad)(?=$|\/)/;
+
+/**
+ * How a unit is shown.
+ * @param {string} unit as in the document: m, rad, N, m/s, rad/s^2, ...
+ * @param {System} system
+ * @returns {Shown} the unit to print, and what a stored number is multiplied by
+ */
+export function shown(unit, system) {
+    const plain = unit.replace("^2", "²").replace("^3", "³");
+    const found = system === "mm" && SEPARATOR.exec(unit);
+    if (!found) return { unit: plain, factor: 1 };
+    const part = MILLIMETRES.find((each) => each.of === found[1]) ?? MILLIMETRES[0];
+    return { unit: part.unit + plain.slice(part.of.length), factor: part.factor };
+}
+
+/**
+ * How many decimals show a value of this size, and all smaller ones beside it, with four digits.
+ * @param {number} size the largest magnitude, in the shown unit
+ * @returns {number}
+ */
+export function decimals(size) {
+    if (!(size > 0) || !Number.isFinite(size)) return 1;
+    return Math.min(6, Math.max(0, 3 - Math.floor(Math.log10(size) + 1e-9)));
+}
+
+/**
+ * A number with a true minus sign, and without one before a zero.
+ * @param {number} value
+ * @param {number} digits after the point
+ * @returns {string} "–" where there is no number
+ */
+export function fixed(value, digits) {
+    if (!Number.isFinite(value)) return "–";
+    const text = Math.abs(value).toFixed(digits);
+    return value < 0 && Number(text) !== 0 ? `−${text}` : text;
+}
+
+/**
+ * A time in seconds with as many digits as its samples need, three at least.
+ * @param {number} seconds
+ * @param {number} step between samples [s]
+ * @returns {string}
+ */
+export function clock(seconds, step = 1e-3) {
+    const digits = step > 0 ? Math.min(6, Math.max(3, Math.ceil(-Math.log10(step) - 1e-9))) : 3;
+    return `${fixed(seconds, digits)} s`;
+}
+
+/**
+ * A label with its unit in brackets; without brackets where there is no unit.
+ * @param {string} label
+ * @param {string} unit
+ * @param {System} system
+ */
+export function titled(label, unit, system) {
+    const name = shown(unit, system).unit;
+    return name && name !== "1" ? `${label} [${name}]` : label;
+}
