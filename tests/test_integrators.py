@@ -12,6 +12,7 @@ from scipy.integrate._ivp import dop853_coefficients as published
 from scipy.optimize import brentq
 
 from p3dof import integrators
+from p3dof.simulation.fixed_steps import RungeKutta4
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler here")
 
@@ -103,6 +104,34 @@ int run(double mass, const double *y0, double end, double first, double rtol, do
     return status == DOP853_FAILED ? -2 : steps;
 }
 
+#define RK4_NAME(f) even_##f
+#define RK4_SIZE 4
+#define RK4_CONTEXT const double *
+#define RK4_RATE satellite
+#define RK4_TARGET
+@RK4@
+
+int run_evenly(double mass, const double *y0, double end, double longest, int every, double *out, long *count)
+{
+    even_solver s;
+    int status = RK4_RUNNING, steps = 0;
+    if (!even_start(&s, &mass, 0.0, y0, end, longest))
+        return -1;
+    while (status == RK4_RUNNING) {
+        double *row = out + 9 * steps++;
+        status = even_step(&s, &mass);
+        row[0] = s.t;
+        for (int i = 0; i < 4; ++i)
+            row[1 + i] = s.y[i];
+        if (steps % every == 0) { /* a step that is not looked into costs no evaluation */
+            even_interpolate(&s, &mass);
+            even_at(&s, s.t_old + 0.3 * (s.t - s.t_old), row + 5);
+        }
+    }
+    *count = s.evaluations;
+    return steps;
+}
+
 #ifdef PROGRAM
 int main(void)
 {
@@ -110,7 +139,9 @@ int main(void)
     const double orbit[4] = {0.994, 0.0, 0.0, -2.00158510637908}, away[4] = {0.994, 0.0, 2000.0, 0.0};
     const double none[4] = {NAN, 0.0, 0.0, 0.0}, m = 0.012277471, far = INFINITY;
     long n[2];
-    return !(run(m, orbit, 17.1, 0.0, 1e-10, 1e-12, far, far, 1.0, 20000, out, n) > 50 &&
+    return !(run_evenly(m, orbit, 17.1, 1e-3, 7, out, n) == 17100 &&
+             run_evenly(m, none, 17.1, 1e-3, 7, out, n) == -1 &&
+             run(m, orbit, 17.1, 0.0, 1e-10, 1e-12, far, far, 1.0, 20000, out, n) > 50 &&
              run(m, orbit, 17.1, 0.0, 1e-10, 1e-12, 0.1, 0.5, 1.0, 20000, out, n) > 0 &&
              run(m, away, 17.1, 0.0, 1e-10, 1e-12, 0.1, far, 1.0, 20000, out, n) == -2 &&
              run(m, none, 17.1, 0.0, 1e-10, 1e-12, 0.1, far, 1.0, 20000, out, n) == -1);
@@ -123,7 +154,9 @@ ORBIT = np.array([0.994, 0.0, 0.0, -2.00158510637908252240537862224])
 
 def source(dop853=None):
     text = SOURCE.replace("@DOP853@", dop853 or integrators.text("dop853"))
-    return text.replace("@CROSSINGS@", integrators.text("crossings"))
+    return text.replace("@CROSSINGS@", integrators.text("crossings")).replace(
+        "@RK4@", integrators.text("rk4")
+    )
 
 
 def compiled(folder, text, *flags, program=False):
@@ -248,6 +281,25 @@ def test_a_wall_that_is_only_just_touched_between_two_looks_is_found(library):
     assert stopped
     assert rows[steps - 1, 0] == pytest.approx(turn, abs=1e-4)
     assert not orbit(library, wall=lowest - 1e-9, **how)[3]
+
+
+@pytest.mark.parametrize("every", [1, 3])
+@pytest.mark.parametrize(("end", "longest"), [(0.5, 1e-3), (0.0101, 1e-3), (1.0, 5.0)])
+def test_equal_steps_are_those_in_python(library, end, longest, every):
+    far = np.array([0.4, 0.0, 0.0, 1.2])
+    rows, count = np.full((600, 9), np.nan), ctypes.c_long()
+    numbers = [ctypes.c_double(MASS), ctypes.c_void_p(far.ctypes.data), ctypes.c_double(end)]
+    numbers += [ctypes.c_double(longest), every, ctypes.c_void_p(rows.ctypes.data), ctypes.byref(count)]
+    steps = library.run_evenly(*numbers)
+    solver, expected = RungeKutta4(satellite, 0.0, far, end, longest), []
+    while solver.status == "running":
+        solver.step()
+        inside = solver.dense_output()(solver.t_old + 0.3 * (solver.t - solver.t_old))
+        looked = (len(expected) + 1) % every == 0
+        expected.append([solver.t, *solver.y, *(inside if looked else np.full(4, np.nan))])
+    assert steps == len(expected)
+    np.testing.assert_allclose(rows[:steps], expected, rtol=1e-13, atol=1e-13)
+    assert count.value == 4 * steps + (steps % every == 0)
 
 
 def test_sanitizers_find_nothing(tmp_path):

@@ -36,6 +36,10 @@ def note_of(robot=ROBOT, **how):
         {"controller": hold, "control": ControlLoop(100)},
         {"wrench": WrenchHistory([0, 1], np.ones((2, 6)))},
         {"integration": EQUAL},
+        {"controller": [1, 2, 3], "control": ControlLoop(1000, delay=1.5e-3)},
+        {"controller": hold, "control": ControlLoop(1000, delay=0.02, bandwidth=50)},
+        {"controller": hold, "control": ControlLoop(1000), "integration": EQUAL},
+        {"controller": p3dof.PD(ROBOT, p3dof.paper_motion())},
     ],
 )
 def test_a_run_in_c_has_nothing_to_say(how):
@@ -51,14 +55,11 @@ def test_a_run_in_c_has_nothing_to_say(how):
             {"wrench": lambda t: np.full(6, t)},
             "the wrench is a function of Python; give it as a WrenchHistory",
         ),
-        ({"controller": hold}, "the controller acts continuously; give it a rate, ControlLoop(rate=1000)"),
-        ({"control": ControlLoop(bandwidth=50)}, "give the controller a rate"),
         (
-            {"controller": [1, 2, 3], "control": ControlLoop(1000, delay=1.5e-3)},
-            "forces are late by a part of a period; choose a delay of whole ones, such as 0.001 or 0.002 s",
+            {"controller": hold},
+            "a controller of Python acts continuously; give it a rate, ControlLoop(rate=1000)",
         ),
-        ({"controller": hold, "control": ControlLoop(1000, delay=0.02)}, "late by more than 16 periods"),
-        ({"controller": hold, "control": ControlLoop(1000), "integration": EQUAL}, "scheme='dop853'"),
+        ({"control": ControlLoop(bandwidth=50)}, "give the controller a rate"),
     ],
 )
 def test_a_run_in_python_says_why_and_what_to_do(how, words):
@@ -75,9 +76,6 @@ def test_without_the_extension_it_is_said(monkeypatch):
 
 def test_a_run_that_is_made_again_says_so():
     """C begins it, and cannot say how it ends."""
-    fallen = ROBOT.simulate(1.0, controller=[0, 0, 60], method="compiled", integration=EQUAL)
-    assert not fallen.finished
-    assert "a run in equal steps may have met a limit: scheme='dop853'" in fallen.note
     g = ROBOT.parameters.geometry  # the model's legs are too short for the motion
     short = replace(ROBOT.parameters, geometry=replace(g, L=g.R - g.r + 0.01))
     controller = Feedforward(short, p3dof.paper_motion())

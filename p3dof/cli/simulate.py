@@ -16,6 +16,7 @@ from p3dof.cli.files import OutputFolder
 from p3dof.cli.options import POSITIVE, Case, Number, with_load
 from p3dof.cli.output import print_plain, print_warnings, progress_bar, show
 from p3dof.cli.payloads import print_payloads
+from p3dof.compiled.runs import available
 from p3dof.errors import MissingExtraError
 from p3dof.files import together
 from p3dof.methods import DEFAULT_METHOD, METHODS
@@ -31,6 +32,7 @@ from p3dof.simulation import (
     Simulation,
     errors_table,
 )
+from p3dof.simulation.ways import IN_C
 from p3dof.simulation.work import Work, estimate, require_affordable
 
 SAMPLES = 1001
@@ -139,7 +141,8 @@ def simulate(
     motion = case.motion.from_rest(chosen) if chosen else case.motion
     samples = max(SAMPLES, len(motion))
     control = actuation.loop(rate, saturation or False)
-    one = estimate(method, motion.duration, samples, control.changes, control.quickest)
+    way = "C" if method in IN_C and available(case.robot.kernels) else method
+    one = estimate(way, motion.duration, samples, control.changes, control.quickest)
     all_runs = Work(len(names) * one.steps, len(names) * one.seconds)
     require_affordable(all_runs, samples, time_limit, "--time-limit")
     model = _wrong(case.robot.parameters, mass_error)

@@ -123,7 +123,14 @@ def _torque(tape: Tape, model: Model, rows: _Rows) -> list[Number]:
 
 def _inverse(tape: Tape, model: Model, rows: _Rows) -> list[Number]:
     x = reduced.shape(model, rows["y"], rows["theta"], tape)
-    return list(reduced.actuator_forces(model, x, _state(rows), tape))
+    wrench: Any = tuple(rows.get(name, 0) for name in WRENCH)
+    return list(reduced.actuator_forces(model, x, _state(rows), tape, wrench))
+
+
+def _inverse_with_friction(tape: Tape, model: Model, rows: _Rows) -> list[Number]:
+    """Return forces where joints have friction."""
+    unloaded: dict[str, Any] = dict.fromkeys(WRENCH, 0) | rows
+    return _inverse(tape, model, rows | less_friction(tape, model, unloaded))
 
 
 def _speeds(x: Shape, rows: _Rows) -> Vector:
@@ -155,14 +162,15 @@ _FORMULAS: dict[str, tuple[Any, tuple[str, ...], tuple[str, ...]]] = {
         (*VELOCITY, "y_ahead", "z_ahead", "theta_ahead", "least"),
     ),
     "inverse": (_inverse, (*_STATE, *ACCELERATION), FORCES),
+    "inverse_with_friction": (_inverse_with_friction, (*_STATE, *ACCELERATION), FORCES),
 }
 NAMES = tuple(_FORMULAS)
 """The kernels; those of the machine first."""
-OF_BODIES = ("motion", "motion_with_friction", "inverse")
+OF_BODIES = ("motion", "motion_with_friction", "inverse", "inverse_with_friction")
 """Those that have a smaller form for symmetric bodies."""
-WITH_FRICTION = ("motion_with_friction",)
+WITH_FRICTION = ("motion_with_friction", "inverse_with_friction")
 """Those whose constants are also of the friction."""
-OF_CONTROLLER = ("assembly", "torque", "inverse")
+OF_CONTROLLER = ("assembly", "torque", "inverse", "inverse_with_friction")
 """Those of a controller's model, the same in all lanes."""
 
 

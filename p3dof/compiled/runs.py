@@ -79,9 +79,10 @@ class Controller(NamedTuple):
 
     Parameters
     ----------
-    settings : ndarray, shape (8,)
+    settings : ndarray, shape (9,)
         Whether it is computed torque, noisy, counting, differencing, integrating, of a symmetric model; the
-        size of forces that need a second look [N], and how many periods they are late.
+        size of forces that need a second look [N]; whether its model has friction, and whether the forces of
+        the model are fed forward all the time.
     given : ndarray, shape (29,)
         Gain 3, damping 3, share of an error that joins its integral 3; forces 3, sliders 3 and their
         velocities 3 if there is no table; largest forces 3; counts of encoders 3; noise 2; bandwidth of
@@ -91,7 +92,12 @@ class Controller(NamedTuple):
     noise : ndarray, shape (6 N,) or (0,)
         Normal numbers, six a tick.
     model : tuple of 3 ndarray
-        Constants of assembly, torque and inverse dynamics, for computed torque.
+        Constants of assembly, torque and inverse dynamics, for computed torque; the last for feedforward all
+        the time.
+    followed : tuple of 4 ndarray
+        What it follows all the time: the ends of the pieces of a motion (P + 1,); six coefficients of y, z, θ
+        for each (18 P,), the highest power first; first pose 3, last pose 3 and duration; and the constants
+        of the model's ``place``. Empty at ticks.
     """
 
     settings: FloatArray
@@ -99,6 +105,7 @@ class Controller(NamedTuple):
     table: FloatArray
     noise: FloatArray
     model: tuple[FloatArray, ...]
+    followed: tuple[FloatArray, ...] = (np.zeros(0),) * 4
 
 
 NO_CONTROLLER = Controller(*(np.zeros(0),) * 4, (np.zeros(0),) * 3)
@@ -115,6 +122,10 @@ class Timing(NamedTuple):
         How long forces are held [s]; zero for continuously acting ones.
     rtol, atol, longest : float
         Tolerances and the longest step [s].
+    equal : bool
+        Whether the steps are equal, of RK4.
+    lateness : tuple of int and float
+        How many whole periods after its tick a force acts, and the rest as a share of one.
     """
 
     times: FloatArray
@@ -122,6 +133,8 @@ class Timing(NamedTuple):
     rtol: float
     atol: float
     longest: float
+    equal: bool = False
+    lateness: tuple[int, float] = (0, 0.0)
 
 
 class Samples(NamedTuple):
@@ -205,9 +218,14 @@ class CompiledRun:
             timing.times,
             *controller[:4],
             *controller.model,
+            *controller.followed,
         )
         tolerances = timing.period, timing.rtol, timing.atol, timing.longest
-        numbers = np.array([g.r, g.R, g.L, *tolerances, *forces.largest, forces.outside, *state, *forces.lag])
+        whole, part = timing.lateness
+        ticks = np.ceil(timing.times[-1] / timing.period) if timing.period else 0  # forces as late never act
+        steps = timing.equal, min(whole, ticks + 1), part
+        drives = *forces.largest, forces.outside, *state, *forces.lag
+        numbers = np.array([g.r, g.R, g.L, *tolerances, *drives, *steps], dtype=float)
         self._run = _compiled.MachineRun(forward.name, kernels.level, tables, numbers)
         self._run.hold(forces.held)
         self._live, self._held = np.empty(_ROW), np.empty(6)

@@ -18,7 +18,7 @@ def text(name: str) -> str:
     Parameters
     ----------
     name : str
-        ``"dop853"`` or ``"crossings"``.
+        ``"dop853"``, ``"rk4"`` or ``"crossings"``.
 
     Returns
     -------

@@ -1,6 +1,7 @@
-"""The controllers of the package as tables for runs in C, which need no Python at their ticks.
+"""The controllers of the package for runs in C, which need no Python on the way.
 
-Each table has a row a tick: what the motion to follow asks for, which is known before the run.
+At a rate each has a table with a row a tick: what the motion to follow asks for, which is known before the
+run. Acting all the time it has the motion itself, in pieces of polynomials.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from p3dof.checks import FloatArray
 from p3dof.compiled.formulas import is_symmetric
 from p3dof.compiled.lanes import lane_kernel
 from p3dof.compiled.reduced import model_of
+from p3dof.compiled.reduced.friction import friction_numbers
 from p3dof.compiled.runs import Controller
 from p3dof.methods.virtual_power import VirtualPowerMethod
 from p3dof.motion import states_of
@@ -22,11 +24,10 @@ from p3dof.parameters import Parameters
 from p3dof.simulation.controllers import PD, ComputedTorque, Feedforward, Springs
 from p3dof.simulation.task import Task
 
-MOST_LATE = 16
-"""Periods that forces may be late, in C."""
-
 MOST_TICKS = 2_000_000
 """Longer runs ask Python at every tick, for want of memory."""
+
+_NO_MODEL: tuple[FloatArray, ...] = (np.zeros(0),) * 3
 
 
 def has_table(task: Task) -> bool:
@@ -44,12 +45,26 @@ def has_table(task: Task) -> bool:
     controller, rate = task.controller, task.control.rate
     if rate is None or type(controller) not in (PD, Feedforward, ComputedTorque, Springs):
         return False
-    rough = isinstance(controller, ComputedTorque) and bool(controller.model.friction)
-    return not rough and task.times[-1] * rate < MOST_TICKS
+    return bool(task.times[-1] * rate < MOST_TICKS)
+
+
+def follows(task: Task) -> bool:
+    """Return whether a controller that acts all the time needs no Python, and a motion.
+
+    Parameters
+    ----------
+    task : Task
+        What is asked for.
+
+    Returns
+    -------
+    bool
+    """
+    return task.control.rate is None and type(task.controller) in (PD, Feedforward, ComputedTorque)
 
 
 def controller_of(task: Task, largest: FloatArray) -> Controller:
-    """Return the controller of a task that `has_table`.
+    """Return the controller of a task that `has_table` or `follows`.
 
     Parameters
     ----------
@@ -62,30 +77,30 @@ def controller_of(task: Task, largest: FloatArray) -> Controller:
     -------
     Controller
     """
-    control, controller = task.control, task.controller
-    count = math.ceil(float(task.times[-1]) / control.period - 1e-9)
-    times: FloatArray = np.arange(max(count, 1), dtype=float) * control.period
-    given = np.concatenate([*_gains(controller, control.period), largest])
+    control, controller, endless = task.control, task.controller, np.full(3, math.inf)
     sigma = (0.0, 0.0) if control.noise is None else (control.noise.position, control.noise.velocity)
-    noise: FloatArray = np.zeros(0)
-    if control.noise is not None:
-        noise = np.random.default_rng(control.noise.seed).standard_normal(6 * len(times))
     counts = np.broadcast_to(np.asarray(control.resolution), 3)
-    torque = isinstance(controller, ComputedTorque)
-    model: tuple[FloatArray, ...] = (np.zeros(0),) * 3
-    symmetric = False
-    if isinstance(controller, ComputedTorque):
+    numbers = [*_gains(controller, control.period), largest, counts, np.array(sigma), endless]
+    given: FloatArray = np.concatenate(numbers)
+    torque, forward = isinstance(controller, ComputedTorque), isinstance(controller, Feedforward)
+    model, symmetric, rough = _NO_MODEL, False, False
+    if isinstance(controller, Feedforward | ComputedTorque):
         model, symmetric = _inverse_model(controller.model)
+        rough = bool(controller.model.friction)
     flags = [torque, control.noise is not None, counts.any(), control.differencing]
     integrating = isinstance(controller, PD) and controller.integral_time < math.inf
     huge = controller.huge if isinstance(controller, Feedforward | ComputedTorque) else math.inf
-    return Controller(
-        settings=np.array([*flags, integrating, symmetric, huge, control.lateness[0]], dtype=float),
-        given=np.concatenate([given, counts, sigma, np.full(3, math.inf)]),
-        table=_table(controller, times, control.period / 2).ravel(),
-        noise=noise,
-        model=model,
-    )
+    settings = np.array([*flags, integrating, symmetric, huge, rough, forward], dtype=float)
+    if control.rate is None and isinstance(controller, PD):
+        none: FloatArray = np.zeros(0)
+        return Controller(settings, given, none, none, model, _followed(controller))
+    count = math.ceil(float(task.times[-1]) / control.period - 1e-9)
+    times: FloatArray = np.arange(max(count, 1), dtype=float) * control.period
+    noise: FloatArray = np.zeros(0)
+    if control.noise is not None:
+        noise = np.random.default_rng(control.noise.seed).standard_normal(6 * len(times))
+    table = _table(controller, times, control.period / 2).ravel()
+    return Controller(settings, given, table, noise, model)
 
 
 @lru_cache(maxsize=16)
@@ -93,12 +108,29 @@ def _inverse_model(parameters: Parameters) -> tuple[tuple[FloatArray, ...], bool
     """Return the constants of computed torque, and whether the machine is symmetric; by identity."""
     numbers = model_of(parameters)
     symmetric = is_symmetric(numbers)
-    parts = tuple(lane_kernel(name, symmetric).of(numbers) for name in ("assembly", "torque", "inverse"))
-    return parts, symmetric
+    assembly, torque = (lane_kernel(name, symmetric).of(numbers) for name in ("assembly", "torque"))
+    if parameters.friction:
+        inverse = lane_kernel("inverse_with_friction", symmetric)
+        return (assembly, torque, inverse.of(numbers, friction_numbers(parameters.friction))), symmetric
+    return (assembly, torque, lane_kernel("inverse", symmetric).of(numbers)), symmetric
+
+
+def _followed(controller: PD) -> tuple[FloatArray, ...]:
+    """Return the motion that a controller follows, in pieces, and the constants of its model's sliders."""
+    motion, curve = controller.reference.motion, controller.reference.curve
+    breaks, pieces = (np.zeros(0), np.zeros(0)) if curve is None else (curve.x, curve.c)
+    ends = np.concatenate([motion.pose[0], motion.pose[-1], [motion.duration]])
+    rows = np.moveaxis(pieces, 1, 0) if curve is not None else pieces
+    return (
+        breaks,
+        np.ascontiguousarray(rows).ravel(),
+        ends,
+        lane_kernel("place").of(model_of(controller.model)),
+    )
 
 
 def _gains(controller: object, period: float) -> list[FloatArray]:
-    """Return gain, damping, share of an error that joins its integral; and what stays without a table."""
+    """Return gain, damping, share of an error that joins its integral; forces and targets that may stay."""
     none = np.zeros(3)
     if isinstance(controller, Springs):
         parts = controller.stiffness, controller.damping, none
@@ -106,7 +138,7 @@ def _gains(controller: object, period: float) -> list[FloatArray]:
     assert isinstance(controller, PD)  # noqa: S101 - `has_table`
     moved = np.ones(3) if isinstance(controller, ComputedTorque) else controller.moved
     gain, damping = controller.omega**2 * moved, 2 * controller.zeta * controller.omega * moved
-    return [gain, damping, np.full(3, period / controller.integral_time), none, none, none]
+    return [gain, damping, np.full(3, period / controller.integral_time), controller.holding, none, none]
 
 
 def _table(controller: object, times: FloatArray, half: float) -> FloatArray:

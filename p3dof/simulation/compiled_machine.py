@@ -1,15 +1,12 @@
 """Runs of the manipulator in C, where everything that is asked for has a compiled form.
 
-What has none: loads that are functions of Python, controllers that act continuously but for springs, and
-drives that lag behind these, forces late by a part of a period, and machines without the extension.
-`p3dof.simulation.integration` serves these, and is what the runs in C are compared with. Equal steps have
-`p3dof.simulation.compiled_equal_steps`.
+`p3dof.simulation.ways` says what has none: `p3dof.simulation.integration` serves it, and is what the runs in
+C are compared with.
 """
 
 from __future__ import annotations
 
 import time as clock
-from collections import deque
 from dataclasses import fields
 from typing import Any
 
@@ -24,42 +21,22 @@ from p3dof.kinematics import reachable_poses
 from p3dof.methods import JointStates
 from p3dof.motion import Load, Motion, WrenchHistory
 from p3dof.parameters import Geometry
-from p3dof.simulation.compiled_controllers import MOST_LATE, controller_of, has_table
+from p3dof.simulation.compiled_controllers import controller_of, follows, has_table
 from p3dof.simulation.controllers import Springs
 from p3dof.simulation.integration import BEYOND, FAILED, NEAR
 from p3dof.simulation.limits import Limiter
 from p3dof.simulation.margins import Stop
 from p3dof.simulation.run import Simulation
 from p3dof.simulation.task import Task
-
-IN_C = frozenset({"compiled"})
-"""Methods whose runs can be in C."""
+from p3dof.simulation.ways import why_python
 
 
-def serves(task: Task) -> bool:
-    """Return whether a run can be in C.
-
-    Parameters
-    ----------
-    task : Task
-        What is asked for.
-
-    Returns
-    -------
-    bool
-    """
-    if task.method not in IN_C or not runs.available(task.machine.kernels) or task.begin.joints is not None:
-        return False
-    control, wrench = task.control, task.wrench
-    whole, rest = control.lateness
-    late = rest > 0 or whole > MOST_LATE
-    return (
-        not late
-        and (bool(control.rate) or control.drives() is None)
-        and task.integration.scheme == "dop853"
-        and (not callable(wrench) or type(wrench) is WrenchHistory)
-        and (bool(control.rate) or not callable(task.controller) or type(task.controller) is Springs)
+def _from_python(task: Task) -> bool:
+    """Return whether a controller in Python acts at every tick."""
+    known = (
+        has_table(task) or follows(task) or (task.control.rate is None and type(task.controller) is Springs)
     )
+    return callable(task.controller) and not known
 
 
 def pace(task: Task) -> str:
@@ -74,15 +51,9 @@ def pace(task: Task) -> str:
     -------
     str
     """
-    if not serves(task):
+    if why_python(task):
         return task.method
     return "C and Python" if _from_python(task) else "C"
-
-
-def _from_python(task: Task) -> bool:
-    """Return whether a controller in Python acts at every tick."""
-    known = has_table(task) or (task.control.rate is None and type(task.controller) is Springs)
-    return callable(task.controller) and not known
 
 
 def simulate_compiled(task: Task) -> Simulation | None:
@@ -91,7 +62,7 @@ def simulate_compiled(task: Task) -> Simulation | None:
     Parameters
     ----------
     task : Task
-        What is asked for; it `serves`.
+        What is asked for; nothing keeps it from C: `p3dof.simulation.ways.why_python`.
 
     Returns
     -------
@@ -142,19 +113,20 @@ class _Runner:
 
     def __init__(self, task: Task) -> None:
         self._task = task
-        parameters, begin, times = task.machine.parameters, task.begin, task.times
+        parameters, begin = task.machine.parameters, task.begin
         pose = reachable_poses(parameters.geometry, np.asarray(begin.pose), "raise")
         self._limiter = Limiter(parameters, task.stop_at, pose, None)
         self._actuation = task.actuation()
         self._followed = task.followed()
+        known = has_table(task) or follows(task)
         self._run = CompiledRun(
             task.machine.kernels,
             np.concatenate([pose, np.asarray(begin.velocity)]),
             self._forces(),
             _load(task),
             Watched(*self._limiter.watched),
-            Timing(times, task.control.period, task.integration.rtol, task.integration.atol, task.longest),
-            controller_of(task, self._actuation.limits) if has_table(task) else NO_CONTROLLER,
+            _timing(task),
+            controller_of(task, self._actuation.limits) if known else NO_CONTROLLER,
         )
         self._stop: Stop | None = None
         self._seconds = 0.0
@@ -198,7 +170,6 @@ class _Runner:
         """Go on to the end of the run; return why it ended."""
         progress, total = self._task.progress, len(self._task.times)
         told = None if progress is None else lambda done: progress(done, total)
-        late: deque[tuple[FloatArray, FloatArray]] = deque(maxlen=self._task.control.lateness[0] + 1)
         advance, hold, actuated = self._run.advance, self._run.hold, self._run.actuated
         while True:
             status = advance(told)
@@ -210,8 +181,7 @@ class _Runner:
             except Exception as error:
                 failed = f"the controller failed at t = {time:.6g} s: {error}"
                 raise ControllerError(failed, time) from error
-            late.append((forces, asked))  # until the first act that are late, the first of all do
-            hold(*late[0])
+            hold(forces, asked)
         if progress is not None:
             progress(min(self._run.count, total), total)
         return status
@@ -264,6 +234,13 @@ class _Runner:
         if good.all():
             return samples, wrench, acceleration
         return Samples(*(part[good] for part in samples)), wrench[good], acceleration[good]
+
+
+def _timing(task: Task) -> Timing:
+    """Return when something happens in a run."""
+    control, integration = task.control, task.integration
+    tolerances = integration.rtol, integration.atol, task.longest
+    return Timing(task.times, control.period, *tolerances, integration.scheme == "rk4", control.lateness)
 
 
 def _load(task: Task) -> runs.Load:

@@ -1,4 +1,8 @@
-"""Drives whose forces lag behind what is asked of them: a first-order lag in front of any plant."""
+"""Drives whose forces lag behind what is asked of them, with a first-order lag.
+
+Where commands are held the forces are known exactly at any time; where they change continuously the forces
+are states of the plant.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,33 @@ import numpy as np
 
 from p3dof.checks import FloatArray
 from p3dof.simulation.plants import Plant
+
+
+class Lag:
+    """Forces that follow commands which stay for a while: ḟ = 2π b (command - f), solved exactly.
+
+    Parameters
+    ----------
+    bandwidth : ndarray, shape (n,)
+        b of each drive [Hz]; where it is infinite the force is the command.
+    """
+
+    def __init__(self, bandwidth: FloatArray) -> None:
+        self._rates = 2 * np.pi * bandwidth
+        self._since = 0.0
+        self._begun: FloatArray = np.zeros(0)
+        self._command: FloatArray = self._begun
+
+    def follow(self, time: float, command: FloatArray) -> None:
+        """Take another command (n,) from a time on [s]; drives have settled at the first one."""
+        self._begun = self.at(time) if len(self._command) else command
+        self._since, self._command = time, command
+
+    def at(self, time: float) -> FloatArray:
+        """Return the forces at a time since then, (n,) [N or N m]."""
+        after = time - self._since
+        rest = np.exp(-self._rates * after) if after > 0 else np.where(np.isinf(self._rates), 0.0, 1.0)
+        return np.asarray(self._command + (self._begun - self._command) * rest)
 
 
 class DrivenPlant:

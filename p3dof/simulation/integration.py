@@ -15,7 +15,7 @@ from p3dof.checks import LARGEST, FloatArray, Progress
 from p3dof.errors import ControllerError
 from p3dof.simulation.actuation import Actuation
 from p3dof.simulation.crossings import Crossings, Watch
-from p3dof.simulation.drives import DrivenPlant
+from p3dof.simulation.drives import DrivenPlant, Lag
 from p3dof.simulation.fixed_steps import RungeKutta4
 from p3dof.simulation.margins import Margins, Stop
 from p3dof.simulation.plants import Plant
@@ -151,6 +151,8 @@ class Integrator:
         Called with (done, total) samples.
     watch : Watch, optional
         What is noted on the way.
+    lag : Lag, optional
+        Of drives behind forces that are held.
     shortest : float
         A run that takes only steps shorter than this, very many of them, leads nowhere [s].
     """
@@ -166,9 +168,11 @@ class Integrator:
         progress: Progress | None = None,
         watch: Watch | None = None,
         shortest: float = 0.0,
+        lag: Lag | None = None,
     ) -> None:
         self._watch, self._shortest = watch, shortest
         self._plant, self._actuation, self._load = plant, actuation, load
+        self._lag = lag
         self._drives = plant if isinstance(plant, DrivenPlant) else None
         self._margins, self._crossings = margins, Crossings(margins)
         self._schedule, self._times = schedule, schedule.times
@@ -212,9 +216,16 @@ class Integrator:
         if self._schedule.is_tick(time):
             forces = self._forces(time, state)
             self._late.append((self._schedule.acting(), forces))
-            self._held = self._held or forces
+            if self._held is None:
+                self._hold(time, forces)
         while self._late and self._schedule.reached(time, self._late[0][0]):
-            self._held = self._late.popleft()[1]
+            self._hold(time, self._late.popleft()[1])
+
+    def _hold(self, time: float, forces: tuple[FloatArray, FloatArray]) -> None:
+        """Hold forces, and those asked for, from a time on."""
+        self._held = forces
+        if self._lag is not None:
+            self._lag.follow(time, forces[0])
 
     def _driven(self, time: float, state: FloatArray) -> FloatArray:
         """Return the state, with the forces of the drives from the start on."""
@@ -324,6 +335,7 @@ class Integrator:
 
     def _record(self, time: float, state: FloatArray) -> None:
         forces, asked = self._held or self._forces(time, state)
+        forces = forces if self._lag is None else self._lag.at(time)
         load = self._load(time)
         with np.errstate(all="ignore"):
             rate = self._plant.rate(state, forces, load)
@@ -348,7 +360,10 @@ class Integrator:
         if not _finite(state):
             self._lost += 1
             return np.full(state.shape, np.nan)
-        forces = self._held[0] if self._held is not None else self._continuous(time, state)
+        if self._lag is not None:
+            forces = self._lag.at(time)
+        else:
+            forces = self._held[0] if self._held is not None else self._continuous(time, state)
         rate = self._plant.rate(state, forces, self._load(time))
         self._lost = 0 if _finite(rate) else self._lost + 1
         return rate

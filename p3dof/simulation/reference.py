@@ -42,6 +42,11 @@ class Reference:
             )
             self._curves = [curve, curve.derivative(), curve.derivative(2)]
 
+    @property
+    def curve(self) -> Any:
+        """The poses as SciPy's ``PPoly``, from time zero; None if there is only one."""
+        return self._curves[0] if self._curves else None
+
     def at(self, time: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return pose, velocity and acceleration at a time.
 

@@ -18,7 +18,7 @@ from p3dof.simulation.actuation import Actuation
 from p3dof.simulation.compiled_robot_runs import RobotRunInC, Setting
 from p3dof.simulation.compiled_robots import states_for
 from p3dof.simulation.crossings import CHECKED, Watch
-from p3dof.simulation.drives import DrivenPlant
+from p3dof.simulation.drives import DrivenPlant, Lag
 from p3dof.simulation.events import Event, Occurrence, checked_events
 from p3dof.simulation.integration import Integrator, Recording, Schedule, Tolerances
 from p3dof.simulation.joint_controllers import RobotMeasurement
@@ -173,9 +173,10 @@ def simulate_robot(
     schedule = Schedule(times, control.period, kinks, control.lateness)
     tolerances = Tolerances(integration.rtol, integration.atol, longest, integration.scheme)
     watch = _watch(plant, noted) if noted else None
-    moved = plant if drives is None else DrivenPlant(plant, drives)
+    lag = None if drives is None or not control.period else Lag(drives)
+    moved = plant if drives is None or lag is not None else DrivenPlant(plant, drives)
     integrator = Integrator(
-        moved, actuation(), loads, margins, schedule, tolerances, progress, watch, SHORTEST
+        moved, actuation(), loads, margins, schedule, tolerances, progress, watch, SHORTEST, lag
     )
     finish = _Finish(loop, plant, loads, followed, noted, watch)
     try:

@@ -16,11 +16,10 @@ from p3dof.methods import DEFAULT_METHOD, Machine, Method, check_method
 from p3dof.motion import Load, Motion, WrenchHistory, WrenchOverTime
 from p3dof.motion.times import evenly, sample_count
 from p3dof.parameters import Parameters
-from p3dof.simulation.compiled_equal_steps import serves_equal_steps, simulate_equal_steps
-from p3dof.simulation.compiled_machine import pace, serves, simulate_compiled
+from p3dof.simulation.compiled_machine import pace, simulate_compiled
 from p3dof.simulation.control import ControllerLike
 from p3dof.simulation.crossings import CHECKED
-from p3dof.simulation.drives import DrivenPlant
+from p3dof.simulation.drives import DrivenPlant, Lag
 from p3dof.simulation.equations import CompiledEquations, Equations
 from p3dof.simulation.integration import Integrator, Recording, Schedule, Tolerances
 from p3dof.simulation.limits import KINDS, Limiter
@@ -29,7 +28,7 @@ from p3dof.simulation.reference import Reference
 from p3dof.simulation.run import Simulation
 from p3dof.simulation.settings import ControlLoop, InitialState, Integration
 from p3dof.simulation.task import Task
-from p3dof.simulation.ways import MET_A_LIMIT, NO_ANSWER, in_python, why_python
+from p3dof.simulation.ways import NO_ANSWER, in_python, why_python
 from p3dof.simulation.work import estimate, require_affordable
 
 AT_HOME, CONTINUOUS, PRECISE = InitialState(), ControlLoop(), Integration()
@@ -107,13 +106,9 @@ def simulate(
     """
     given = start, controller, control, reference, wrench, method, samples, stop_at, integration, progress
     task = task_of(machine, duration, *given)
-    equal, reason = serves_equal_steps(task), NO_ANSWER
-    if equal or serves(task):
-        found = simulate_equal_steps(task) if equal else simulate_compiled(task)
-        if found is not None:
-            return found
-        reason = MET_A_LIMIT if equal else NO_ANSWER
-    return simulate_in_python(task, in_python(why_python(task) or reason))
+    reason = why_python(task)
+    found = None if reason else simulate_compiled(task)
+    return simulate_in_python(task, in_python(reason or NO_ANSWER)) if found is None else found
 
 
 def simulate_in_python(task: Task, note: str = "") -> Simulation:
@@ -146,8 +141,9 @@ def simulate_in_python(task: Task, note: str = "") -> Simulation:
     kinks = wrench.time if isinstance(wrench, WrenchHistory) else np.zeros(0)
     schedule = Schedule(task.times, control.period, kinks, control.lateness)
     tolerances = Tolerances(integration.rtol, integration.atol, task.longest, integration.scheme)
-    moved = plant if drives is None else DrivenPlant(plant, drives)
-    integrator = Integrator(moved, actuation, acting, margins, schedule, tolerances, task.progress)
+    lag = None if drives is None or not control.period else Lag(drives)
+    moved = plant if drives is None or lag is not None else DrivenPlant(plant, drives)
+    integrator = Integrator(moved, actuation, acting, margins, schedule, tolerances, task.progress, lag=lag)
     try:
         recording = integrator.run(state)
     except ControllerError as error:

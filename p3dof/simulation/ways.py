@@ -7,21 +7,17 @@ from collections.abc import Iterator
 from p3dof.compiled import runs
 from p3dof.compiled.kernels import in_words
 from p3dof.motion import WrenchHistory
-from p3dof.simulation.compiled_controllers import MOST_LATE
-from p3dof.simulation.compiled_equal_steps import serves_equal_steps
-from p3dof.simulation.compiled_machine import IN_C
+from p3dof.simulation.compiled_controllers import follows
 from p3dof.simulation.controllers import Springs
 from p3dof.simulation.task import Task
+
+IN_C = frozenset({"compiled"})
+"""Methods whose runs can be in C."""
 
 NO_ANSWER = (
     "the model of the controller has no answer, or a huge one, somewhere on the way: look at its motion"
 )
 """Why a run that was begun in C was made again."""
-
-MET_A_LIMIT = (
-    "a run in equal steps may have met a limit: scheme='dop853' goes on in C, or leave it out of stop_at"
-)
-"""Why a run in equal steps that was begun in C was made again."""
 
 
 def why_python(task: Task) -> str:
@@ -50,21 +46,13 @@ def _obstacles(task: Task) -> Iterator[str]:
         yield f"the method is {task.method!r}; 'compiled' runs in C"
     if not runs.available(task.machine.kernels):
         yield f"the compiled extension is not used ({in_words()})"
+    if task.begin.joints is not None:
+        yield "it starts in all joints; give a pose and a velocity"
     if callable(task.wrench) and type(task.wrench) is not WrenchHistory:
         yield "the wrench is a function of Python; give it as a WrenchHistory, linear between its rows"
     control, continuous = task.control, task.control.rate is None
-    if continuous and callable(task.controller) and type(task.controller) is not Springs:
-        yield "the controller acts continuously; give it a rate, ControlLoop(rate=1000)"
+    known = type(task.controller) is Springs or follows(task)
+    if continuous and callable(task.controller) and not known:
+        yield "a controller of Python acts continuously; give it a rate, ControlLoop(rate=1000)"
     if continuous and control.drives() is not None:
         yield "drives lag behind forces that change continuously; give the controller a rate"
-    whole, rest = control.lateness
-    if rest > 0:
-        near = f"{whole / control.rate:g} or {(whole + 1) / control.rate:g} s" if control.rate else ""
-        yield f"forces are late by a part of a period; choose a delay of whole ones, such as {near}"
-    if whole > MOST_LATE:
-        yield f"forces are late by more than {MOST_LATE} periods; choose a shorter delay or a lower rate"
-    if task.integration.scheme == "rk4" and not serves_equal_steps(task):
-        yield (
-            "equal steps know this in Python only (friction, wrenches that change, lags, "
-            "controllers of Python, steps of more than 2 ms); scheme='dop853' does it in C"
-        )

@@ -23,7 +23,8 @@ enum {
 
 /* What is the same for all lanes. */
 typedef struct {
-    int kind, noisy, counting, differencing, lagging, integrating, symmetric;
+    int kind, noisy, counting, differencing, lagging, integrating;
+    int symmetric, rough; /* the controller's model: whether its bodies are, whether its joints have friction */
     int whole;           /* periods that forces are late; a rest of one is up to the caller */
     int ring;            /* places in the queue: 1 if nothing is late, else whole + 2 */
     double period;
@@ -108,6 +109,20 @@ static P3DOF_TARGET void P3DOF_LANE(control_measure)(const ControlPath *path, P3
     }
 }
 
+/* The forces that the model needs for a motion: pose, velocity, acceleration. */
+static P3DOF_TARGET void P3DOF_LANE(control_inverse)(const ControlPath *path, const double (*state)[P3DOF_LANES],
+                                                     double (*found)[P3DOF_LANES])
+{
+    if (path->rough && path->symmetric)
+        P3DOF_LANE(lane_inverse_with_friction_symmetric)(path->inverse, state, found);
+    else if (path->rough)
+        P3DOF_LANE(lane_inverse_with_friction)(path->inverse, state, found);
+    else if (path->symmetric)
+        P3DOF_LANE(lane_inverse_symmetric)(path->inverse, state, found);
+    else
+        P3DOF_LANE(lane_inverse)(path->inverse, state, found);
+}
+
 /* Computed torque: forces from what was measured, and the errors of the pose. */
 static P3DOF_TARGET void P3DOF_LANE(control_torque)(const ControlPath *path, P3DOF_LANE(Control) * m,
                                                     const double (*seen)[P3DOF_LANES], double (*found)[P3DOF_LANES])
@@ -136,10 +151,7 @@ static P3DOF_TARGET void P3DOF_LANE(control_torque)(const ControlPath *path, P3D
                               m->damping[0][l] * (m->goal[3 + i][l] - next[i][l]) + nowhere;
         }
     }
-    if (path->symmetric)
-        P3DOF_LANE(lane_inverse_symmetric)(path->inverse, (const double(*)[P3DOF_LANES])state, found);
-    else
-        P3DOF_LANE(lane_inverse)(path->inverse, (const double(*)[P3DOF_LANES])state, found);
+    P3DOF_LANE(control_inverse)(path, (const double(*)[P3DOF_LANES])state, found);
 }
 
 /* Springs, constant forces, PD, PID, feedforward. */

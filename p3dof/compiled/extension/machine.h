@@ -14,14 +14,21 @@ enum {
 
 enum {
     RUN_FINISHED,
-    RUN_TICK,        /* a controller from outside is to fill `held` */
+    RUN_TICK,        /* a controller from outside is to fill `given` */
     RUN_CROSSED,     /* a limit, `index` */
     RUN_FAILED,      /* no step is small enough */
     RUN_INTERRUPTED, /* `poll` asked for it */
     RUN_BEYOND,      /* a controller has no answer, or one that needs a second look */
 };
 
-enum { DRIVE_HELD, DRIVE_SPRINGS, DRIVE_CONTROL };
+enum {
+    DRIVE_HELD,
+    DRIVE_SPRINGS, /* all the time, or at ticks */
+    DRIVE_CONTROL, /* a controller of control.h, at ticks */
+    DRIVE_FOLLOW,  /* the same all the time */
+};
+
+enum { STEPS_ADAPTIVE, STEPS_EQUAL };
 
 typedef struct {
     Run *run;
@@ -40,29 +47,37 @@ struct MachineRun {
     int drive;
     double stiffness[3], rest[3], damping[3], preload[3]; /* of `DRIVE_SPRINGS` */
     double cut[3];                                        /* where forces are cut off */
-    double held[6];                                       /* forces 3, asked 3, between ticks or for good */
+    double given[6];          /* forces 3, asked 3: those that stay, or of the last tick */
+    double held[6];           /* those that act between ticks, or for good */
+    double whole, part;       /* periods after its tick that a force acts: whole ones, and a share of one */
+    double *late;             /* forces of the last `ring` ticks, 6 each */
+    ptrdiff_t ring;
     const double *load_time, *load;                       /* F_y, F_z, M_y, one row of three a time */
     ptrdiff_t loads;                                     /* one: it stays */
-    void *control;            /* of `DRIVE_CONTROL`: see control.h, in one lane */
+    void *control;            /* of `DRIVE_CONTROL`, `DRIVE_FOLLOW`: see control.h, in one lane */
     const void *path;
-    void (*act)(MachineRun *, const double *); /* fills `held` from sliders and their velocities */
+    void *followed;           /* of `DRIVE_FOLLOW`: see follow.h */
+    void (*act)(MachineRun *, const double *); /* fills `given` at a tick, from sliders and their velocities */
+    void (*follow)(MachineRun *, double, const double *, double *); /* forces 3, asked 3 at a time, from these */
     const double *noise;      /* six normal numbers a tick */
     ptrdiff_t planned;        /* ticks that there are tables for */
     double huge;              /* forces that need a second look */
+    int beyond;               /* whether `follow` had none, or such a force */
     int lagging;              /* whether the drives follow `held` by a first-order lag, since `switched` from `begun` */
-    double lag[3], begun[3], before[3], switched; /* lag: 2 pi bandwidth [1/s], or infinity */
+    double lag[3], begun[3], switched; /* lag: 2 pi bandwidth [1/s], or infinity */
     /* When something happens. */
     const double *times, *kinks;
     ptrdiff_t samples, kink_count;
     double period;
-    int outside; /* whether `held` is filled from outside at every tick */
-    double rtol, atol, longest;
+    int outside; /* whether `given` is filled from outside at every tick */
+    int scheme;
+    double rtol, atol, longest; /* longest: step, or length of equal ones */
     /* Where the run is. */
     double t, y[6], step; /* step: of the integrator, the next; zero where it is to choose */
-    double ticks;
+    double ticks, acted; /* how many there were, and of how many forces have begun to act */
     ptrdiff_t next, kink, at_load;
     int answered, crawled, looked;
-    double seen[LIMITS], falling[LIMITS]; /* the margins at t and their rates, if `looked` */
+    double seen[LIMITS], falling[LIMITS], placed[6]; /* margins at t, their rates, the sliders, if `looked` */
     long long evaluations, since_poll;
     int (*poll)(MachineRun *); /* returns whether to stop; called every now and then */
     /* What it leaves. */

@@ -1,20 +1,45 @@
 /* `MachineRun`: a run of one machine in time, without Python between its steps. */
 
-enum { RUN_TABLES = 16, RUN_NUMBERS = 20, RUN_LIVE = 13, RUN_SETTINGS = 8, RUN_GIVEN = 29 };
+#include "follow.h"
 
-/* What lets a controller of control.h act, in one lane of every level. */
-#define RUN_CONTROL(level)                                                                        \
-    static void control_tick_##level(MachineRun *m, const double *sliders)                        \
-    {                                                                                             \
-        Control_single_##level *control = m->control;                                             \
-        const ControlPath *path = m->path;                                                        \
-        const ptrdiff_t tick = (ptrdiff_t)m->ticks;                                               \
-        const double *noise = m->noise;                                                           \
-        control_wanted_single_##level(path, control, &tick);                                      \
-        control_act_single_##level(path, control, &tick, &noise, (const double(*)[1])sliders);    \
-        control_switch_single_##level(path, control, &tick);                                      \
-        memcpy(m->held, control->held, sizeof control->held);                                     \
-        memcpy(m->held + 3, control->asked, sizeof control->asked);                               \
+enum { RUN_TABLES = 20, RUN_NUMBERS = 23, RUN_LIVE = 13, RUN_SETTINGS = 9, RUN_GIVEN = 29, RUN_ENDS = 7 };
+
+/* What lets a controller of control.h act, in one lane of every level: at a tick, and at any time. */
+#define RUN_CONTROL(level)                                                                           \
+    static void control_tick_##level(MachineRun *m, const double *sliders)                           \
+    {                                                                                                \
+        Control_single_##level *control = m->control;                                                \
+        const ControlPath *path = m->path;                                                           \
+        const ptrdiff_t tick = (ptrdiff_t)m->ticks;                                                  \
+        const double *noise = m->noise;                                                              \
+        control_wanted_single_##level(path, control, &tick);                                         \
+        control_act_single_##level(path, control, &tick, &noise, (const double(*)[1])sliders);       \
+        memcpy(m->given, control->late[0][3], 3 * sizeof(double));                                   \
+        memcpy(m->given + 3, control->late[0][0], 3 * sizeof(double));                               \
+    }                                                                                                \
+    static void control_follow_##level(MachineRun *m, double t, const double *sliders, double *forces) \
+    {                                                                                                \
+        Control_single_##level *control = m->control;                                                \
+        const ControlPath *path = m->path;                                                           \
+        Followed *followed = m->followed;                                                            \
+        const ptrdiff_t tick = 0;                                                                    \
+        const double *noise = NULL;                                                                  \
+        double goal[9][1], at[10][1];                                                                \
+        followed_at(followed, t, goal[0]);                                                           \
+        if (path->kind == CONTROL_TORQUE) {                                                          \
+            memcpy(control->goal, goal, sizeof goal);                                                \
+            memset(control->integral, 0, sizeof control->integral); /* perhaps NaN after a trial */  \
+        }                                                                                            \
+        else {                                                                                       \
+            lane_place_single_##level((const double(*)[1])followed->place, (const double(*)[1])goal, at); \
+            memcpy(control->wanted, at, sizeof control->wanted);                                     \
+            memcpy(control->rate, at + 3, sizeof control->rate);                                     \
+            if (followed->forward)                                                                   \
+                control_inverse_single_##level(path, (const double(*)[1])goal, control->base);       \
+        }                                                                                            \
+        control_act_single_##level(path, control, &tick, &noise, (const double(*)[1])sliders);       \
+        memcpy(forces, control->late[0][3], 3 * sizeof(double));                                     \
+        memcpy(forces + 3, control->late[0][0], 3 * sizeof(double));                                 \
     }
 RUN_CONTROL(baseline)
 #if defined(P3DOF_X86_LEVELS)
@@ -22,8 +47,11 @@ RUN_CONTROL(avx2)
 RUN_CONTROL(avx512)
 static void (*const CONTROL_TICKS[])(MachineRun *, const double *) = {control_tick_baseline, control_tick_avx2,
                                                                       control_tick_avx512};
+static void (*const CONTROL_FOLLOWS[])(MachineRun *, double, const double *, double *) = {
+    control_follow_baseline, control_follow_avx2, control_follow_avx512};
 #else
 static void (*const CONTROL_TICKS[])(MachineRun *, const double *) = {control_tick_baseline};
+static void (*const CONTROL_FOLLOWS[])(MachineRun *, double, const double *, double *) = {control_follow_baseline};
 #endif
 
 typedef struct {
@@ -33,6 +61,7 @@ typedef struct {
     double *tables[RUN_TABLES];
     ControlPath path;
     Control_single_baseline control;
+    Followed followed;
     PyThreadState *saved;
     PyObject *told; /* what `poll` calls; borrowed from the caller of `advance` */
     int busy;
@@ -131,7 +160,9 @@ static PyObject *Run_hold(PyObject *object, PyObject *forces)
     double *found = copy_doubles(forces, "the forces, argument", 6, &length);
     if (!found)
         return NULL;
-    memcpy(self->run.held, found, 6 * sizeof *found);
+    memcpy(self->run.given, found, 6 * sizeof *found);
+    if (self->run.period == 0.0)
+        memcpy(self->run.held, found, 6 * sizeof *found);
     PyMem_Free(found);
     Py_RETURN_NONE;
 }
@@ -170,7 +201,27 @@ static int set_tables(RunObject *self, const Py_ssize_t *lengths)
     return 0;
 }
 
-/* Set the controller of the last seven tables; none if its settings are empty. */
+/* Set what a controller follows all the time: breaks, curve, ends, constants of its model's sliders. */
+static int set_followed(RunObject *self, double **tables, const Py_ssize_t *lengths, int forward)
+{
+    Followed *f = &self->followed;
+    f->pieces = lengths[0] > 0 ? lengths[0] - 1 : 0;
+    f->breaks = tables[0];
+    f->curve = tables[1];
+    if (lengths[2] != RUN_ENDS || lengths[1] != 18 * f->pieces || lengths[3] != lane_place_constants) {
+        PyErr_SetString(PyExc_ValueError, "tables: what the controller follows does not fit");
+        return -1;
+    }
+    memcpy(f->first, tables[2], sizeof f->first);
+    memcpy(f->last, tables[2] + 3, sizeof f->last);
+    f->duration = tables[2][6];
+    f->place = tables[3];
+    f->forward = forward;
+    self->run.followed = f;
+    return 0;
+}
+
+/* Set the controller of the last eleven tables; none if its settings are empty. */
 static int set_controller(RunObject *self, const Py_ssize_t *lengths)
 {
     MachineRun *m = &self->run;
@@ -189,8 +240,8 @@ static int set_controller(RunObject *self, const Py_ssize_t *lengths)
     path->differencing = tables[0][3] != 0.0;
     path->integrating = tables[0][4] != 0.0;
     path->symmetric = tables[0][5] != 0.0;
-    path->whole = (int)fmin(tables[0][7], MOST_LATE);
-    path->ring = path->whole > 0 ? path->whole + 2 : 1;
+    path->rough = tables[0][7] != 0.0;
+    path->ring = 1; /* what is late waits in `late` of the run */
     path->period = m->period;
     path->table = lengths[11] ? tables[2] : NULL;
     path->assembly = tables[4];
@@ -199,19 +250,28 @@ static int set_controller(RunObject *self, const Py_ssize_t *lengths)
     m->planned = lengths[11] ? lengths[11] / 9 : PTRDIFF_MAX;
     if (path->noisy && lengths[12] / 6 < m->planned)
         m->planned = lengths[12] / 6;
-    const int inverse = path->symmetric ? lane_inverse_symmetric_constants : lane_inverse_constants;
-    if (path->kind == CONTROL_TORQUE && (!path->table || lengths[13] != lane_assembly_constants ||
-                                         lengths[14] != lane_torque_constants || lengths[15] != inverse)) {
+    const int inverse = path->rough && path->symmetric ? lane_inverse_with_friction_symmetric_constants
+                        : path->rough                  ? lane_inverse_with_friction_constants
+                        : path->symmetric              ? lane_inverse_symmetric_constants
+                                                       : lane_inverse_constants;
+    const int torque = path->kind == CONTROL_TORQUE, follows = lengths[18] > 0;
+    const int forward = follows && tables[0][8] != 0.0;
+    if ((torque && ((!path->table && !follows) || lengths[13] != lane_assembly_constants ||
+                    lengths[14] != lane_torque_constants)) ||
+        ((torque || forward) && lengths[15] != inverse)) {
         PyErr_SetString(PyExc_ValueError, "tables: the model of the controller does not fit");
         return -1;
     }
+    if (follows && set_followed(self, tables + 7, lengths + 16, forward) < 0)
+        return -1;
     memcpy(&self->control, tables[1], RUN_GIVEN * sizeof(double));
-    m->drive = DRIVE_CONTROL;
+    m->drive = follows ? DRIVE_FOLLOW : DRIVE_CONTROL;
     m->huge = tables[0][6];
     m->noise = tables[3];
     m->path = path;
     m->control = &self->control;
     m->act = CONTROL_TICKS[self->level - LEVELS];
+    m->follow = CONTROL_FOLLOWS[self->level - LEVELS];
     return 0;
 }
 
@@ -230,6 +290,23 @@ static void set_numbers(MachineRun *m, const double *numbers)
     memcpy(m->lag, numbers + 17, sizeof m->lag);
     for (int i = 0; i < 3; ++i)
         m->lagging |= m->period > 0.0 && m->lag[i] < INFINITY;
+    m->scheme = numbers[20] != 0.0 ? STEPS_EQUAL : STEPS_ADAPTIVE;
+    m->whole = numbers[21];
+    m->part = numbers[22];
+}
+
+/* Make room for the forces of ticks that do not act yet. */
+static int make_ring(MachineRun *m)
+{
+    if (!(m->whole >= 0.0 && m->whole < 1e9 && m->part >= 0.0 && m->part < 1.0)) {
+        PyErr_SetString(PyExc_ValueError, "numbers: forces are late by whole periods and a part of one");
+        return -1;
+    }
+    m->ring = (ptrdiff_t)m->whole + 2;
+    m->late = PyMem_Calloc((size_t)m->ring * 6, sizeof(double));
+    if (!m->late)
+        PyErr_NoMemory();
+    return m->late ? 0 : -1;
 }
 
 static Bound bound_kernel(const Level *level, const Kernel *kernel)
@@ -250,12 +327,13 @@ static int fill_run(RunObject *self, const Kernel *forward, PyObject *tables, Py
 {
     const Kernel *kinematics = own_kernel("kinematics"), *limits = own_kernel("limits");
     const Py_ssize_t expected[RUN_TABLES] = {forward->constants, kinematics->constants, limits->constants,
-                                         3 * LIMITS, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1};
+                                         3 * LIMITS, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1,
+                                         -1, -1, -1, -1};
     Py_ssize_t lengths[RUN_TABLES], count;
 
     const int fits = forward->inputs == 12 && forward->outputs == 4;
     if (!fits || !PyTuple_Check(tables) || PyTuple_GET_SIZE(tables) != RUN_TABLES) {
-        PyErr_SetString(PyExc_ValueError, "expected forward dynamics with a load, and a tuple of sixteen tables");
+        PyErr_SetString(PyExc_ValueError, "expected forward dynamics with a load, and a tuple of twenty tables");
         return -1;
     }
     for (int k = 0; k < RUN_TABLES; ++k) {
@@ -273,7 +351,7 @@ static int fill_run(RunObject *self, const Kernel *forward, PyObject *tables, Py
         return -1;
     set_numbers(&self->run, found);
     PyMem_Free(found);
-    if (set_controller(self, lengths) < 0)
+    if (make_ring(&self->run) < 0 || set_controller(self, lengths) < 0)
         return -1;
     self->run.poll = poll_python;
     self->run.out = PyMem_Malloc((size_t)(self->run.samples + 1) * ROW * sizeof(double));
@@ -307,6 +385,7 @@ static void Run_dealloc(PyObject *object)
     PyTypeObject *type = Py_TYPE(object);
     for (int k = 0; k < RUN_TABLES; ++k)
         PyMem_Free(self->tables[k]);
+    PyMem_Free(self->run.late);
     PyMem_Free(self->run.out);
     type->tp_free(object);
     Py_DECREF(type);
@@ -318,16 +397,19 @@ PyDoc_STRVAR(Run_doc,
              "Parameters\n----------\n"
              "kernel : str\n    Of forward dynamics with a load.\n"
              "level : str\n    One of `levels`.\n"
-             "tables : tuple of sixteen buffers of doubles\n"
+             "tables : tuple of twenty buffers of doubles\n"
              "    Constants of that kernel, of kinematics and of limits; limits: bounds 12, signs 12, whether they\n"
              "    count 12; springs: stiffness 3, rest 3, damping 3, preload 3, or nothing; times of the load, its\n"
-             "    rows of F_y, F_z, M_y; kinks; times of the samples. A controller of control.h, or seven empty ones:\n"
+             "    rows of F_y, F_z, M_y; kinks; times of the samples. A controller of control.h, or eleven empty ones:\n"
              "    whether it is computed torque, noisy, counting, differencing, integrating, of a symmetric model,\n"
-             "    largest forces, and how many periods they are late; gains; its table; noise; constants of assembly,\n"
-             "    torque and inverse.\n"
-             "numbers : buffer of 20 doubles\n"
+             "    largest forces, whether its model has friction, whether it feeds forces forward; gains; its table;\n"
+             "    noise; constants of assembly, torque and inverse. If it acts all the time, the motion: ends of its\n"
+             "    pieces; six coefficients of y, z, theta of each, the highest power first; first and last pose and\n"
+             "    duration, 7; constants of place.\n"
+             "numbers : buffer of 23 doubles\n"
              "    r, R, L, period, rtol, atol, longest step, largest forces 3, whether a controller outside\n"
-             "    acts at every tick, pose 3, velocity 3, 2 pi bandwidth of the drives 3.\n\n"
+             "    acts at every tick, pose 3, velocity 3, 2 pi bandwidth of the drives 3, whether steps are equal,\n"
+             "    how many periods forces are late: whole ones, and a part of one.\n\n"
              "Raises\n------\n"
              "TypeError\n    If something is not a buffer of doubles.\n"
              "ValueError\n    If a name is unknown, or a buffer does not fit.");
