@@ -3,7 +3,7 @@ import { Group, Plane, Scene, Vector3 } from "three";
 import { Arrows, largest } from "./arrows.js";
 import { Closures } from "./closures.js";
 import { Handles } from "./handles.js";
-import { instant, instantOf, runOf, treeOf } from "./instant.js";
+import { closuresOf, instant, instantOf, runOf, sceneOf, treeOf } from "./instant.js";
 import { Ghost, Solids } from "./solids.js";
 import { Labels, MapPicture, floorOf, lighten, lineOf } from "./surroundings.js";
 import { pointOf } from "./tree.js";
@@ -17,7 +17,8 @@ const FRAMED = 24;
 export class Contents {
     /** @param {State} state @param {Group} guests what others draw, in metres */
     constructor(state, guests) {
-        const { scene, closures, engine } = state.document;
+        const { engine } = state.document;
+        const scene = sceneOf(state);
         this.state = state;
         this.of = scene;
         this.radius = scene.radius;
@@ -33,7 +34,7 @@ export class Contents {
         this.map = new MapPicture();
         this.labels = new Labels(scene);
         this.arrows = new Arrows(this.radius);
-        this.closures = new Closures(closures, this.radius);
+        this.closures = new Closures(closuresOf(state), this.radius);
         this.lines = scene.lines.map((line) => {
             const drawn = lineOf(line.points.data, line.colour ?? "#5f6b76");
             const joint = line.joint ?? -1;
@@ -69,14 +70,13 @@ export class Contents {
 
     /** All that should be in the picture: corners of solids, labels and arrows, at some instants of the run. */
     points() {
-        const { document } = this.state;
         const run = runOf(this.state);
         if (this.known?.run === run) return this.known.points;
         this.measure();
         const { data } = run.time;
         const points = [];
         for (let i = 0; i <= FRAMED; i++) {
-            const now = instantOf(document, run, data[0] + ((data[data.length - 1] - data[0]) * i) / FRAMED);
+            const now = instantOf(this.of, run, data[0] + ((data[data.length - 1] - data[0]) * i) / FRAMED);
             if (i % 4 === 0) {
                 this.solids.place(now.placements);
                 points.push(...corners(this.solids));
@@ -124,8 +124,8 @@ export class Contents {
     }
 
     _trace() {
-        const { document, layers } = this.state;
-        const traced = document.scene.traced;
+        const { layers } = this.state;
+        const { traced } = this.of;
         if (!traced) return;
         const run = runOf(this.state);
         if (this.trace?.run !== run) {
@@ -133,7 +133,7 @@ export class Contents {
                 this.overlay.remove(this.trace.line);
                 this.trace.line.geometry.dispose();
             }
-            this.trace = { run, line: lineOf(pathOf(document, run, traced), traced.colour) };
+            this.trace = { run, line: lineOf(pathOf(this.of, run, traced), traced.colour) };
             this.overlay.add(this.trace.line);
         }
         this.trace.line.visible = layers[traced.layer ?? ""] ?? true;
@@ -141,14 +141,15 @@ export class Contents {
 
     _ghost() {
         const { document, compare, time } = this.state;
-        const run = compare === null ? undefined : document.runs[compare];
+        const own = document.scene === this.of ? undefined : document.runs[this.state.run]; // as long as it was
+        const run = compare === null ? own : document.runs[compare];
         if (run && !this.ghost) {
-            this.ghost = new Ghost(this.solids);
+            this.ghost = new Ghost(document.scene === this.of ? this.solids : new Solids(document.scene));
             this.world.add(this.ghost.group);
         }
         if (!this.ghost) return;
         this.ghost.group.visible = run !== undefined;
-        if (run) this.ghost.place(instantOf(document, run, time).placements);
+        if (run) this.ghost.place(instantOf(document.scene, run, time).placements);
     }
 
     /** @param {import("./types").Instant} now */
@@ -200,9 +201,9 @@ function sectioned(plane, away, at) {
 }
 
 /** Where a point is at all samples of a run. */
-/** @param {State["document"]} document @param {import("./types").Run} run @param {import("./types").Traced} traced */
-function pathOf(document, run, traced) {
-    const tree = treeOf(document);
+/** @param {import("./types").Scene} scene @param {import("./types").Run} run @param {import("./types").Traced} traced */
+function pathOf(scene, run, traced) {
+    const tree = treeOf(scene);
     const width = run.q.shape[1];
     const count = run.time.data.length;
     const points = new Float64Array(3 * count);

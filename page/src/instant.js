@@ -1,13 +1,17 @@
 // What is at one instant: computed once for each refresh, and shared, so that no frame mixes two.
+import { closedWith, withLengths } from "./lengths.js";
 import { Tree, directionOf, pointOf } from "./tree.js";
 
 /** @typedef {import("./types").State} State */
 /** @typedef {import("./types").Run} Run */
+/** @typedef {import("./types").Scene} Scene */
 /** @typedef {import("./types").Instant} Instant */
 /** @typedef {import("./types").Table} Table */
 
 /** @type {WeakMap<object, Tree>} */
 const trees = new WeakMap();
+/** @type {WeakMap<object, {key: string, scene: Scene}>} */
+const others = new WeakMap();
 /** @type {WeakMap<State, {version: number, instant: Instant}>} */
 const known = new WeakMap();
 
@@ -23,36 +27,58 @@ export function instant(state) {
     return found;
 }
 
-/** The tree of a document's scene. @param {State["document"]} document */
-export function treeOf(document) {
-    let tree = trees.get(document.scene);
-    if (!tree) trees.set(document.scene, (tree = new Tree(document.scene.joints)));
+/** The tree of a scene. @param {Scene} scene */
+export function treeOf(scene) {
+    let tree = trees.get(scene);
+    if (!tree) trees.set(scene, (tree = new Tree(scene.joints)));
     return tree;
+}
+
+/** The closures that are shown. @param {State} state */
+export function closuresOf({ document: { closures, engine: given }, engine }) {
+    if (!engine?.lengths || given.kind !== "p3dof") return closures;
+    const [r, R, L] = given.parameters.data;
+    return closures.map((closure) => closedWith(closure, { r, R, L }, engine.lengths));
+}
+
+/** The scene that is shown: the document's, or that with the lengths that the engine computes with. */
+/** @param {State} state @returns {Scene} */
+export function sceneOf({ document: { scene, engine: given }, engine }) {
+    const to = engine?.lengths;
+    if (!to || given.kind !== "p3dof") return scene;
+    const [r, R, L] = given.parameters.data;
+    if (to.r === r && to.R === R && to.L === L) return scene;
+    const key = `${to.r} ${to.R} ${to.L}`;
+    const last = others.get(scene);
+    if (last?.key === key) return last.scene;
+    const other = withLengths(scene, { r, R, L }, to);
+    others.set(scene, { key, scene: other });
+    return other;
 }
 
 /**
  * A run at a time, whatever the state shows: for what is compared.
- * @param {State["document"]} document @param {Run} run @param {number} time
+ * @param {Scene} scene @param {Run} run @param {number} time
  * @returns {Instant}
  */
-export function instantOf(document, run, time) {
+export function instantOf(scene, run, time) {
     const where = locate(run.time.data, time);
-    const q = joints(document, run, where);
+    const q = joints(scene, run, where);
     return {
         time, run, byHand: false, q, pose: run.pose ? row(run.pose, where) : null,
-        ...placed(document, run, q, where, valuesOf(run, where), where),
+        ...placed(scene, run, q, where, valuesOf(run, where), where),
     };
 }
 
 /** @param {State} state @returns {Instant} */
 function compute(state) {
-    const { document, hand, time } = state;
-    const run = runOf(state);
-    if (!hand || !run) return instantOf(document, run, time);
+    const { hand, time } = state;
+    const [scene, run] = [sceneOf(state), runOf(state)];
+    if (!hand || !run) return instantOf(scene, run, time);
     const where = locate(run.time.data, time);
-    const { q = joints(document, run, where), pose = null, values = {}, loads } = heldBy(state, hand);
+    const { q = joints(scene, run, where), pose = null, values = {}, loads } = heldBy(state, hand);
     const known = { ...unknown(run), ...values };
-    return { time, run, byHand: true, q, pose, ...placed(document, run, q, where, known, null, loads) };
+    return { time, run, byHand: true, q, pose, ...placed(scene, run, q, where, known, null, loads) };
 }
 
 /**
@@ -85,12 +111,12 @@ function heldBy(state, hand) {
 const unknown = (run) => Object.fromEntries(run.curves.map(({ key }) => [key, NaN]));
 
 /**
- * @param {State["document"]} document @param {Run} run @param {Float64Array} q @param {Where} where
+ * @param {Scene} scene @param {Run} run @param {Float64Array} q @param {Where} where
  * @param {Record<string, number>} values @param {Where | null} loaded null: stored vectors do not hold here
  * @param {Record<string, number[]>} [held] vectors of loads by key, where the machine is held
  */
-function placed(document, run, q, where, values, loaded, held) {
-    const placements = treeOf(document).place(q, run.placed ? (joint) => turn(run.placed?.[joint.name], where) : null);
+function placed(scene, run, q, where, values, loaded, held) {
+    const placements = treeOf(scene).place(q, run.placed ? (joint) => turn(run.placed?.[joint.name], where) : null);
     const loads = run.loads.map((load) => {
         const at = pointOf(placements, load.joint, load.point);
         const value = load.curve ? values[load.curve] : NaN;
@@ -144,12 +170,12 @@ function turn(table, where) {
     return p;
 }
 
-/** @param {State["document"]} document @param {Run} run @param {Where} where */
-function joints(document, run, where) {
+/** @param {Scene} scene @param {Run} run @param {Where} where */
+function joints(scene, run, where) {
     const q = Float64Array.from(row(run.q, where));
     if (where.part === 0) return q;
     const n = run.q.shape[1];
-    for (const joint of document.scene.joints) {
+    for (const joint of scene.joints) {
         const k = joint.q?.[0] ?? 0;
         const first = { continuous: 0, planar: 2, spherical: 0, free: 3 }[/** @type {string} */ (joint.kind)];
         if (first === undefined) continue;

@@ -5,6 +5,7 @@ import { Cameras, DIRECTIONS } from "./cameras.js";
 import { Contents } from "./contents.js";
 import * as drag from "./drag.js";
 import { Eye } from "./eye.js";
+import { sceneOf } from "./instant.js";
 import { mountOverlay } from "./overlay.js";
 
 /** @typedef {import("./types").State} State */
@@ -131,7 +132,7 @@ export class Stage {
     /** @param {Set<string>} changed */
     refresh(changed) {
         const { state } = this;
-        if (state.document.scene !== this.contents.of) this._rebuild();
+        if (sceneOf(state) !== this.contents.of) this._rebuild();
         if (changed.has("view") && state.view !== "free") this.look(state.view);
         else if (changed.has("layers") && this.cameras.use(state.layers.parallel, this.target)) {
             this.controls.object = this.cameras.used;
