@@ -17,10 +17,10 @@ const UP = new Vector3(0, 0, 1);
 const shaft = new CylinderGeometry(1, 1, 1, 16).rotateX(Math.PI / 2).translate(0, 0, 0.5);
 const cone = new ConeGeometry(1, 1, 22).rotateX(Math.PI / 2).translate(0, 0, 0.5);
 
-/** What an arrow of each unit is long for the largest load, over all runs. */
-/** @param {import("./types").Run[]} runs @param {Record<string, number>} [before] @returns {Record<string, number>} by unit */
-export function largest(runs, before = {}) {
-    const found = { ...before };
+/** The largest load of each unit over runs. @param {import("./types").Run[]} runs */
+export function largest(runs) {
+    /** @type {Record<string, number>} */
+    const found = {};
     for (const run of runs) {
         const curves = new Map(run.curves.map((curve) => [curve.key, curve.values.data]));
         for (const { curve, values, unit } of run.loads) {
@@ -120,8 +120,9 @@ export class Arrows {
         arrow.text.write(words, colour, look.halo);
         const [x, y] = eye.pixel(tip);
         const [x2, y2] = eye.pixel(tip.clone().addScaledVector(along, 0.02 * this.radius));
-        const run = Math.hypot(x2 - x, y2 - y);
-        const away = LETTERS / 2 + GAP + (cut ? LETTERS / 2 : 0);
+        const run = Math.hypot(x2 - x, y2 - y); // of its direction in the picture: none where it points at the eye
+        const head = run > 0.5 ? 0 : (HEAD_RADIUS * SHAFT * this.radius) / eye.metre(tip);
+        const away = LETTERS / 2 + GAP + (cut ? LETTERS / 2 : 0) + head;
         const [dx, dy] = run > 0.5 ? [(x2 - x) / run, (y2 - y) / run] : [0, -1];
         const half = (arrow.text.aspect * LETTERS * 60) / 44 / 2;
         this.drawn.push({

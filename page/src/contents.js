@@ -68,27 +68,41 @@ export class Contents {
         return group;
     }
 
-    /** All that should be in the picture: corners of solids, labels and arrows, at some instants of the run. */
+    /** All that should be in the picture: what the run needs, and what is shown now. */
     points() {
+        const all = this._ofRun();
+        return this.state.hand ? [...all, ...this._at(instant(this.state), true)] : all;
+    }
+
+    /** Corners of solids, the ring, labels and arrows, at some instants of the run. */
+    _ofRun() {
         const run = runOf(this.state);
         if (this.known?.run === run) return this.known.points;
         this.measure();
         const { data } = run.time;
         const points = [];
         for (let i = 0; i <= FRAMED; i++) {
-            const now = instantOf(this.of, run, data[0] + ((data[data.length - 1] - data[0]) * i) / FRAMED);
-            if (i % 4 === 0) {
-                this.solids.place(now.placements);
-                points.push(...corners(this.solids));
-            }
-            points.push(...now.loads.flatMap((load) => this._ends(load)));
+            points.push(...this._at(instantOf(this.of, run, data[0] + ((data[data.length - 1] - data[0]) * i) / FRAMED), i % 4 === 0));
         }
         for (const { label } of this.labels.all) {
-            if ((label.joint ?? -1) < 0) points.push(new Vector3(label.at[0], label.at[1], label.at[2] + label.height / 2));
+            if ((label.joint ?? -1) < 0) points.push(new Vector3(label.at[0], label.at[1], label.at[2] + label.height / 2).applyMatrix4(this.world.matrixWorld));
         }
-        points.forEach((point) => point.applyMatrix4(this.world.matrixWorld));
         this.known = { run, points };
         return points;
+    }
+
+    /** Corners of what is shown at an instant. @param {import("./types").Instant} now @param {boolean} solid whether solids are among them */
+    _at(now, solid) {
+        const points = now.loads.flatMap((load) => this._ends(load));
+        if (solid) {
+            this.solids.place(now.placements);
+            points.push(...corners(this.solids));
+        }
+        if (this.handles && now.pose) {
+            const [x, y, z] = pointOf(now.placements, this.handles.traced.joint, this.handles.traced.point);
+            for (let i = 0; i < 12; i++) points.push(this.handles.onRing(new Vector3(x, y, z), (i * Math.PI) / 6));
+        }
+        return points.map((point) => point.applyMatrix4(this.world.matrixWorld));
     }
 
     /** Where the arrow of a load starts and ends. @param {import("./types").ShownLoad} shown */
@@ -101,10 +115,9 @@ export class Contents {
         return [start, start.clone().addScaledVector(along, length / size)];
     }
 
-    /** Scale the arrows for the largest load of all runs. */
+    /** Scale the arrows for the largest load of the document's runs: what is recomputed is drawn in the same scale. */
     measure() {
-        const { state, arrows } = this;
-        arrows.scales = largest([...state.document.runs, runOf(state)], arrows.scales);
+        this.arrows.scales = largest(this.state.document.runs);
     }
 
     /** Put everything where it is at the instant of the state. */

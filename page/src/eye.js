@@ -47,6 +47,11 @@ export class Eye {
         return a.distanceTo(b) / this.height;
     }
 
+    /** How many metres a pixel is at a point [m]. @param {Vector3} point */
+    metre(point) {
+        return this.unitAt(point.clone().applyMatrix4(this.world.matrixWorld)) / this.world.scale.x;
+    }
+
     /** The ray through a pixel [m]. @param {number} x @param {number} y */
     ray(x, y) {
         const inverse = this.world.matrixWorld.clone().invert();

@@ -38,8 +38,7 @@ export class Handles {
         this.edgeOn = Math.abs(along.y) < EDGE_ON;
         this.ring.visible = this.knob.visible = !this.edgeOn;
         for (const [mesh, pixels] of /** @type {[Mesh, number][]} */ ([[this.P, 6.5], [this.knob, 6.5]])) {
-            const place = mesh.position.clone().applyMatrix4(eye.world.matrixWorld);
-            mesh.scale.setScalar((pixels * eye.unitAt(place)) / eye.world.scale.x);
+            mesh.scale.setScalar(pixels * eye.metre(mesh.position));
         }
     }
 

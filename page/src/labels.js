@@ -72,7 +72,7 @@ export class Text {
 export function shown(value, unit) {
     if (!Number.isFinite(value)) return "undetermined";
     const size = Math.abs(value);
-    const digits = size >= 1e5 || (size > 0 && size < 1e-3) ? value.toExponential(2)
+    const digits = size === 0 ? "0" : size >= 1e5 || (size > 0 && size < 1e-3) ? value.toExponential(2)
         : size >= 100 ? value.toFixed(0) : size >= 1 ? value.toFixed(1) : value.toFixed(3);
     return `${digits.replace("-", "−")} ${unit}`;
 }

@@ -138,7 +138,7 @@ export class Stage {
             this.controls.object = this.cameras.used;
             this.controls.update();
         }
-        if (["run", "solved", "document"].some((key) => changed.has(key))) this.contents.measure();
+        if (changed.has("document")) this.contents.measure();
         this.contents.place();
         if (changed.has("run") || changed.has("document")) this.contents.tint(this.style);
         this.render();

@@ -69,7 +69,7 @@ export class Labels {
             text.sprite.position.set(x, y, z).applyMatrix4(eye.world.matrixWorld);
             text.write(label.text, look.tint(label.colour ?? look.ink), look.halo);
             const apparent = eye.unitAt(text.sprite.position);
-            text.resize(Math.max(label.height / radius, 11 * apparent));
+            text.resize(Math.min(Math.max(label.height / radius, 11 * apparent), 30 * apparent));
         }
     }
 }
