@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import threading
 import webbrowser
 from collections.abc import Callable
@@ -11,7 +10,9 @@ from typing import Any
 from typing_extensions import Self
 
 from p3dof.checks import frozen_array, shown
-from p3dof.errors import InputError
+from p3dof.errors import InputError, MissingExtraError
+from p3dof.page.html import page_html
+from p3dof.page.saved import HEIGHT, Page
 from p3dof.viewer.page_server import PageServer
 from p3dof.viewer.session import Answerer, Message, Session
 
@@ -58,6 +59,7 @@ class LiveViewer:
         self.session = Session(document, answerer)
         self._run_of = run_of
         self._guest: Any = None
+        self._widget: Any = None
         self._ended = threading.Event()
         self.server = PageServer(self.session, self._page, port)
 
@@ -72,12 +74,41 @@ class LiveViewer:
 
     def _repr_html_(self) -> str:
         """Show the page in a notebook on this machine; after `stop`, with what it showed then."""
-        source = f'src="{self.url}"'
         if not self.server.running:
-            from p3dof.page.html import page_html
+            return Page(self.session.document).frame()
+        return f'<iframe src="{self.url}" style="width: 100%; height: {HEIGHT}px; border: 0"></iframe>'
 
-            source = f'srcdoc="{html.escape(page_html(self.session.document))}" sandbox="allow-scripts"'
-        return f'<iframe {source} style="width: 100%; height: 720px; border: 0"></iframe>'
+    def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> Any:
+        """Show the page in a notebook: live, where there is anywidget and so through the notebook itself."""
+        bundle = {"text/plain": repr(self), "text/html": self._repr_html_()}
+        if not self.server.running:
+            return bundle
+        try:
+            data, metadata = self.widget()._repr_mimebundle_(include=include, exclude=exclude)
+        except MissingExtraError:
+            return bundle
+        return {**data, **bundle}, metadata
+
+    def widget(self) -> Any:
+        """Return the page as a widget for a notebook, whose kernel may run on another machine.
+
+        Every cell that shows it has a page with its own time. What is shown is not kept in the notebook's
+        file; a `p3dof.page.Page` is.
+
+        Returns
+        -------
+        PageWidget
+
+        Raises
+        ------
+        MissingExtraError
+            If anywidget, which the extra ``jupyter`` brings, is not installed.
+        """
+        from p3dof.viewer.widget import PageWidget
+
+        if self._widget is None:
+            self._widget = PageWidget(self.session, self._page_of_widget, str(self.session.document["title"]))
+        return self._widget
 
     @property
     def url(self) -> str:
@@ -192,12 +223,16 @@ class LiveViewer:
     def stop(self) -> None:
         """End serving: no thread and no port is left. May be called more than once."""
         self.server.stop()
+        if self._widget is not None:
+            self._widget.stop()
+            self._widget = None
         self.session.stop()
         self._ended.set()
 
-    def _page(self) -> str:
-        from p3dof.page.html import page_html
+    def _page_of_widget(self) -> str:
+        return page_html(self.session.document, f"parent {self.session.version}")
 
+    def _page(self) -> str:
         hosts = [f"ws://{host}:{self.server.port}" for host in ("127.0.0.1", "localhost")]
         return page_html(self.session.document, f"server {self.session.version}", hosts)
 

@@ -12,23 +12,23 @@ function render({ model, el }) {
   };
   const heard = (content, buffers) => {
     if (content.view && content.view !== view) return;
+    if (content.closed) return lost();
     const { buffer, byteOffset, byteLength } = buffers[0];
     const data = buffer.slice(byteOffset, byteOffset + byteLength);
     if (content.page) frame.srcdoc = new TextDecoder().decode(data);
     else frame.contentWindow.postMessage(data, "*", [data]);
   };
-  const lost = () => {
-    if (model.comm_live === false) frame.contentWindow.postMessage({ p3dof: "closed" }, "*");
-  };
+  const lost = () => frame.contentWindow.postMessage({ p3dof: "closed" }, "*");
+  const checked = () => model.comm_live === false && lost();
   window.addEventListener("message", said);
   model.on("msg:custom", heard);
-  model.on("comm_live_update", lost);
+  model.on("comm_live_update", checked);
   el.append(frame);
   send({ type: "page" });
   return () => {
     window.removeEventListener("message", said);
     model.off("msg:custom", heard);
-    model.off("comm_live_update", lost);
+    model.off("comm_live_update", checked);
   };
 }
 

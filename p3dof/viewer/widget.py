@@ -11,6 +11,7 @@ from typing import Any
 
 from p3dof.checks import one_line
 from p3dof.errors import MissingExtraError, P3dofError
+from p3dof.page.saved import HEIGHT
 from p3dof.viewer.messages import packed_message
 from p3dof.viewer.session import Session
 
@@ -21,9 +22,6 @@ except ImportError as error:
     raise MissingExtraError(
         "a live page in a notebook needs anywidget: pip install 'p3dof[jupyter]'"
     ) from error
-
-HEIGHT = 760
-"""Of a page in a cell [pixels]."""
 
 
 class PageWidget(anywidget.AnyWidget):
@@ -57,10 +55,10 @@ class PageWidget(anywidget.AnyWidget):
         self._unsubscribe = session.subscribe(lambda data, _: self.send({}, [data]))
         self.on_msg(self._received)
 
-    def close(self) -> None:
-        """End it in all cells."""
+    def stop(self) -> None:
+        """Leave the pages to themselves: they go on with what they have, and say so."""
         self._unsubscribe()
-        super().close()
+        self.send({"closed": True}, [])
 
     def _received(self, _widget: Any, content: Any, _buffers: Any) -> None:
         if not isinstance(content, Mapping) or not isinstance(content.get("message"), Mapping):

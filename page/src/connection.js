@@ -218,7 +218,7 @@ class Parent {
         window.addEventListener("message", ({ source, data }) => {
             if (source !== window.parent) return;
             if (data instanceof ArrayBuffer) connection.received(unpacked(data));
-            else if (data?.p3dof === "closed") connection.closed("the notebook's kernel is gone");
+            else if (data?.p3dof === "closed") connection.closed("Python has ended it");
         });
         connection.opened({ send: (message) => window.parent.postMessage({ p3dof: message }, "*") });
         connection.carrier?.send({ type: "hello" });
