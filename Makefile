@@ -51,6 +51,7 @@ layers: $(DEV) ## import-linter: who may import whom
 generated: $(DEV) ## are the committed generated files up to date?
 	$(BIN)/p3dof export --check
 	$(BIN)/p3dof codegen --kernels --check
+	$(BIN)/p3dof codegen --page --check
 
 page: $(MODULES) ## build the page for the browser, p3dof/page/page.html
 	cd page && node build.mjs

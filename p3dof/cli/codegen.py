@@ -17,6 +17,8 @@ from p3dof.codegen.batch import DIRECTORY, batch_files
 from p3dof.codegen.controller import MARK, controller_files, origin_of
 from p3dof.codegen.lanes import lane_files
 from p3dof.codegen.naming import PREFIX, checked_prefix, command_of
+from p3dof.codegen.page_wasm import DIRECTORY as PAGE
+from p3dof.codegen.page_wasm import page_wasm
 from p3dof.codegen.printing import operation_counts
 from p3dof.codegen.wasm_files import WebFiles
 from p3dof.codegen.web_controller import controller_module
@@ -54,6 +56,7 @@ parameters that matters is more, other last bits on another processor are less."
     "one program need two.",
 )
 @click.option("--kernels", is_flag=True, help="The package's own kernels, where they are in the package.")
+@click.option("--page", is_flag=True, help="The WebAssembly of the page, where it is in the package.")
 @WASM
 @CHECK
 @FORCE
@@ -65,15 +68,18 @@ def codegen(
     single: bool,
     prefix: str | None,
     kernels: bool,
+    page: bool,
     wasm: bool,
     check: bool,
     force: bool,
 ) -> int:
     """Write C99 for a controller: kinematics, dynamics and derivatives, with a program that tests it."""
     of_controller = (parameters, payload, bake or None, single or None, wasm or None, prefix)
-    _check_usage(out, kernels, any(value is not None for value in of_controller))
+    _check_usage(out, kernels, page, any(value is not None for value in of_controller))
     if single and wasm:
         raise click.UsageError("--float: WebAssembly computes with doubles, leave out --wasm")
+    if page:
+        return _page(check, force)
     jobs: list[tuple[dict[str, str], Path, float]] = []
     tables = []
     web = None
@@ -112,18 +118,34 @@ def codegen(
     return 0
 
 
-def _check_usage(out: Path | None, kernels: bool, of_controller: bool) -> None:
+def _check_usage(out: Path | None, kernels: bool, page: bool, of_controller: bool) -> None:
     """Raise UsageError for options that do not go together."""
     if kernels and not DIRECTORY.is_dir():
         raise click.UsageError(
             "--kernels: the C of the kernels is in the source tree, not where it is installed"
         )
-    if out is None and not kernels:
-        raise click.UsageError("expected --out (C for a controller), --kernels (the package's own) or both")
+    if page and (out is not None or kernels):
+        raise click.UsageError("--page has a place of its own: leave --out and --kernels out")
+    if out is None and not (kernels or page):
+        raise click.UsageError("expected --out (C for a controller), --kernels (the package's own) or --page")
     if out is None and of_controller:
         raise click.UsageError(
             "--parameters, --payload, --bake, --float, --prefix and --wasm belong to --out"
         )
+
+
+def _page(check: bool, force: bool) -> int:
+    """Write the WebAssembly of the page, or compare it."""
+    console = Console()
+    web, texts = page_wasm()
+    if not check:
+        print_plain(console, f"wrote {web.write(PAGE, texts, force)}")
+        return 0
+    differences = web.compare(PAGE, *texts.values())
+    if not differences:
+        print_plain(console, f"{PAGE / web.names[0]}: up to date")
+    print_differences(console, differences)
+    return 1 if differences else 0
 
 
 def _check(jobs: list[tuple[dict[str, str], Path, float]], web: WebFiles | None) -> int:

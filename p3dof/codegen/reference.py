@@ -149,6 +149,7 @@ def outputs(parameters: Parameters, inputs: dict[str, FloatArray]) -> dict[str, 
         ),
         "parameter_derivatives": np.concatenate([forces, by_numbers.reshape(count, -1)], axis=-1),
         "forward_kinematics": kinematics.forward_kinematics(geometry, sliders),
+        "joints": np.stack([*kinematics.inverse_kinematics(geometry, pose).joints.values()], axis=-1),
     }
 
 

@@ -67,6 +67,7 @@ def selftest(
         "model_only": "void" if baked else "const p3dof_model *model",
         "only_model": "" if baked else "model",
         "strong": "P3DOF_BEYOND_LIMITS" if parameters.limits.force < precision.largest else "P3DOF_OK",
+        "high": "P3DOF_BEYOND_LIMITS" if parameters.limits.travel[1] < precision.largest else "P3DOF_OK",
         "baked": str(int(baked)),
         "fields": "\n".join(f"{_INDENT}real {name}[{size}];" for name, size in _FIELDS.items()),
         "count": str(count),

@@ -18,7 +18,6 @@ from p3dof.errors import MissingExtraError, ModelError
 _COMPILE = (
     "--target=wasm32-unknown-unknown",
     "-std=c99",
-    "-O2",
     "-nostdlibinc",
     "-Iinclude",
     "-ffp-contract=off",
@@ -75,10 +74,10 @@ def webassembly(header: str, library: str, module: WebModule) -> bytes:
             if name.endswith(".c"):
                 own = ("-fno-builtin",) if name == "mathematics.c" else ()
                 objects.append(f"{name[:-2]}.o")
-                _run([clang, *_COMPILE, *own, "-o", objects[-1], name], folder)
+                _run([clang, *_COMPILE, module.optimisation, *own, "-o", objects[-1], name], folder)
         _run([linker, *_LINK, "-o", "made.wasm", *objects], folder)
         made = (folder / "made.wasm").read_bytes()
-    told = {"sources": _digest(sources), "compiler": _version(clang)}
+    told = {"sources": _digest(sources, module), "compiler": _version(clang)}
     return with_section(made, told)
 
 
@@ -96,7 +95,7 @@ def sources_hash(header: str, library: str, module: WebModule) -> str:
     -------
     str
     """
-    return _digest(_sources(header, library, module))
+    return _digest(_sources(header, library, module), module)
 
 
 def compiler_here() -> str | None:
@@ -136,8 +135,13 @@ def mathematics(note: str) -> dict[str, str]:
     }
 
 
-def _digest(sources: Mapping[str, str]) -> str:
-    parts = [*_COMPILE, *_LINK, *(part for pair in sorted(sources.items()) for part in pair)]
+def _digest(sources: Mapping[str, str], module: WebModule) -> str:
+    parts = [
+        *_COMPILE,
+        module.optimisation,
+        *_LINK,
+        *(part for pair in sorted(sources.items()) for part in pair),
+    ]
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()
 
 

@@ -86,17 +86,38 @@ class WebFiles:
             If a file is there and cannot be read.
         """
         prefix = self.module.prefix
-        path = folder / f"{prefix}.wasm"
         beside = [folder / f"{prefix}.{ending}" for ending in ("h", "c")]
         if not all(one.is_file() for one in beside):
             return []  # said already
+        return self.compare(folder, *map(read_text, beside))
+
+    def compare(self, folder: Path, header: str, library: str) -> list[str]:
+        """Say in what the file is not what would be built from some C; as `check`.
+
+        Parameters
+        ----------
+        folder : Path
+            Where it is.
+        header, library : str
+            Text of the header and of the C file.
+
+        Returns
+        -------
+        list of str
+            One line for each difference.
+
+        Raises
+        ------
+        FileError
+            If a file is there and cannot be read.
+        """
+        path = folder / f"{self.module.prefix}.wasm"
         if not path.exists():
             return [f"{path}: missing"]
-        header, library = map(read_text, beside)
         found = _read(path)
         told = section_of(found)
         if told.get("sources") != sources_hash(header, library, self.module):
-            return [f"{path}: was not built from the C beside it"]
+            return [f"{path}: was not built from the C that goes with it"]
         if told.get("compiler") == compiler_here() and webassembly(header, library, self.module) != found:
             return [f"{path}: the same compiler gives other bytes"]
         return []

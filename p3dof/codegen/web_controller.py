@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from math import prod
 
 from p3dof.codegen.controller import MARK, prototypes
@@ -22,6 +23,29 @@ _STATUSES = (
     "BEYOND_LIMITS",
 )
 _BODY = 10
+_MAP = """
+    /**
+     * The workspace at one tilt, the platform at rest: `forces` (A, B, C) and `margins` for each y, and
+     * for each y a `status` of each z. `wrench` may be missing.
+     */
+    map({ theta, y, z, wrench }) {
+        const loads = wrench ?? [], doubles = 5 * y.length + z.length + loads.length;
+        let place = this.#room(doubles + Math.ceil((y.length * z.length) / 8));
+        const buffer = this.#exports.memory.buffer, views = [], places = [];
+        const given = [[y.length, y], [z.length, z], [loads.length, loads]];
+        for (const [size, values] of [...given, [3 * y.length], [y.length]]) {
+            const view = new Float64Array(buffer, place, size);
+            if (values) view.set(values);
+            views.push(view);
+            places.push(place);
+            place += view.byteLength;
+        }
+        const status = new Uint8Array(buffer, place, y.length * z.length);
+        if (!wrench) places[2] = 0;
+        this.#exports.map(theta, y.length, places[0], z.length, ...places.slice(1), place);
+        return { forces: views[3].slice(), margins: views[4].slice(), status: status.slice() };
+    }
+"""
 _METHODS = """
     /** The machine's numbers by \\u0060places\\u0060, in memory: change them, and prepare. */
     get parameters() {
@@ -41,7 +65,11 @@ _METHODS = """
 
 
 def controller_module(
-    bake: bool = False, prefix: str = PREFIX, note: str = f"{MARK}`: do not edit."
+    bake: bool = False,
+    prefix: str = PREFIX,
+    note: str = f"{MARK}`: do not edit.",
+    only: Collection[str] | None = None,
+    optimisation: str = "-O2",
 ) -> WebModule:
     """Return what the WebAssembly of a controller's C offers.
 
@@ -53,29 +81,37 @@ def controller_module(
         What the names of the C begin with.
     note : str
         What its files begin with: `origin_of` of the C.
+    only : collection of str, optional
+        Names of the functions on samples that are wanted; all by default.
+    optimisation : str
+        As of `WebModule`.
 
     Returns
     -------
     WebModule
     """
     first = "" if bake else "&model"
+    pass_model = "" if bake else "&model, "
+    area = fill("wasm_map.in", prefix=prefix, pass_model=pass_model)
     functions = [
         Exported(name, [_rows(a, prefix) for a in inputs], [_rows(a, prefix) for a in outputs], first)
         for name, inputs, outputs in prototypes()
+        if only is None or name in only
     ]
     statuses = dict(enumerate(_STATUSES))
     if bake:
-        return WebModule(prefix, note, functions, statuses)
+        return WebModule(prefix, note, functions, statuses, area, _MAP, optimisation=optimisation)
     places, count = _places()
     return WebModule(
         prefix,
         note,
         functions,
         statuses,
-        state=fill("wasm_machine.in", prefix=prefix, PREFIX=prefix.upper()),
-        methods=_METHODS.replace("@count", str(count)).replace("\\u0060", "`"),
+        state=fill("wasm_machine.in", prefix=prefix, PREFIX=prefix.upper()) + area,
+        methods=_MAP + _METHODS.replace("@count", str(count)).replace("\\u0060", "`"),
         constructed="\n        exports.initialise();",
         places=places,
+        optimisation=optimisation,
     )
 
 

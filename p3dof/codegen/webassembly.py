@@ -121,6 +121,8 @@ class WebModule:
         JavaScript of more methods, and of what is done at first.
     places : mapping
         Where the parameters are, by name; empty without any.
+    optimisation : str
+        What the compiler is told: ``"-O2"`` for speed, ``"-Oz"`` for a small file.
     """
 
     prefix: str
@@ -131,6 +133,7 @@ class WebModule:
     methods: str = ""
     constructed: str = ""
     places: Mapping[str, object] = field(default_factory=dict)
+    optimisation: str = "-O2"
 
     def exports(self) -> str:
         """Return the C that is compiled beside the library."""
