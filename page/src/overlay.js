@@ -50,7 +50,6 @@ function lost(element, stage) {
 function told(element, state) {
     const row = made(element, "div", "told");
     const line = made(row, "p", "refused");
-    line.setAttribute("role", "status");
     const back = made(row, "button", "back", "Back to the run");
     back.addEventListener("click", () => letGo(state));
     state.subscribe(() => {
@@ -72,6 +71,9 @@ function tilt(element, state, stage) {
     bar.addEventListener("input", () => {
         const pose = instant(state).pose;
         if (pose) hold(state, [pose[0], pose[1], Number(bar.value)]);
+    });
+    bar.addEventListener("keydown", (event) => { // they move the bar, not the time
+        if (/^(Arrow|Page|Home|End)/.test(event.key)) event.stopPropagation();
     });
     stage.drawn.add(() => {
         const hidden = !stage.contents.handles?.edgeOn || !state.engine;

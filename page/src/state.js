@@ -6,11 +6,11 @@ const later = typeof requestAnimationFrame === "function" ? requestAnimationFram
 
 /** Layers of the page itself, beside those of the document's scene. */
 export const OWN_LAYERS = [
-    { name: "forces", label: "forces", shown: true },
-    { name: "map", label: "workspace map", shown: false },
-    { name: "closures", label: "closures", shown: false },
-    { name: "section", label: "section through P", shown: false },
-    { name: "parallel", label: "parallel projection", shown: false },
+    { name: "forces", label: "Forces", shown: true },
+    { name: "map", label: "Workspace map", shown: false },
+    { name: "closures", label: "Closures", shown: false },
+    { name: "section", label: "Section", shown: false },
+    { name: "parallel", label: "Parallel view", shown: false },
 ];
 
 /**
