@@ -626,7 +626,7 @@ def test_show_makes_a_film(capsys, tmp_path, five_bar):
 
 def test_rods_of_a_robot_reach_from_joint_to_joint_and_meet_where_loops_close():
     pytest.importorskip("coal", reason="coal is not installed")
-    from p3dof.viewer.robots.sticks import StickFigure
+    from p3dof.page.robots.sticks import StickFigure
 
     model = ClosedLoopModel.from_urdf(robots.five_bar(), robots.FIVE_BAR_SIDECAR)
     figure, q = StickFigure(model), robots.five_bar_q(1.9, 1.2)

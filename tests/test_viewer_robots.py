@@ -18,10 +18,10 @@ pytest.importorskip("meshcat", reason="meshcat is not installed")
 from browser import chromium, opened
 from test_viewer_scene import commands, matrix, moved
 
+from p3dof.page.robots.sticks import StickFigure
 from p3dof.viewer import JointMotion, RobotScene, robot_animation_html
 from p3dof.viewer.drawing import ROOT
 from p3dof.viewer.robots.arrows import LONGEST
-from p3dof.viewer.robots.sticks import StickFigure
 
 coal = pytest.importorskip("coal")
 GALLERY = Path(__file__).parents[1] / "docs/_static/gallery"

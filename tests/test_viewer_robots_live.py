@@ -17,11 +17,12 @@ from p3dof.errors import InputError
 pytest.importorskip("meshcat", reason="meshcat is not installed")
 from browser import chromium, opened
 
+from p3dof.page.robots.motion import held
+from p3dof.page.robots.ranges import slider_ranges
 from p3dof.viewer import JointMotion
 from p3dof.viewer.headless import as_image
-from p3dof.viewer.robots.hand import Hand, compiled_of, slider_ranges
+from p3dof.viewer.robots.hand import Hand, compiled_of
 from p3dof.viewer.robots.live import RobotViewer
-from p3dof.viewer.robots.motion import held
 
 GALLERY = Path(__file__).parents[1] / "docs/_static/gallery"
 READY = (

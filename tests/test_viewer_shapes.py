@@ -22,12 +22,12 @@ import trimesh
 from browser import chromium, opened
 from test_viewer_scene import commands, matrix
 
+from p3dof.page.robots import meshes
+from p3dof.page.robots.figure import RobotFigure
+from p3dof.page.robots.meshes import MeshFiles
 from p3dof.viewer import JointMotion, RobotScene
 from p3dof.viewer.headless import as_image
-from p3dof.viewer.robots import meshes
-from p3dof.viewer.robots.figure import RobotFigure
 from p3dof.viewer.robots.live import RobotViewer
-from p3dof.viewer.robots.meshes import MeshFiles
 
 SHAPES = {
     "base": '<visual><geometry><box size="0.6 0.1 0.02"/></geometry><material name="dark"/></visual>',

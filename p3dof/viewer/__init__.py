@@ -13,9 +13,9 @@ from p3dof.methods import InverseDynamics
 from p3dof.motion import Motion
 from p3dof.page.machine import Machine
 from p3dof.page.poses import joints_of, trace_of
+from p3dof.page.robots.motion import JointMotion
 from p3dof.viewer.animation import animation_html, save_animation
 from p3dof.viewer.robots.animation import robot_animation_html, robot_picture, save_robot_film
-from p3dof.viewer.robots.motion import JointMotion
 from p3dof.viewer.robots.scene import RobotScene
 from p3dof.viewer.scale import ArrowScale
 from p3dof.viewer.scene import Scene

@@ -22,10 +22,10 @@ from p3dof.cli.serving import OPEN, PAUSED, PORT, SPEED, serve
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.errors import InputError
 from p3dof.files import SUFFIXES, suffix_of, write_atomic
+from p3dof.page.robots.figure import RobotFigure
 from p3dof.simulation import Integration, simulate_robot
 from p3dof.viewer import JointMotion, robot_animation_html, robot_picture, save_robot_film
 from p3dof.viewer.headless import MAX_PIXELS, SIZE
-from p3dof.viewer.robots.figure import RobotFigure
 
 if TYPE_CHECKING:
     from p3dof.viewer.robots.live import RobotViewer

@@ -13,11 +13,11 @@ from p3dof.checks import FloatArray, Progress, positive, shown
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.errors import InputError
 from p3dof.page.drawable import Drawable
+from p3dof.page.robots.motion import JointMotion, Moment
 from p3dof.viewer.films import checked_rate, save_film
 from p3dof.viewer.frames import MAX_FRAMES, Frames, Labels, page_of
 from p3dof.viewer.headless import SIZE, checked_size, picture_of
 from p3dof.viewer.recorder import Recorder
-from p3dof.viewer.robots.motion import JointMotion, Moment
 from p3dof.viewer.robots.readings import ClosureReadings
 from p3dof.viewer.robots.scene import RobotScene
 

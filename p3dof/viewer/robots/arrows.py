@@ -12,9 +12,9 @@ import pinocchio as pin
 
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.closure_wrenches import ClosureWrench
+from p3dof.page.robots.lines import turned_to
 from p3dof.viewer.arrows import HEAD_RADIUS, draw_arrow, set_length
 from p3dof.viewer.robots.closures import COLOUR, ink
-from p3dof.viewer.robots.lines import turned_to
 
 UNITS = ("N", "N m")
 """Of forces and of moments."""

@@ -12,8 +12,8 @@ import pinocchio as pin
 
 from p3dof.checks import FloatArray
 from p3dof.closed_loop import Closure
+from p3dof.page.robots.lines import line_between, placed_at, turned_to
 from p3dof.viewer.arrows import unit_along_z
-from p3dof.viewer.robots.lines import line_between, placed_at, turned_to
 from p3dof.viewer.stage import colour_number, write_text
 
 COLOUR = (0.42, 0.16, 0.62)

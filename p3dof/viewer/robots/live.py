@@ -15,13 +15,14 @@ from p3dof.closed_loop import ClosedLoopModel
 from p3dof.closed_loop.compiling_model import Method
 from p3dof.errors import InputError
 from p3dof.page.drawable import Drawable
+from p3dof.page.robots.figure import RobotFigure
+from p3dof.page.robots.motion import JointMotion, Moment, Run, held
+from p3dof.page.robots.ranges import slider_ranges
 from p3dof.viewer.connections import Message
 from p3dof.viewer.live_page import LivePage, Request, player_of
 from p3dof.viewer.player import within
-from p3dof.viewer.robots.figure import RobotFigure
-from p3dof.viewer.robots.hand import Hand, compiled_of, slider_ranges
+from p3dof.viewer.robots.hand import Hand, compiled_of
 from p3dof.viewer.robots.layers import checked_layers
-from p3dof.viewer.robots.motion import JointMotion, Moment, Run, held
 from p3dof.viewer.robots.panel import Panel, setup_message
 from p3dof.viewer.robots.scene import RobotScene
 

@@ -7,10 +7,10 @@ import numpy as np
 from p3dof.checks import FloatArray
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.closed_loop.tables import is_slide, units_of_actuated
+from p3dof.page.robots.motion import JointMotion, Moment
+from p3dof.page.robots.ranges import values_of
 from p3dof.viewer.connections import Message
 from p3dof.viewer.player import FASTEST, SLOWEST
-from p3dof.viewer.robots.hand import values_of
-from p3dof.viewer.robots.motion import JointMotion, Moment
 from p3dof.viewer.robots.readings import UNDETERMINED, ClosureReadings
 from p3dof.viewer.robots.scene import RobotScene
 from p3dof.viewer.stage import number

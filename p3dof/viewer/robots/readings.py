@@ -10,8 +10,8 @@ from p3dof.checks import FloatArray
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.closed_loop.closure_wrenches import ClosureWrenches
 from p3dof.closed_loop.tables import is_slide
+from p3dof.page.robots.motion import Moment
 from p3dof.viewer.robots.closures import WORDS
-from p3dof.viewer.robots.motion import Moment
 from p3dof.viewer.stage import number
 
 UNDETERMINED = "not determined"

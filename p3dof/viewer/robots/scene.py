@@ -16,6 +16,8 @@ from p3dof.closed_loop.closure_wrenches import ClosureWrenches
 from p3dof.errors import InputError
 from p3dof.page.drawable import Drawable
 from p3dof.page.measures import enlargement, mesh_of
+from p3dof.page.robots.motion import JointMotion, Moment
+from p3dof.page.robots.sticks import thickness
 from p3dof.viewer.drawing import ROOT, Drawing
 from p3dof.viewer.robots.arrows import (
     ACTUATORS,
@@ -29,9 +31,8 @@ from p3dof.viewer.robots.arrows import (
 )
 from p3dof.viewer.robots.closures import MOST_NUMBERS, ClosureMarks
 from p3dof.viewer.robots.layers import LAYERS, Layers
-from p3dof.viewer.robots.motion import JointMotion, Moment
 from p3dof.viewer.robots.skins import draw_skins
-from p3dof.viewer.robots.sticks import Slides, thickness
+from p3dof.viewer.robots.slides import Slides
 from p3dof.viewer.stage import draw_floor, number, set_stage
 from p3dof.viewer.window import SceneWindow
 

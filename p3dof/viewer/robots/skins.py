@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from p3dof.viewer.robots.meshes import Skin
+from p3dof.page.robots.meshes import Skin
 from p3dof.viewer.stage import colour_number
 
 

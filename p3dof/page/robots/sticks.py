@@ -12,9 +12,7 @@ import pinocchio as pin
 from p3dof.checks import FloatArray
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.errors import MissingExtraError
-from p3dof.viewer.arrows import unit_along_z
-from p3dof.viewer.robots.lines import line_between, turned_to
-from p3dof.viewer.stage import colour_number
+from p3dof.page.robots.lines import turned_to
 
 THICK = 0.016
 """Radius of a rod, as a share of the largest distance in the robot."""
@@ -25,7 +23,7 @@ _COLOURS = (
     (0.60, 0.53, 0.60, 1.0),
 )
 _BALL = (0.25, 0.27, 0.30, 1.0)
-_GROUND = (0.72, 0.74, 0.77, 1.0)
+GROUND = (0.72, 0.74, 0.77, 1.0)
 _FLOATING = ("JointModelFreeFlyer", "JointModelPlanar", "JointModelTranslation")
 """Joints that fix nothing to the ground."""
 
@@ -68,7 +66,7 @@ class StickFigure:
         coal, radius = shapes_library(), self.radius
         if joint:
             self._add(joint, "ball", 0, coal.Sphere(1.6 * radius), pin.SE3.Identity(), _BALL)
-        colour = _COLOURS[joint % len(_COLOURS)] if joint else _GROUND
+        colour = _COLOURS[joint % len(_COLOURS)] if joint else GROUND
         pairs = [(np.zeros(3), point) for point in points] if joint else _around(points)
         for number, (start, end) in enumerate(pairs):
             length = float(np.linalg.norm(end - start))
@@ -105,40 +103,6 @@ def shapes_library() -> Any:
     except ImportError as error:
         raise MissingExtraError("shapes need coal: pip install 'p3dof[viz]'") from error
     return coal
-
-
-class Slides:
-    """Thin rods along the slides of a robot, from where each begins to what slides.
-
-    Parameters
-    ----------
-    viewer : meshcat.Visualizer
-        The root of what is drawn.
-    model : pin.Model
-        The robot's tree.
-    radius : float
-        Of the rods [m].
-    """
-
-    def __init__(self, viewer: Any, model: pin.Model, radius: float) -> None:
-        import meshcat.geometry as mg
-
-        self._model, self._node = model, viewer["slides"]
-        kinds = [str(joint.shortname()) for joint in model.joints]
-        self.joints = [
-            i for i, kind in enumerate(kinds) if kind.startswith("JointModelP") and model.nvs[i] == 1
-        ]
-        """Which joints slide."""
-        ink = mg.MeshLambertMaterial(color=colour_number(_GROUND))
-        for joint in self.joints:
-            self._node[str(joint)].set_object(unit_along_z(mg.Cylinder(1.0, radius)), ink)
-
-    def place(self, data: pin.Data) -> None:
-        """Show them at joint placements that `data` holds."""
-        for joint in self.joints:
-            start = data.oMi[int(self._model.parents[joint])] * self._model.jointPlacements[joint]
-            line = line_between(start.translation, data.oMi[joint].translation)
-            self._node[str(joint)].set_transform(line)
 
 
 def _ends(loop: ClosedLoopModel) -> dict[int, list[FloatArray]]:

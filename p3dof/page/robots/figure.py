@@ -13,9 +13,9 @@ import pinocchio as pin
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.closed_loop.robots import file_of
 from p3dof.errors import FileError, MissingExtraError, ModelError
-from p3dof.viewer.robots.meshes import MeshFiles, Skin
-from p3dof.viewer.robots.sticks import StickFigure, shapes_library
-from p3dof.viewer.robots.visuals import Visual, folder_of, visuals_of
+from p3dof.page.robots.meshes import MeshFiles, Skin
+from p3dof.page.robots.sticks import StickFigure, shapes_library
+from p3dof.page.robots.visuals import Visual, folder_of, visuals_of
 
 _PLAIN = (0.62, 0.66, 0.70, 1.0)
 """Colour of a shape that has none."""

@@ -1,0 +1,1 @@
+"""Documents of any robot: its shapes, its skeleton, its motion, and the forces on it."""
