@@ -90,6 +90,7 @@ from .errors import (
 
 # Rooms that are used by their own name: p3dof.viewer.save_animation, p3dof.engines.load, ...
 from . import (
+    bearings,
     blocks,
     closed_loop,
     codegen,
@@ -196,6 +197,7 @@ __all__ = [
     "Waypoint",
     "WrenchHistory",
     "__version__",
+    "bearings",
     "blocks",
     "closed_loop",
     "codegen",

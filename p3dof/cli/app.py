@@ -30,6 +30,7 @@ LONGEST = 1000
 
 
 COMMANDS = {
+    "bearings": ("p3dof.cli.bearings", "Say how long bearings live, and if rods are safe."),
     "codegen": ("p3dof.cli.codegen", "Write C99 for a controller."),
     "compare": ("p3dof.cli.compare", "Compute the forces by both methods, and compare them."),
     "designs": ("p3dof.cli.designs", "Compare many machines over one motion, from a table."),

@@ -25,7 +25,7 @@ from p3dof.motion.splines import eased
 from p3dof.parameters import Body, read_parameters
 from p3dof.parameters.plain import require_near
 from p3dof.parameters.quantities import LENGTH, MASS
-from p3dof.reactions import ALL, WAYS, AnyReactions, Choice, read_stiffness
+from p3dof.reactions import ALL, WAYS, AnyReactions, Choice, Stiffness, read_stiffness
 
 _PARAMETERS = click.option(
     "--parameters",
@@ -329,9 +329,8 @@ class Case:
                 param_hint=option,
             )
 
-    def reactions(self, joints: Choice = ALL, stiffness: Path | None = None) -> AnyReactions:
+    def reactions(self, joints: Choice = ALL, stiffness: Stiffness | None = None) -> AnyReactions:
         """Return the reactions of all joints, with a progress bar."""
-        given = None if stiffness is None else read_stiffness(stiffness)
         with progress_bar("reactions", len(self.motion)) as progress:
             result = self.robot.reactions(  # type: ignore[call-overload,unused-ignore]  # on_invalid: see solve
                 self.motion,
@@ -339,7 +338,7 @@ class Case:
                 wrench=self.wrench,
                 on_invalid=self.on_invalid,
                 progress=progress,
-                stiffness=given,
+                stiffness=stiffness,
             )
         self.require_valid(result.valid)
         return cast(AnyReactions, result)
@@ -350,6 +349,11 @@ class Case:
             raise SampleError(
                 f"no sample of the motion is within what the machine can do ({len(valid)} samples)"
             )
+
+
+def stiffness_in(path: Path | None) -> Stiffness | None:
+    """Return how joints and rods give way by a file, if there is one."""
+    return None if path is None else read_stiffness(source(path))
 
 
 def with_case(command: Callable[..., Any]) -> Callable[..., Any]:

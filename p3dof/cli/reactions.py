@@ -8,7 +8,7 @@ import click
 
 from p3dof.cli.app import app
 from p3dof.cli.files import OutputFile, console_beside, write_results
-from p3dof.cli.options import FIGURE, JOINTS, STIFFNESS, Case, with_case
+from p3dof.cli.options import FIGURE, JOINTS, STIFFNESS, Case, stiffness_in, with_case
 from p3dof.cli.output import print_plain, print_warnings, show
 from p3dof.cli.payloads import print_payloads
 from p3dof.reactions import JOINTS as ALL_JOINTS
@@ -38,7 +38,7 @@ def reactions(
     Exit code 1 when the machine cannot make the motion: there are no peaks then.
     """
     case.protect(out, figure)
-    result = case.reactions(joints, stiffness)
+    result = case.reactions(joints, stiffness_in(stiffness))
     from p3dof import plots
 
     written = write_results(result.to_csv, out, lambda: plots.reactions_figure(result), figure)

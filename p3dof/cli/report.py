@@ -11,13 +11,13 @@ from rich.console import Console
 
 from p3dof.cli.app import app
 from p3dof.cli.files import STREAM, OutputFile
-from p3dof.cli.options import JOINTS, STIFFNESS, Case, with_case
+from p3dof.cli.options import JOINTS, STIFFNESS, Case, stiffness_in, with_case
 from p3dof.cli.output import print_plain, print_warnings, progress_bar
 from p3dof.cli.payloads import payloads_in_words, print_payloads
 from p3dof.errors import InputError, MissingExtraError
 from p3dof.files import suffix_of
 from p3dof.manipulator import InverseDynamics
-from p3dof.reactions import ALL, Choice, read_stiffness
+from p3dof.reactions import ALL, Choice
 
 
 @app.command("report")
@@ -67,7 +67,7 @@ def make(
         animation=moving,
         no_animation=reason,
         joints=joints,
-        stiffness=None if stiffness is None else read_stiffness(stiffness),
+        stiffness=stiffness_in(stiffness),
         picture=picture,
         comparison=comparison,
     )

@@ -1,0 +1,295 @@
+"""Bearings of the hinges and guides of the sliders, as a catalogue gives them.
+
+The form of a file::
+
+    hinges:                                    # of every hinge and universal joint that `joints` leaves out
+      {name: 6001, dynamic: 5.1 kN, static: 2.4 kN, X: 0.56, Y: 1.6, e: 0.27}
+    guides:
+      {name: size 15, dynamic: 10 kN, basis: 50 km, static: 16 kN, moments: [120 Nm, 120 Nm, 150 Nm]}
+    joints:
+      hinge_left: {name: needle, dynamic: 6 kN, kind: roller}
+
+Numbers are in SI units, or have one of their own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal
+
+import numpy as np
+
+from p3dof.checks import FloatArray, frozen_array, shown
+from p3dof.errors import ParameterError
+from p3dof.files import Source, called, parse_yaml, read_text
+from p3dof.parameters.plain import named, read_fields
+from p3dof.parameters.quantities import FORCE, LENGTH, MOMENT, Quantity
+from p3dof.reactions import JOINTS
+
+_EXPONENTS = {"ball": 3.0, "roller": 10.0 / 3.0}
+_BASES = (50e3, 100e3)
+"""Ways for which makers of guides give the dynamic load [m]."""
+SLIDES = tuple(joint.name for joint in JOINTS if joint.axis == "z")
+TURNING = tuple(joint.name for joint in JOINTS if joint.axis == "y")
+_MOMENTS = "moments: expected three positive numbers, about x, y, z of the slide"
+
+
+def _name(value: Any) -> str:
+    if not isinstance(value, str | int) or isinstance(value, bool):
+        raise ParameterError(f"name: expected a text, got {shown(value)}")
+    return str(value)
+
+
+def _positive(field: str, value: Any, least: float = 0.0) -> float:
+    number = float(frozen_array(field, value, (), ParameterError))
+    if not number > least:
+        raise ParameterError(f"{field}: expected a number above {least:g}, got {number:g}")
+    return number
+
+
+def _from_zero(field: str, value: Any) -> float:
+    number = float(frozen_array(field, value, (), ParameterError))
+    if number < 0:
+        raise ParameterError(f"{field}: expected zero or more, got {number:g}")
+    return number
+
+
+@dataclass(frozen=True)
+class Bearing:
+    """A rolling bearing of a hinge.
+
+    Its equivalent load is P = Fr where Fa / Fr is at most e, and X Fr + Y Fa beyond (ISO 281).
+
+    Parameters
+    ----------
+    dynamic : float
+        Basic dynamic load rating C, for a million revolutions [N].
+    static : float, optional
+        Basic static load rating C0 [N]; without it the static safety is not told.
+    kind : {"ball", "roller"}
+        Of the rolling elements: the exponent of the life is 3 or 10/3.
+    X, Y, e : float
+        Factors of the equivalent load: radial, axial, and from which share of axial load on.
+    name : str
+        What tables call it.
+
+    Raises
+    ------
+    ParameterError
+        If a number is not physical.
+    """
+
+    dynamic: float
+    static: float | None = None
+    kind: Literal["ball", "roller"] = "ball"
+    X: float = 1.0
+    Y: float = 0.0
+    e: float = 0.0
+    name: str = "bearing"
+
+    def __post_init__(self) -> None:
+        set_ = object.__setattr__
+        set_(self, "name", _name(self.name))
+        set_(self, "dynamic", _positive("dynamic", self.dynamic))
+        if self.static is not None:
+            set_(self, "static", _positive("static", self.static))
+        for item in ("X", "Y", "e"):
+            set_(self, item, _from_zero(item, getattr(self, item)))
+        if self.kind not in _EXPONENTS:
+            raise ParameterError(f"kind: expected ball or roller, got {shown(self.kind)}")
+
+    @property
+    def exponent(self) -> float:
+        """The exponent p of the life."""
+        return _EXPONENTS[self.kind]
+
+    def equivalent(self, radial: FloatArray, axial: FloatArray) -> FloatArray:
+        """Return the equivalent dynamic loads P (N,) [N].
+
+        Parameters
+        ----------
+        radial, axial : ndarray, shape (N,)
+            Sizes of the loads across and along the axis [N].
+
+        Returns
+        -------
+        ndarray, shape (N,)
+        """
+        along = self.X * radial + self.Y * axial
+        return np.where(axial <= self.e * radial, radial, along)
+
+
+@dataclass(frozen=True)
+class Guide:
+    """The carriage of a slider on its profiled rail, or several taken as one.
+
+    Parameters
+    ----------
+    dynamic : float
+        Basic dynamic load rating C [N].
+    basis : float
+        The way that it holds for: 50 or 100 km [m]; makers differ, and the rating for 50 km is 1.26 times the
+        other of ball guides.
+    moments : sequence of 3 floats
+        Moments about x, y and z of the slide that count as much as the force C [N m].
+    static : float, optional
+        Basic static load rating C0 [N].
+    kind : {"ball", "roller"}
+        Of the rolling elements.
+    centre : sequence of 3 floats
+        Of the carriage, in the slider's frame [m].
+    name : str
+        What tables call it.
+
+    Raises
+    ------
+    ParameterError
+        If a number is not physical, or the basis is none.
+    """
+
+    dynamic: float
+    basis: float
+    moments: Sequence[float]
+    static: float | None = None
+    kind: Literal["ball", "roller"] = "ball"
+    centre: Sequence[float] = (0.0, 0.0, 0.0)
+    name: str = "guide"
+
+    def __post_init__(self) -> None:
+        set_ = object.__setattr__
+        set_(self, "name", _name(self.name))
+        set_(self, "dynamic", _positive("dynamic", self.dynamic))
+        if self.static is not None:
+            set_(self, "static", _positive("static", self.static))
+        if not any(math.isclose(float(_positive("basis", self.basis)), basis) for basis in _BASES):
+            raise ParameterError(f"basis: expected 50 km or 100 km, got {self.basis:g} m")
+        moments = frozen_array("moments", self.moments, (3,), ParameterError)
+        if not (moments > 0).all():
+            raise ParameterError(_MOMENTS)
+        set_(self, "moments", tuple(moments.tolist()))
+        set_(self, "centre", tuple(frozen_array("centre", self.centre, (3,), ParameterError).tolist()))
+        if self.kind not in _EXPONENTS:
+            raise ParameterError(f"kind: expected ball or roller, got {shown(self.kind)}")
+
+    @property
+    def exponent(self) -> float:
+        """The exponent p of the life."""
+        return _EXPONENTS[self.kind]
+
+    def parts(self, forces: FloatArray, moments: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return what forces and what moments contribute to the equivalent loads: sums of sizes.
+
+        Parameters
+        ----------
+        forces, moments : ndarray, shape (N, 3)
+            On the carriage at the slider's origin, in the slide's axes [N, N m]; along z it bears nothing.
+
+        Returns
+        -------
+        forces, moments : ndarray, shape (N,)
+            Their sum is the equivalent load P [N].
+        """
+        across = forces * np.array([1.0, 1.0, 0.0])
+        about = moments - np.cross(np.asarray(self.centre), across)
+        rated = self.dynamic / np.asarray(self.moments)
+        return np.abs(across).sum(axis=-1), (np.abs(about) * rated).sum(axis=-1)
+
+
+@dataclass(frozen=True)
+class Bearings:
+    """What every joint runs in.
+
+    Parameters
+    ----------
+    hinges : Bearing, optional
+        Of all hinges and universal joints that `joints` leaves out; without it only those are looked at.
+    guides : Guide, optional
+        Likewise of the sliders.
+    joints : mapping of str to Bearing or Guide
+        Of single joints, by name.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such joint, a part is something else, or there is none.
+    """
+
+    hinges: Bearing | None = None
+    guides: Guide | None = None
+    joints: Mapping[str, Bearing | Guide] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name, kind in (("hinges", Bearing), ("guides", Guide)):
+            if not isinstance(getattr(self, name), kind | None):
+                raise ParameterError(f"{name}: expected a {kind.__name__}, got {shown(getattr(self, name))}")
+        for name, part in self.joints.items():
+            if name not in (*SLIDES, *TURNING):
+                raise ParameterError(
+                    f"joints: expected names of {', '.join((*SLIDES, *TURNING))}, got {name!r}"
+                )
+            kind = Guide if name in SLIDES else Bearing
+            if not isinstance(part, kind):
+                raise ParameterError(f"joints: {name}: expected a {kind.__name__}, got {shown(part)}")
+        if not (self.hinges or self.guides or self.joints):
+            raise ParameterError("expected hinges, guides or joints, got none of them")
+
+    def of(self, joint: str) -> Bearing | Guide | None:
+        """Return what a joint runs in."""
+        return self.joints.get(joint, self.guides if joint in SLIDES else self.hinges)
+
+
+_NUMBERS: Mapping[str, Quantity] = {
+    "dynamic": FORCE,
+    "static": FORCE,
+    "basis": LENGTH,
+    "moments": MOMENT,
+    "centre": LENGTH,
+}
+
+
+def read_bearings(path: Source) -> Bearings:
+    """Read what the joints run in; for the form see the module.
+
+    Parameters
+    ----------
+    path : path-like or stream
+        The YAML file.
+
+    Returns
+    -------
+    Bearings
+
+    Raises
+    ------
+    ParameterError
+        If a field is missing, unknown, in a wrong unit or does not fit; the message names file and field.
+    FileError
+        If the file cannot be read.
+    """
+    source = called(path)
+    known = [item.name for item in fields(Bearings)]
+    data = read_fields(parse_yaml(read_text(path), source, ParameterError), source, (), known)
+    parts: dict[str, Any] = {}
+    for name, kind in (("hinges", Bearing), ("guides", Guide)):
+        if name in data:
+            parts[name] = _read(data[name], kind, f"{source}: {name}")
+    if "joints" in data:
+        where = f"{source}: joints"
+        own = read_fields(data["joints"], where, (), (*SLIDES, *TURNING))
+        parts["joints"] = {
+            name: _read(value, Guide if name in SLIDES else Bearing, f"{where}.{name}")
+            for name, value in own.items()
+        }
+    return named(source, lambda: Bearings(**parts))
+
+
+def _read(data: Any, kind: type[Any], where: str) -> Any:
+    required = ("dynamic", "basis", "moments") if kind is Guide else ("dynamic",)
+    data = read_fields(data, where, required, [item.name for item in fields(kind)])
+    values = {
+        key: _NUMBERS[key].read(value, f"{where}.{key}") if key in _NUMBERS else value
+        for key, value in data.items()
+    }
+    return named(where, lambda: kind(**values))

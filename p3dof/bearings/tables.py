@@ -1,0 +1,124 @@
+"""Tables of bearings, guides and rods."""
+
+from __future__ import annotations
+
+import math
+
+from p3dof.bearings.results import BearingReport
+from p3dof.tables import NONE, Table, html_of, notebook_html, number, table_of
+
+_LONG = 1e5
+
+
+def bearings_table(report: BearingReport) -> Table:
+    """Return the bearings of the hinges: loads, angles turned, lives.
+
+    Parameters
+    ----------
+    report : BearingReport
+        Over a cycle.
+
+    Returns
+    -------
+    Table
+    """
+    rows = {
+        one.joint: (
+            one.bearing.name,
+            number(one.mean_load),
+            number(one.peak_load),
+            number(one.peak_time),
+            number(math.degrees(one.swing)),
+            number(one.revolutions),
+            number(one.life / 1e6) if math.isfinite(one.life) else NONE,
+            _hours(one.hours),
+            _safety(one.static_safety),
+        )
+        for one in report.bearings
+    }
+    header = (
+        "joint", "bearing", "mean load [N]", "peak [N]", "at t [s]", "swing [°]", "turns a cycle",
+        "L10 [Mrev]", "L10 [h]", "static safety",
+    )  # fmt: skip
+    note = f"A cycle takes {number(report.cycle)} s. Mean load: equivalent, by angle turned (ISO 281)."
+    return table_of("Bearings", header, rows, note, "wide")
+
+
+def guides_table(report: BearingReport) -> Table:
+    """Return the guides of the sliders: loads, ways, lives.
+
+    Parameters
+    ----------
+    report : BearingReport
+        Over a cycle.
+
+    Returns
+    -------
+    Table
+    """
+    rows = {
+        one.joint: (
+            one.guide.name,
+            number(one.mean_load),
+            number(one.peak_load),
+            number(one.peak_time),
+            f"{one.moment_share:.0%}",
+            number(one.way),
+            number(one.life / 1e3) if math.isfinite(one.life) else NONE,
+            _hours(one.hours),
+            _safety(one.static_safety),
+        )
+        for one in report.guides
+    }
+    header = (
+        "joint", "guide", "mean load [N]", "peak [N]", "at t [s]", "from moments", "way a cycle [m]",
+        "L10 [km]", "L10 [h]", "static safety",
+    )  # fmt: skip
+    note = "Mean load: equivalent, with moments about the carriage, weighted by the way (ISO 14728-1)."
+    return table_of("Guides", header, rows, note, "wide")
+
+
+def rods_table(report: BearingReport) -> Table:
+    """Return legs and rods: compression against buckling, and the bending frequency.
+
+    Parameters
+    ----------
+    report : BearingReport
+        Over a cycle.
+
+    Returns
+    -------
+    Table
+    """
+    rows = {
+        rod.rod: (
+            number(rod.compression) if rod.compression else "none",
+            number(rod.tension) if rod.tension else "none",
+            number(rod.buckling),
+            _safety(rod.buckling_safety),
+            number(rod.frequency),
+        )
+        for rod in report.rods
+    }
+    header = ("rod", "compression [N]", "tension [N]", "buckles at [N]", "safety", "bends at [Hz]")
+    return table_of("Legs and rods, hinged at both ends", header, rows)
+
+
+def _hours(hours: float) -> str:
+    return f"> {_LONG:,.0f}" if hours > _LONG else number(hours)
+
+
+def _safety(value: float) -> str:
+    if math.isnan(value):
+        return NONE
+    return "no load" if math.isinf(value) else number(value)
+
+
+@html_of.register(BearingReport)
+def report_html(report: BearingReport) -> str:
+    """Return how a notebook shows bearings, guides and rods, as HTML."""
+    tables = [bearings_table(report), guides_table(report), rods_table(report)]
+    facts = f"a cycle of {number(report.cycle)} s"
+    return notebook_html(
+        "Bearings", facts, [table for table in tables if table.rows], list(report.warnings), ""
+    )

@@ -1,0 +1,225 @@
+"""Lives of bearings and guides, buckling of rods: published rules, hand calculations, every bad input."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import p3dof
+from p3dof.bearings import (
+    Bearing,
+    Bearings,
+    Guide,
+    bearing_life,
+    bearings_table,
+    guides_table,
+    read_bearings,
+    rods_table,
+)
+from p3dof.cli import main
+from p3dof.errors import InputError, ParameterError, SampleError
+from p3dof.motion import Motion, paper_motion
+from p3dof.parameters import PAPER, Body
+from p3dof.reactions import Stiffness
+
+BALL = Bearing(dynamic=3000.0, static=2400.0, name="6001")
+GUIDE = Guide(dynamic=10e3, basis=50e3, moments=(120.0, 120.0, 150.0), static=16e3)
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return p3dof.load()
+
+
+@pytest.fixture(scope="module")
+def elastic(robot):
+    return robot.reactions(paper_motion(1001), "elastic")
+
+
+@pytest.fixture(scope="module")
+def report(elastic):
+    return bearing_life(PAPER, elastic, Bearings(BALL, GUIDE))
+
+
+# Computed by another route, with Simpson's rule: mean load [N], revolutions a cycle, L10 [Mrev].
+LIVES = {
+    "hinge_a": (71.3574, 0.060332, 74310),
+    "hinge_left": (75.7945, 0.053918, 62008),
+    "hinge_c": (53.3981, 0.027683, 177332),
+    "hinge_b": (44.3666, 0.056359, 309168),
+    "hinge_platform": (30.7977, 0.508944, 924288),
+}
+AXIAL = {
+    "hinge_a": 84.9477,
+    "hinge_left": 80.9231,
+    "hinge_c": 59.4974,
+    "hinge_b": 55.0559,
+    "hinge_platform": 34.9829,
+}
+SHARES = {"slide_a": 0.8826, "slide_b": 0.8863, "slide_c": 0.8706}  # in the mean over the motion
+GUIDES = {
+    "slide_a": (393.425, 0.205456, 821076),
+    "slide_b": (364.044, 0.103819, 1036360),
+    "slide_c": (462.704, 0.358641, 504732),
+}
+
+
+def test_lives_of_bearings(report, elastic):
+    found = {one.joint: one for one in report.bearings}
+    assert len(found) == 10
+    for joint, (load, turns, life) in LIVES.items():
+        one = found[joint]
+        assert one.mean_load == pytest.approx(load, rel=4e-5)
+        assert one.revolutions == pytest.approx(turns, rel=2e-5)
+        assert one.life / 1e6 == pytest.approx(life, rel=1.2e-4)
+        assert one.hours == pytest.approx(one.life / one.revolutions / 3600, rel=1e-12)
+        assert one.oscillates
+    swings = {"hinge_a": 10.9, "hinge_b": 10.1, "hinge_c": 1.5, "hinge_left": 9.7, "hinge_platform": 46.0}
+    for joint, swing in swings.items():
+        assert math.degrees(found[joint].swing) == pytest.approx(swing, abs=0.06)
+    assert found["loop_a"].revolutions == pytest.approx(found["hinge_a"].revolutions, rel=1e-12)
+    assert found["hinge_left"].static_safety == pytest.approx(2400 / 139.096, rel=1e-5)
+    thrust = bearing_life(PAPER, elastic, Bearings(replace(BALL, Y=1.5)))
+    for one in thrust.bearings:
+        if one.joint in AXIAL:
+            assert one.mean_load == pytest.approx(AXIAL[one.joint], rel=4e-5)
+
+
+def test_lives_of_guides(report):
+    for one in report.guides:
+        load, way, life = GUIDES[one.joint]
+        assert one.mean_load == pytest.approx(load, rel=4e-5)
+        assert one.way == pytest.approx(way, rel=2e-5)
+        assert one.life / 1e3 == pytest.approx(life, rel=1.2e-4)
+        assert one.moment_share == pytest.approx(SHARES[one.joint], abs=5e-4)
+    assert "two carriages apart" in " ".join(report.warnings)
+
+
+def test_rods(report):
+    rods = {rod.rod: rod for rod in report.rods}
+    assert rods["rod_right"].compression == pytest.approx(90.9261, abs=1e-3)
+    assert rods["rod_left"].tension == pytest.approx(139.0936, abs=1e-3)
+    assert rods["leg_a"].compression == 0
+    assert rods["leg_a"].buckling_safety == math.inf
+    assert "none" in str(rods_table(report).rows)
+    for rod in rods.values():
+        assert rod.buckling == pytest.approx(101739, rel=1e-5)
+        assert rod.frequency == pytest.approx(254.69, rel=5e-5)
+
+
+def test_a_constant_load_lives_as_the_standard_says():
+    """(C / P)^p million revolutions, and the basis times (C / P)^p, of one load; factors beyond e."""
+    assert BALL.equivalent(np.array([3.0, 4.0]), np.array([5.0, 0.0])).tolist() == [3.0, 4.0]
+    both = replace(BALL, X=0.56, Y=1.6, e=0.27)
+    np.testing.assert_allclose(
+        both.equivalent(np.array([100.0, 100.0]), np.array([26.0, 28.0])), [100.0, 56 + 44.8], rtol=1e-14
+    )
+    assert replace(BALL, kind="roller").exponent == pytest.approx(10 / 3)
+    forces, moments = GUIDE.parts(np.array([[3.0, -4.0, 99.0]]), np.array([[1.2, -2.4, 3.0]]))
+    assert forces.tolist() == [7.0]
+    np.testing.assert_allclose(moments, [1.2 / 120 * 1e4 + 2.4 / 120 * 1e4 + 3 / 150 * 1e4], rtol=1e-14)
+    above = replace(GUIDE, centre=(0.0, 0.0, 0.1))  # 4 N across turn it by 0.4 N m
+    _, moments = above.parts(np.array([[0.0, 4.0, 0.0]]), np.array([[0.4, 0.0, 0.0]]))
+    turned = 0.4 + 0.1 * 4.0
+    np.testing.assert_allclose(moments, [turned / 120 * 1e4], rtol=1e-14)
+
+
+def test_rest_and_standing_still(robot, elastic):
+    one = bearing_life(PAPER, elastic, Bearings(BALL), rest=1.0)
+    other = bearing_life(PAPER, elastic, Bearings(BALL))
+    assert one.cycle == 2.0
+    assert one.bearings[0].hours == pytest.approx(2 * other.bearings[0].hours, rel=1e-12)
+    still = Motion(np.array([0.0, 1.0]), np.zeros((2, 3)), np.zeros((2, 3)), np.zeros((2, 3)))
+    report = bearing_life(PAPER, robot.reactions(still, "elastic"), Bearings(BALL, GUIDE))
+    for life in (*report.bearings, *report.guides):
+        assert life.life == life.hours == math.inf
+        assert math.isnan(life.mean_load)
+    assert "–" in str(bearings_table(report).rows)
+
+
+def test_warnings_come_first_for_what_breaks(robot):
+    heavy = PAPER.carrying(Body(400.0, np.array([0.1, 0.1, 0]), np.zeros(3)))
+    reactions = p3dof.load(heavy).reactions(paper_motion(21), "elastic")
+    soft = Stiffness(rods=replace(Stiffness().rods, diameter=0.004))
+    report = bearing_life(heavy, reactions, Bearings(BALL), stiffness=soft)
+    assert report.warnings[0].startswith("leg_a buckles at") or "buckles at" in report.warnings[0]
+    assert any("static safety" in words for words in report.warnings)
+    html = report._repr_html_()
+    assert "buckles" in html
+    assert "Bearings" in html
+    assert (
+        bearing_life(
+            PAPER, robot.reactions(paper_motion(5), "elastic"), Bearings(BALL), stiffness=Stiffness(rods=None)
+        ).rods
+        == ()
+    )
+
+
+def test_bad_arguments(robot, elastic):
+    with pytest.raises(InputError, match="'paper' leaves loads open that bearings bear; ask for 'elastic'"):
+        bearing_life(PAPER, robot.reactions(paper_motion(5), "paper"), Bearings(BALL))
+    assert bearing_life(PAPER, robot.reactions(paper_motion(5)), Bearings(BALL)).bearings
+    with pytest.raises(InputError, match="reactions: expected Reactions, got 3"):
+        bearing_life(PAPER, 3, Bearings(BALL))
+    with pytest.raises(InputError, match="bearings: expected Bearings"):
+        bearing_life(PAPER, elastic, BALL)
+    with pytest.raises(InputError, match="rest: expected zero or more"):
+        bearing_life(PAPER, elastic, Bearings(BALL), rest=-1)
+    with pytest.raises(SampleError, match="a life needs a motion"):
+        bearing_life(PAPER, robot.reactions(paper_motion(5)[:1], "elastic"), Bearings(BALL))
+    with pytest.raises(ParameterError, match="expected hinges, guides or joints, got none"):
+        Bearings()
+    with pytest.raises(ParameterError, match="joints: slide_a: expected a Guide"):
+        Bearings(joints={"slide_a": BALL})
+    with pytest.raises(ParameterError, match=r"joints: expected names of slide_a, .*'elbow'"):
+        Bearings(joints={"elbow": BALL})
+    with pytest.raises(ParameterError, match="guides: expected a Guide"):
+        Bearings(guides=BALL)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("guides: {dynamic: 10 kN, moments: [1, 1, 1]}\n", "guides: the field 'basis' is missing"),
+        ("guides: {dynamic: 10 kN, basis: 70 km, moments: [1, 1, 1]}\n", "basis: expected 50 km or 100 km"),
+        ("guides: {dynamic: 10 kN, basis: 50 km}\n", "guides: the field 'moments' is missing"),
+        ("guides: {dynamic: 10 kN, basis: 50 km, moments: [1, 0, 1]}\n", "moments: expected three positive"),
+        ("hinges: {static: 1 kN}\n", "hinges: the field 'dynamic' is missing"),
+        ("hinges: {dynamic: 3 mm}\n", "hinges.dynamic: expected a force"),
+        ("hinges: {dynamic: 3 kN, kind: needle}\n", "kind: expected ball or roller"),
+        ("hinges: {dynamic: 3 kN, Y: -1}\n", "Y: expected zero or more"),
+        ("joints: {elbow: {dynamic: 3 kN}}\n", "joints: unknown field 'elbow'"),
+        ("{}\n", "expected hinges, guides or joints"),
+    ],
+)
+def test_a_wrong_file(tmp_path, capsys, text, told):
+    path = tmp_path / "b.yaml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ParameterError, match=told):
+        read_bearings(path)
+    assert main(["bearings", str(path), "--samples", "5"]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("p3dof: error: ")
+    assert "b.yaml" in error
+
+
+def test_the_command(tmp_path, capsys):
+    path = tmp_path / "b.yaml"
+    path.write_text(
+        "hinges: {name: 6001, dynamic: 3 kN}\n"
+        "guides: {dynamic: 10 kN, basis: 50 km, moments: [120 Nm, 120 Nm, 150 Nm]}\n"
+        "joints: {hinge_left: {name: needle, dynamic: 6 kN, static: 7 kN, kind: roller}}\n",
+        encoding="utf-8",
+    )
+    read = read_bearings(path)
+    assert read.of("hinge_left") == Bearing(6e3, 7e3, "roller", name="needle")
+    assert read.of("hinge_a") == Bearing(3e3, name="6001")
+    assert read.of("slide_b").moments == (120.0, 120.0, 150.0)
+    assert main(["bearings", str(path), "--samples", "201", "--rest", "0.5"]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    for words in ("false brinelling", "needle", "no prediction", "1.5 s", "rod_right"):
+        assert words in shown
+    assert guides_table(bearing_life(PAPER, p3dof.load().reactions(paper_motion(5)), read)).rows
