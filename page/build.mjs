@@ -36,6 +36,7 @@ async function page() {
     const notices = [
         ["three.js", await read("node_modules/three/LICENSE")],
         ["uPlot", await read("node_modules/uplot/LICENSE")],
+        ["gifenc", await read("node_modules/gifenc/LICENSE.md")],
         ["@msgpack/msgpack", await read("node_modules/@msgpack/msgpack/LICENSE")],
     ];
     const text = notices.map(([name, licence]) => `${name}\n\n${licence}`).join("\n\n----\n\n");

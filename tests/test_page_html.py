@@ -29,10 +29,15 @@ def test_a_document_is_in_the_page_whatever_texts_it_has():
 
 def test_the_page_carries_the_licences_of_what_is_in_it():
     page = page_html(SMALL)
-    for holder in ("© 2010-2026 three.js authors", "(c) 2022 Leon Sorokin", "2019 The MessagePack Community"):
+    for holder in (
+        "© 2010-2026 three.js authors",
+        "(c) 2022 Leon Sorokin",
+        "2019 The MessagePack Community",
+        "2017 Matt D",
+    ):
         assert holder in page
-    assert page.count("The above copyright notice and this permission notice shall be included in") == 2
-    assert page.count('THE SOFTWARE IS PROVIDED "AS IS", WITHOUT WARRANTY OF ANY KIND') == 2
+    assert page.count("The above copyright notice and this permission notice shall be included in") == 3
+    assert page.count('THE SOFTWARE IS PROVIDED "AS IS", WITHOUT WARRANTY OF ANY KIND') == 3
 
 
 def test_the_page_may_load_nothing_and_run_nothing_but_its_own_script():

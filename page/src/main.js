@@ -10,6 +10,7 @@ import * as engine from "./engine.js";
 import * as guest from "./guest.js";
 import { instant } from "./instant.js";
 import * as keys from "./keys.js";
+import * as links from "./links.js";
 import * as map from "./map.js";
 import * as panel from "./panel.js";
 import * as print from "./print.js";
@@ -44,6 +45,7 @@ const PARTS = [
     ["layers", "layers", views.mount],
     ["downloads", "downloads", downloads.mount],
     ["keys", "page", keys.mount],
+    ["links", "page", links.mount],
     ["spoken text", "page", spoken.mount],
     ["printed page", "print", print.mount],
 ];
