@@ -93,6 +93,7 @@ export class Contents {
 
     /** Corners of what is shown at an instant. @param {import("./types").Instant} now @param {boolean} solid whether solids are among them */
     _at(now, solid) {
+        if (!there(now)) return [];
         const points = now.loads.flatMap((load) => this._ends(load));
         if (solid) {
             this.solids.place(now.placements);
@@ -124,9 +125,9 @@ export class Contents {
     place() {
         const { state, solids, arrows } = this;
         const now = instant(state);
-        solids.place(now.placements);
+        if (there(now)) solids.place(now.placements); // out of reach the machine stays where it was, its legs red
         solids.show(state.layers);
-        solids.mark(state.refused?.legs ?? []);
+        solids.mark(state.refused?.legs ?? this._astray(now));
         for (const { line, drawn } of this.lines) drawn.visible = state.layers[line.layer ?? ""] ?? true;
         this.closures.show(now.placements, state.layers.closures);
         this.map.show(state.map, state.layers.map);
@@ -134,6 +135,11 @@ export class Contents {
         this._trace();
         this._ghost();
         this._cut(now);
+    }
+
+    /** The legs that do not reach at an instant of the run. @param {import("./types").Instant} now @returns {string[]} */
+    _astray(now) {
+        return there(now) || !now.pose ? [] : (this.state.engine?.why?.(now.pose)?.legs ?? []);
     }
 
     _trace() {
@@ -204,6 +210,9 @@ export class Contents {
         for (const { text } of this.arrows.arrows.values()) text.dispose();
     }
 }
+
+/** Whether the machine can be where it is shown. @param {import("./types").Instant} now */
+const there = (now) => now.placements.every(Number.isFinite);
 
 /** Turn a plane so that it takes away what is nearer to the eye. @param {Plane} plane @param {Vector3} away @param {Vector3} at */
 function sectioned(plane, away, at) {

@@ -267,22 +267,7 @@ export class Engine {
      * @returns {Float64Array}
      */
     joints(pose) {
-        const { r, R, L, h } = this.lengths;
-        const count = pose.length / 3, found = new Float64Array(JOINTS.length * count), home = Math.atan2(R - r, h);
-        const sliders = this.sliders(pose);
-        for (let i = 0; i < count; ++i) {
-            const y = pose[3 * i], theta = pose[3 * i + 2];
-            const [a, b, c] = sliders.subarray(3 * i, 3 * i + 3);
-            const left = R - r + y, right = R - r - y, across = R - r * Math.cos(theta);
-            const rod = Math.sqrt((L - y) * (L + y));
-            const turnA = Math.atan2(left, Math.sqrt((L - left) * (L + left))) - home;
-            const turnB = Math.atan2(right, Math.sqrt((L - right) * (L + right))) - home;
-            const turnC = Math.atan2(across, Math.sqrt((rod - across) * (rod + across))) - home;
-            const lean = Math.atan2(y, rod);
-            const out = Number.isNaN(a) ? new Array(10).fill(NaN) : null;
-            found.set(out ?? [a, turnA, b, -turnB, c, -turnC, lean, -lean, theta + turnC, lean], JOINTS.length * i);
-        }
-        return found;
+        return this.#simple("joints", pose, JOINTS.length);
     }
 
     /** @param {string} name @param {ArrayLike<number>} rows @param {number} size */

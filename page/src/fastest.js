@@ -1,7 +1,7 @@
 // The shortest time of each way between two stops: its profile kept, its duration cut until a limit is met.
 import { PROFILES } from "./paths.js";
 import { moved, namesOf } from "./plan.js";
-import { impossible, margins, reasons, told } from "./workspace.js";
+import { impossible, ownMargins, reasons, told } from "./workspace.js";
 import { TaskError } from "./paths.js";
 
 /** @typedef {import("./engine.js").Engine} Engine */
@@ -51,48 +51,68 @@ class Way {
      */
     constructor(engine, path, profile, count, wrench) {
         this.engine = engine;
-        const rows = Array.from({ length: count }, (_, k) => moved(path, profile, k / (count - 1), 1));
-        this.pose = Float64Array.from(rows.flatMap(([pose]) => pose));
-        this.velocity = Float64Array.from(rows.flatMap(([, velocity]) => velocity));
-        this.acceleration = Float64Array.from(rows.flatMap(([, , acceleration]) => acceleration));
-        this.wrench = wrench && Float64Array.from(rows.flatMap((_, k) => wrench(k / (count - 1))));
+        this.pose = new Float64Array(3 * count);
+        this.velocity = new Float64Array(3 * count);
+        this.acceleration = new Float64Array(3 * count);
+        this.slow = new Float64Array(3 * count);
+        this.still = new Float64Array(3 * count);
+        this.wrench = wrench && new Float64Array(6 * count);
+        for (let k = 0; k < count; ++k) {
+            const share = k / (count - 1), [pose, velocity, acceleration] = moved(path, profile, share, 1);
+            for (let i = 0; i < 3; ++i) {
+                this.pose[3 * k + i] = pose[i];
+                this.velocity[3 * k + i] = velocity[i];
+                this.acceleration[3 * k + i] = acceleration[i];
+            }
+            if (this.wrench && wrench) this.wrench.set(wrench(share), 6 * k);
+        }
     }
 
     /** The largest share of a limit that is used, and which. @param {number} duration @param {AxisLimits} limits */
     shares(duration, limits) {
+        const { velocity, acceleration, slow, still } = this, square = duration * duration;
+        for (let k = 0; k < slow.length; ++k) {
+            slow[k] = velocity[k] / duration;
+            still[k] = acceleration[k] / square;
+        }
         const { forces, speeds, power } = this.engine.solve({
-            pose: this.pose,
-            velocity: this.velocity.map((x) => x / duration),
-            acceleration: this.acceleration.map((x) => x / duration ** 2),
-            wrench: this.wrench,
+            pose: this.pose, velocity: slow, acceleration: still, wrench: this.wrench,
         });
-        let [most, what] = [0, ""];
+        let [most, at, what] = [0, 0, ""];
         for (let k = 0; k < forces.length; ++k) {
-            const leg = "ABC"[k % 3];
             const force = Math.abs(forces[k]) / limits.force, speed = Math.abs(speeds[k]) / limits.speed;
-            if (force > most) [most, what] = [force, `force of ${leg}`];
-            if (speed > most) [most, what] = [speed, `speed of ${leg}`];
-            if (power[k] / limits.power > most) [most, what] = [power[k] / limits.power, `power of ${leg}`];
+            if (force > most) [most, at, what] = [force, k, "force"];
+            if (speed > most) [most, at, what] = [speed, k, "speed"];
+            if (power[k] / limits.power > most) [most, at, what] = [power[k] / limits.power, k, "power"];
             if (Number.isNaN(forces[k])) return { most: Infinity, what: "reach" };
         }
-        return { most, what };
+        return { most, what: `${what} of ${"ABC"[at % 3]}` };
     }
 }
 
-/** The shortest duration at which no share is above one. @param {(time: number) => number} share @param {number} known at least */
-function shortest(share, known, where = "") {
-    let low = known, high = known || 1;
-    if (known && share(known) <= 1) return known;
-    while (share(high) > 1) {
-        [low, high] = [high, known ? high * (1 + 2 * (high / known - 1) + 1e-9) : 2 * high];
+/**
+ * The shortest duration at which no share of a limit is above one, to a tiny part, and never below it.
+ * @param {(time: number) => number} share @param {number} known none is shorter; 0: nothing is known @param {string} where
+ */
+function shortest(share, known, where) {
+    /** How much is left or missing. @param {number} time */
+    const over = (time) => share(time) - 1;
+    let low = known || 1, below = over(low);
+    if (known && below <= 0) return known;
+    if (!known) while (below <= 0) below = over((low /= 2));
+    let high = known ? low * (1 + 1e-6) : 2 * low, above = over(high);
+    while (above > 0) {
+        [low, below] = [high, above];
+        high = known ? high + 4 * (high - known) : 2 * high;
         if (high > SLOWEST) throw new TaskError(`${where}: a limit is exceeded even very slowly: it leaves no room to move`);
+        above = over(high);
     }
-    while (low === 0 && share(high / 2) <= 1) high /= 2;
-    low ||= high / 2;
-    while (high - low > CLOSE * high) {
-        const middle = (low + high) / 2;
-        if (share(middle) <= 1) high = middle;
-        else low = middle;
+    for (let side = 0; high - low > CLOSE * high; ) { // regula falsi in 1 / time^2, in which forces are straight (Illinois)
+        const [a, b] = [1 / low ** 2, 1 / high ** 2], straight = 1 / Math.sqrt((above * a - below * b) / (above - below));
+        const middle = straight > low && straight < high ? straight : (low + high) / 2, value = over(middle);
+        if (value > 0) [low, below, above, side] = [middle, value, side === 1 ? above / 2 : above, 1];
+        else [high, above, below, side] = [middle, value, side === 2 ? below / 2 : below, 2];
+        if (value === 0) break;
     }
     return high;
 }
@@ -101,7 +121,7 @@ function shortest(share, known, where = "") {
 export function requireWay(engine, path, where) {
     for (let k = 0; k < POINTS; ++k) {
         const [pose] = path.at((path.end * k) / (POINTS - 1));
-        const found = reasons(margins(engine, pose)).filter(({ kind }) => kind !== "force");
+        const found = reasons(ownMargins(engine, pose));
         if (!found.length) continue;
         const what = impossible(found) ? "the way cannot be made" : "the way leaves the limits";
         throw new TaskError(`${where}: ${what} ${Math.round((100 * k) / (POINTS - 1))} % along it: ${told(found[0])}`);

@@ -55,7 +55,7 @@ export const hiddenIn = (state, index) => state.charts[index]?.hidden ?? [];
  */
 export function drawingOf(state, group) {
     const run = runOf(state);
-    const before = state.solved ? state.document.runs[state.run] : null;
+    const { before } = state;
     const other = state.compare === null ? null : (state.document.runs[state.compare] ?? null);
     const found = groupsOf(run).find(({ name }) => name === group);
     /** @type {Drawing} */
@@ -133,7 +133,7 @@ function gaps(values) {
 
 /** From the first to the last instant of all that is drawn: of charts and time bar. @param {State} state @returns {[number, number]} */
 export function wholeSpan(state) {
-    const runs = [runOf(state), state.solved && state.document.runs[state.run], state.compare !== null && state.document.runs[state.compare]];
+    const runs = [runOf(state), state.before, state.compare !== null && state.document.runs[state.compare]];
     let [start, end] = [Infinity, -Infinity];
     for (const run of runs) {
         if (!run) continue;

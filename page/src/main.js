@@ -14,6 +14,7 @@ import * as links from "./links.js";
 import * as map from "./map.js";
 import * as panel from "./panel.js";
 import * as print from "./print.js";
+import * as room from "./room.js";
 import * as scene from "./scene.js";
 import * as solving from "./solving.js";
 import * as spoken from "./spoken.js";
@@ -38,6 +39,7 @@ const PARTS = [
     ["settings", "settings", panel.settings],
     ["table", "table", table.mount],
     ["pose", "pose", panel.mount],
+    ["room to move", "room", room.mount],
     ["static and dynamic part", "cases", cases.mount],
     ["what-if", "what-if", what_if.mount],
     ["comparison", "compare", compare.mount],
@@ -82,7 +84,8 @@ async function start() {
         console.warn(error);
         say(element("heading"), `The forces cannot be computed in this page: ${message(error)}. What is stored is shown.`);
     }
-    solving.mount(state); // first: all others show what it computes
+    solving.mount(state); // first: all others show what these compute
+    map.follow(state);
     for (const [name, id, mount] of PARTS) {
         try {
             mount(element(id), state);

@@ -42,6 +42,8 @@ export interface Load {
 export interface Run {
     name: string; time: Table; q: Table; pose?: Table; velocity?: Table; acceleration?: Table; wrench?: Table;
     curves: Curve[]; loads: Load[]; notes: string[]; placed?: Record<string, Table>;
+    /** Made in this page, with this machine: waypoints, or a run that was kept. */
+    computed?: "waypoints" | "kept";
 }
 export interface Closure {
     name: string; kind: string; joint1: number; placement1: Placement; joint2: number; placement2: Placement;
@@ -108,6 +110,8 @@ export interface Fields {
     help: boolean;
     /** Instant under the pointer in a chart [s]. */
     hover: number | null;
+    /** What the workspace map shows: the largest force that holds a pose, the least margin, or what is possible. */
+    shade: "force" | "margin" | "status";
     /** The workspace map in 3D. */
     map: Picture | null;
     /** The forces in the page; null without. */

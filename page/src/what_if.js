@@ -1,5 +1,279 @@
-// Forces with other parameters than the document's.
-/** @param {HTMLElement} element @param {import("./types").State} state */
+// Forces with another machine than the document's: payload, friction, lengths, gravity, external load.
+import { PLACES } from "./machine.js";
+import { choose, make, write } from "./make.js";
+import { agreement } from "./resolve.js";
+import { engineOf, isChanged } from "./solving.js";
+import { fixed, shown } from "./units.js";
+
+/** @typedef {import("./types").State} State */
+/** @typedef {import("./types").WhatIf} WhatIf */
+/** @typedef {import("./engine.js").Engine} Engine */
+/** @typedef {"payload"|"below"|"viscous"|"coulomb"|"L"|"R"|"r"} Key */
+
+/**
+ * A number that can be changed: its unit in the state, its range, and what it is in the document.
+ * @typedef {{key: Key, label: string, unit: string, title: string, range: (base: number) => [number, number], step: number, digits: number}} Number_
+ */
+
+/** @type {Number_[]} */
+const NUMBERS = [
+    { key: "payload", label: "Payload", unit: "kg", title: "A point mass on the platform, besides what it carries", range: () => [0, 10], step: 0.1, digits: 1 },
+    { key: "below", label: "… below P", unit: "m", title: "How far below P the payload hangs", range: () => [0, 0.3], step: 0.005, digits: 0 },
+    { key: "viscous", label: "Viscous friction", unit: "N s/m", title: "Of each slider, besides the machine's", range: () => [0, 200], step: 1, digits: 0 },
+    { key: "coulomb", label: "Coulomb friction", unit: "N", title: "Of each slider, besides the machine's", range: () => [0, 50], step: 0.5, digits: 1 },
+    { key: "L", label: "Legs L", unit: "m", title: "Length of legs and rods", range: around, step: 0.001, digits: 0 },
+    { key: "R", label: "Base R", unit: "m", title: "From the middle to each guide-way", range: around, step: 0.001, digits: 0 },
+    { key: "r", label: "Platform r", unit: "m", title: "From P to each joint of the platform", range: around, step: 0.001, digits: 0 },
+];
+
+/** @param {number} base @returns {[number, number]} */
+function around(base) {
+    return [0.5 * base, 1.75 * base];
+}
+
+/** What a number is in the document. @param {Engine} engine @param {Key} key */
+const baseOf = (engine, key) => (key === "L" || key === "R" || key === "r" ? engine.original[PLACES[key]] : 0);
+
+/** Change one thing; as in the document, it is not changed at all. @param {State} state @param {WhatIf} changes */
+export function change(state, changes) {
+    /** @type {Record<string, any>} */
+    const whatIf = { ...state.whatIf, ...changes };
+    for (const key of Object.keys(whatIf)) if (whatIf[key] === undefined) delete whatIf[key];
+    state.set({ whatIf });
+}
+
+/** @param {HTMLElement} element @param {State} state */
 export function mount(element, state) {
-    void element, state;
+    const engine = engineOf(state);
+    if (!engine || !state.document.runs.some(({ pose }) => pose)) return;
+    const reset = make("button", { type: "button", id: "reset", onclick: () => state.set({ whatIf: {} }) }, "Reset");
+    const parts = [numbers(state), bodies(state), gravity(state), wrench(state)];
+    const result = peaks(state);
+    element.append(
+        make("div", { className: "title" }, make("h2", {}, "What if?"), reset),
+        ...parts.map(({ row }) => row), ...result.rows, agreed(state),
+    );
+    state.subscribe(() => {
+        const now = engineOf(state);
+        if (!now) return;
+        reset.disabled = !isChanged(state.whatIf);
+        parts.forEach((part) => part.show(now));
+        result.show();
+    });
+}
+
+/** @param {State} state */
+function numbers(state) {
+    const rows = NUMBERS.map((number) => {
+        const bar = make("input", { type: "range", step: "any", "aria-label": number.label, name: number.key });
+        const box = make("input", { type: "number", step: "any", "aria-label": `${number.label}, number` });
+        const unit = make("span", { className: "unit" });
+        const row = make("div", { className: "slider", title: number.title }, make("span", { className: "name" }, number.label), bar, box, unit);
+        /** @param {string} text @param {number} factor */
+        const take = (text, factor) => {
+            const engine = engineOf(state), value = Number(text) / factor;
+            if (!engine || text.trim() === "" || !Number.isFinite(value)) return;
+            const base = baseOf(engine, number.key), near = Math.abs(value - base) < 1e-12;
+            change(state, { [number.key]: near ? undefined : value });
+        };
+        bar.addEventListener("input", () => {
+            const engine = engineOf(state);
+            if (!engine) return;
+            const base = baseOf(engine, number.key), value = Number(bar.value);
+            const stepped = base + Math.round((value - base) / number.step) * number.step; // the document's own value is a step
+            take(String(Number(stepped.toPrecision(12))), 1);
+        });
+        box.addEventListener("input", () => take(box.value, shown(number.unit, state.units).factor));
+        return { row, bar, box, unit, number };
+    });
+    return {
+        row: make("div", { className: "sliders" }, ...rows.map(({ row }) => row)),
+        /** @param {Engine} engine */
+        show(engine) {
+            for (const { row, bar, box, unit, number } of rows) {
+                const { factor, unit: name } = shown(number.unit, state.units), base = baseOf(engine, number.key);
+                const [low, high] = number.range(base), value = state.whatIf[number.key] ?? base;
+                if (bar.min !== String(low) || bar.max !== String(high)) Object.assign(bar, { min: low, max: high });
+                if (Number(bar.value) !== value) bar.value = String(value);
+                bar.setAttribute("aria-valuetext", `${fixed(value * factor, number.digits)} ${name}`);
+                write(unit, name);
+                row.classList.toggle("changed", state.whatIf[number.key] !== undefined);
+                if (box === document.activeElement) continue;
+                const text = String(Number((value * factor).toPrecision(6)));
+                if (box.value !== text) box.value = text;
+            }
+        },
+    };
+}
+
+/** Which bodies a machine of other lengths has. @param {State} state */
+function bodies(state) {
+    const select = make("select", { name: "bodies" });
+    select.addEventListener("change", () => change(state, { bodies: select.value === "solids" ? "solids" : undefined }));
+    const told = make("span", { className: "note" });
+    const row = make("label", { className: "field" }, "Bodies ", select, told);
+    return {
+        row,
+        show() {
+            choose(select, [["kept", "as in the file"], ["solids", "steel solids of these lengths"]], state.whatIf.bodies ?? "kept");
+            const longer = (["L", "R", "r"]).some((key) => /** @type {any} */ (state.whatIf)[key] !== undefined);
+            row.hidden = !longer && state.whatIf.bodies === undefined;
+            row.classList.toggle("changed", state.whatIf.bodies !== undefined);
+            write(told, state.whatIf.bodies === "solids"
+                ? "cubes, round rods and the rounded plate, cut to the lengths; other sizes by the least ratio to the paper's"
+                : longer ? "each body keeps its mass, mass centre and inertia, whatever the lengths" : "");
+        },
+    };
+}
+
+const EARTH = 9.80665;
+/** @type {Record<string, [string, (down: number) => number[]]>} */
+const GRAVITIES = {
+    none: ["none", () => [0, 0, 0]],
+    moon: ["Moon, 1.62 m/s²", () => [0, 0, -1.62]],
+    mars: ["Mars, 3.73 m/s²", () => [0, 0, -3.73]],
+    x: ["base tilted about x", () => []],
+    y: ["base tilted about y", () => []],
+    over: ["base upside down", (down) => [0, 0, down]],
+};
+
+/** @param {State} state */
+function gravity(state) {
+    let chosen = "file", angle = 30;
+    const select = make("select", { name: "gravity" });
+    const box = make("input", { type: "number", min: "-180", max: "180", step: "5", value: "30", "aria-label": "Tilt of the base in degrees" });
+    const tilt = make("span", {}, box, " °");
+    const take = () => {
+        const engine = engineOf(state);
+        if (!engine) return;
+        const own = Math.hypot(...engine.original.subarray(PLACES.gravity, PLACES.gravity + 3)) || EARTH;
+        const turn = (angle * Math.PI) / 180, [sin, cos] = [Math.sin(turn), Math.cos(turn)];
+        if (chosen === "set") return;
+        const vector = chosen === "x" ? [0, -own * sin, -own * cos] : chosen === "y" ? [own * sin, 0, -own * cos] : GRAVITIES[chosen]?.[1](own);
+        change(state, { gravity: vector });
+    };
+    select.addEventListener("change", () => {
+        chosen = select.value;
+        take();
+    });
+    box.addEventListener("input", () => {
+        if (!Number.isFinite(box.valueAsNumber)) return;
+        angle = box.valueAsNumber;
+        take();
+    });
+    const vector = make("span", { className: "note" });
+    const row = make("label", { className: "field" }, "Gravity ", select, tilt, vector);
+    return {
+        row,
+        show() {
+            if (!state.whatIf.gravity) chosen = "file";
+            else if (chosen === "file") chosen = "set"; // not by this list
+            /** @type {[string, string][]} */
+            const choices = Object.entries(GRAVITIES).map(([key, [label]]) => [key, label]);
+            choose(select, [["file", "as in the file"], ...choices, .../** @type {[string, string][]} */ (chosen === "set" ? [["set", "as set"]] : [])], chosen);
+            tilt.hidden = chosen !== "x" && chosen !== "y";
+            row.classList.toggle("changed", state.whatIf.gravity !== undefined);
+            write(vector, tilt.hidden || !state.whatIf.gravity ? "" : `(${state.whatIf.gravity.map((x) => fixed(x, 2)).join(", ")}) m/s²`);
+        },
+    };
+}
+
+const WRENCH = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"];
+
+/** @param {State} state */
+function wrench(state) {
+    const boxes = WRENCH.map((name, k) => {
+        const box = make("input", { type: "number", step: "any", value: "0", "aria-label": `${name} [${k < 3 ? "N" : "N m"}]` });
+        box.addEventListener("input", () => {
+            const rows = boxes.map((one) => (Number.isFinite(one.valueAsNumber) ? one.valueAsNumber : 0));
+            change(state, { wrench: rows.some((value) => value !== 0) ? rows : undefined });
+        });
+        return box;
+    });
+    const grid = make("div", { className: "wrench" }, ...boxes.map((box, k) => make("label", {}, `${WRENCH[k]} `, box)));
+    const row = make("details", {}, make("summary", {}, "External load at P [N, N m]"), grid);
+    return {
+        row,
+        show() {
+            boxes.forEach((box, k) => {
+                const value = state.whatIf.wrench?.[k] ?? 0;
+                if (box !== document.activeElement && box.valueAsNumber !== value) box.value = String(value);
+            });
+            row.classList.toggle("changed", state.whatIf.wrench !== undefined);
+        },
+    };
+}
+
+/** The largest forces before and now, and what went wrong. @param {State} state */
+function peaks(state) {
+    const cells = ["A", "B", "C"].map((leg) => [make("td"), make("td"), make("td")].map((td) => Object.assign(td, { leg })));
+    const rows = cells.map((row, k) => make("tr", {}, make("th", { scope: "row" }, "ABC"[k]), ...row));
+    const heads = ["file", "now", "change"].map((text) => make("th", { scope: "col" }, text));
+    const table = make("table", { className: "peaks" }, make("caption", {}, "Largest forces [N]"),
+        make("thead", {}, make("tr", {}, make("td"), ...heads)), make("tbody", {}, ...rows));
+    const sentence = make("p", { className: "note result", role: "status" });
+    const fault = make("p", { className: "alarm", role: "alert" });
+    return {
+        rows: [table, sentence, fault],
+        show() {
+            const { report } = state;
+            table.hidden = !report?.changed;
+            sentence.hidden = !report?.changed;
+            fault.hidden = !report?.fault;
+            write(fault, report?.fault ? `${report.fault}. The machine before is kept.` : "");
+            if (!report?.changed) return void write(sentence, "");
+            report.before.forEach((before, k) => {
+                const now = report.after[k], [size, then] = [Math.abs(now.value), Math.abs(before.value)];
+                const texts = [fixed(before.value, 1), fixed(now.value, 1), then > 0 ? `${size >= then ? "+" : "−"}${fixed(Math.abs(size / then - 1) * 100, 0)} %` : ""];
+                texts.forEach((text, i) => write(cells[k][i], text));
+            });
+            write(sentence, told(state, report));
+        },
+    };
+}
+
+/** What a change does, in a sentence. @param {State} state @param {import("./resolve.js").Report} report */
+function told(state, report) {
+    const { force } = state.document.limits;
+    const [now, before] = [report.after, report.before].map((row) => {
+        const leg = row.reduce((best, { value }, k) => (Math.abs(value) > Math.abs(row[best].value) || Number.isNaN(row[best].value) ? k : best), 0);
+        return `${fixed(Math.abs(row[leg].value), 1)} N (${"ABC"[leg]} at ${fixed(row[leg].time, 3)} s)`;
+    });
+    const texts = [`The largest force is ${now}; it was ${before}.`];
+    if (force !== undefined) {
+        const over = report.after.flatMap(({ value, time }, k) => (Math.abs(value) > force ? [`${"ABC"[k]} at ${fixed(time, 3)} s`] : []));
+        if (over.length) texts.push(`Beyond the force limit of ${force} N: ${over.join(", ")}.`);
+    }
+    const count = report.gaps.reduce((sum, gap) => sum + gap.count, 0);
+    if (count) {
+        const spans = report.gaps.slice(0, 3).map(({ from, to, reason }) => `${from === to ? `at ${fixed(from, 3)} s` : `${fixed(from, 3)} to ${fixed(to, 3)} s`}${reason === "singular" ? " (singular)" : ""}`);
+        texts.push(`${count} of ${report.samples} samples cannot be reached, gaps in the curves: ${spans.join(", ")}${report.gaps.length > 3 ? ", …" : ""}.`);
+    }
+    texts.push(`Dashed: as in the file. ${report.samples} samples in ${fixed(report.milliseconds, 1)} ms.`);
+    return texts.join(" ");
+}
+
+/** Up to this share of the largest force, the page and Pinocchio differ by rounding only. */
+const ROUNDING = 1e-9;
+
+/** Whether the file's forces are those of its machine. @param {State} state */
+function agreed(state) {
+    const line = make("p", { className: "note agreement" });
+    /** @type {unknown} */
+    let known = null;
+    state.subscribe(() => {
+        const engine = engineOf(state), run = state.document.runs[state.run];
+        if (!engine || !run || run === known) return;
+        known = run;
+        const found = run.computed ? null : agreement(engine, state.document, run);
+        line.hidden = !found;
+        if (!found) return;
+        const { share, worst, time, leg, samples } = found, agrees = share <= ROUNDING;
+        line.classList.toggle("alarm", !agrees);
+        line.dataset.share = String(share);
+        write(line, agrees
+            ? `Forces computed in this page agree with the file's to ${share.toExponential(1)} of the largest force (${samples / 3} samples).`
+            : `The file's forces are not those of its machine: ${"ABC"[leg]} differs by ${fixed(worst, worst < 1 ? 4 : 1)} N at ${fixed(time, 3)} s, ${fixed(share * 100, 2)} % of the largest force. What is recomputed here is the machine's.`);
+    });
+    return line;
 }

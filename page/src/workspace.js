@@ -70,17 +70,25 @@ function column({ r, R, L, h }, y, theta) {
  * @returns {Margins}
  */
 export function margins(engine, pose) {
-    const { lengths, limits } = engine, [y, z, theta] = [pose[0], pose[1], pose[2]];
-    const { above, angle } = column(lengths, y, theta);
-    const holding = [...engine.holding([y, z, theta])];
+    const holding = [...engine.holding([pose[0], pose[1], pose[2]])];
+    return { ...ownMargins(engine, pose), force: holding.map((force) => engine.limits.force - Math.abs(force)), holding };
+}
+
+/**
+ * The margins of a pose but those of the forces.
+ * @param {Engine} engine @param {ArrayLike<number>} pose
+ * @returns {Margins}
+ */
+export function ownMargins({ lengths, limits }, pose) {
+    const [y, z, theta] = [pose[0], pose[1], pose[2]], { above, angle } = column(lengths, y, theta);
     return {
         reach: reachMargins(lengths, y, theta).map((margin) => margin - REACH * lengths.L),
         singular: angle - SINGULAR,
         low: above.map((over) => z + over - limits.travel[0]),
         high: above.map((over) => limits.travel[1] - (z + over)),
         tilt: Math.min(theta - limits.tilt[0], limits.tilt[1] - theta),
-        force: holding.map((force) => limits.force - Math.abs(force)),
-        holding,
+        force: [],
+        holding: [],
     };
 }
 

@@ -1,0 +1,50 @@
+// How far the platform could move from where it is, and what ends it; what keeps it from being there.
+import { instant } from "./instant.js";
+import { make, write } from "./make.js";
+import { engineOf } from "./solving.js";
+import { fixed, shown } from "./units.js";
+import { margins, reasons, stopped, told, waysOut } from "./workspace.js";
+
+/** @typedef {import("./types").State} State */
+
+const AXES = ["y", "z", "θ"], UNITS = ["m", "m", "rad"];
+
+/** @param {HTMLElement} element @param {State} state */
+export function mount(element, state) {
+    if (!engineOf(state) || !state.document.runs.some(({ pose }) => pose)) return;
+    const cells = AXES.flatMap(() => [cell(), cell()]);
+    const rows = AXES.map((axis, k) => make("tr", {}, make("th", { scope: "row" }, axis), cells[2 * k].element, cells[2 * k + 1].element));
+    const table = make("table", { className: "room" }, make("tbody", {}, ...rows));
+    const said = make("p", { className: "note", role: "status" });
+    const map = make("input", { type: "checkbox" });
+    map.addEventListener("change", () => state.set({ layers: { ...state.layers, map: map.checked } }));
+    const show = make("label", { className: "check", title: "Show where P could be at this tilt, in the picture" }, map, " map");
+    element.append(make("div", { className: "title" }, make("h2", {}, "How far could it move?"), show), table, said);
+    let known = "";
+    state.subscribe(() => {
+        map.checked = state.layers.map;
+        const engine = engineOf(state), { pose } = instant(state);
+        element.hidden = !pose || !engine;
+        if (!engine || !pose) return;
+        const key = [...pose, engine.version, state.units].join();
+        if (key === known) return;
+        known = key;
+        const ways = waysOut(engine, pose), here = reasons(margins(engine, pose));
+        ways.forEach(({ axis, sign, distance, reason }, k) => {
+            const { unit, factor } = shown(UNITS[axis], state.units), digits = factor === 1 ? 3 : 1;
+            const far = distance === Infinity ? "free" : `${sign < 0 ? "−" : "+"}${fixed(factor * distance, digits)} ${unit}`;
+            write(cells[k].far, far);
+            write(cells[k].what, distance === Infinity || !reason ? "" : stopped(reason));
+            cells[k].element.dataset.distance = String(distance);
+        });
+        table.hidden = here.length > 0;
+        write(said, here.length ? `It cannot stay here: ${here.map(told).join("; ")}.` : "From here, at rest, one way at a time.");
+        said.classList.toggle("alarm", here.length > 0);
+    });
+}
+
+/** A distance, and what ends it. */
+function cell() {
+    const far = make("span", { className: "far" }), what = make("span", { className: "what" });
+    return { element: make("td", {}, far, what), far, what };
+}
