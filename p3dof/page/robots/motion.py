@@ -246,7 +246,7 @@ class JointMotion(FrozenArrays):
         if not all(hasattr(run, name) for name in ("time", "q", "v", "forces")):
             raise InputError(f"run: expected a run with time, q, v and forces, got {shown(run)}")
         loads = _wrenches(external, len(run.time))
-        some = _spread(len(run.time))
+        some = spread(len(run.time))
         rows = []
         for i in some:
             acting = {name: wrench[i] for name, wrench in loads.items()}
@@ -353,7 +353,7 @@ def _unique(robot: ClosedLoopModel, q: FloatArray) -> NDArray[np.bool_]:
     return np.asarray(np.abs(U[:, robot.rank(q) :]).max(axis=1, initial=0.0) <= _UNIQUE)
 
 
-def _spread(count: int) -> Any:
+def spread(count: int) -> Any:
     """Return indices of at most `MOST_SAMPLES` of so many samples, first and last included."""
     return np.unique(np.linspace(0, count - 1, min(count, MOST_SAMPLES)).round().astype(int))
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from p3dof.errors import InputError
 from p3dof.page.drawable import Drawable
 from p3dof.page.measures import enlargement, mesh_of
 from p3dof.page.robots.motion import JointMotion, Moment
+from p3dof.page.robots.room import corners_of, some_of
 from p3dof.page.robots.sticks import thickness
 from p3dof.viewer.drawing import ROOT, Drawing
 from p3dof.viewer.robots.arrows import (
@@ -35,9 +35,6 @@ from p3dof.viewer.robots.skins import draw_skins
 from p3dof.viewer.robots.slides import Slides
 from p3dof.viewer.stage import draw_floor, number, set_stage
 from p3dof.viewer.window import SceneWindow
-
-_LOOKED_AT = 60
-"""At so many configurations at most it is looked how much room a robot takes."""
 
 _STEP = 0.01
 """By so much at least the picture gets smaller or larger."""
@@ -102,12 +99,12 @@ class RobotScene(Drawing):
         self._actuators = [_actuator(self.model, name) for name in motion.actuated]
         self._frames = {name: _frame(self.model, name) for name in motion.acting}
         self.colours = _colours(len(motion.actuated))
-        self._boxes = [(solid, _corners(solid)) for solid in self.visual_model.geometryObjects]
+        self._boxes = [(solid, corners_of(solid)) for solid in self.visual_model.geometryObjects]
         solids = self._room_taken(motion.q)
         low, high = solids.min(axis=0), solids.max(axis=0)
         self.half = max(float(np.max(high - low)) / 2, np.finfo(float).tiny)
         self._arrows = RobotArrows(self._viewer, LONGEST * self.half, 0.018 * self.half)
-        seen = [self._forces(motion.sample(int(i))) for i in _some(len(motion.time))]
+        seen = [self._forces(motion.sample(int(i))) for i in some_of(len(motion.time))]
         sizes = np.nanmax(np.abs(motion.known), axis=0, initial=0.0)
         self._arrows.scale_to((a for arrows in seen for a in arrows), zip(self.units, sizes, strict=True))
         self._draw()
@@ -254,7 +251,7 @@ class RobotScene(Drawing):
     def _room_taken(self, q: FloatArray) -> FloatArray:
         """Return points (N, 3) that hold all solids, or the joints of a robot without, along a motion."""
         points: list[Any] = []
-        for row in q[_some(len(q))]:
+        for row in q[some_of(len(q))]:
             pin.forwardKinematics(self.model, self._data, row)
             points.append(self._points())
         return np.concatenate(points)
@@ -263,7 +260,7 @@ class RobotScene(Drawing):
         """Return where the numbers of the closures reach to along a motion, if they are seen."""
         if self._wrenches is None or not self.layers.seen.get("numbers", False):
             return []
-        return [self._marks.tops(*self._wrenches.places(row)) for row in q[_some(len(q))]]
+        return [self._marks.tops(*self._wrenches.places(row)) for row in q[some_of(len(q))]]
 
     def _points(self) -> FloatArray:
         """Return points (N, 3) that hold all solids at the joint placements computed last."""
@@ -275,18 +272,6 @@ class RobotScene(Drawing):
             place = places[solid.parentJoint] * solid.placement
             points.append(box @ place.rotation.T + place.translation)
         return np.concatenate(points)
-
-
-def _corners(solid: pin.GeometryObject) -> FloatArray:
-    """Return the corners (8, 3) of the box around a solid, in its own axes [m]."""
-    solid.geometry.computeLocalAABB()
-    box = solid.geometry.aabb_local
-    ends = np.array([box.min_, box.max_]) * np.asarray(solid.meshScale)
-    return np.array(list(product(*ends.T)))
-
-
-def _some(count: int) -> Any:
-    return np.unique(np.linspace(0, count - 1, min(count, _LOOKED_AT)).round().astype(int))
 
 
 def _actuator(model: pin.Model, name: str) -> tuple[int, bool]:
