@@ -1,6 +1,6 @@
 // Builds p3dof/page/page.html: one file with all scripts and styles in it. `--check` only compares.
 import { createHash } from "node:crypto";
-import { readFile, writeFile } from "node:fs/promises";
+import { readFile, readdir, writeFile } from "node:fs/promises";
 import process from "node:process";
 import { fileURLToPath } from "node:url";
 import { build } from "esbuild";
@@ -12,6 +12,59 @@ const PLACES = ["@@TITLE@@", "@@ENGINE@@", "@@DOCUMENT@@"];
 /** @param {string} path relative to this file */
 const read = async (path) => (await readFile(new URL(path, import.meta.url), "utf8")).trim();
 
+const THREE = fileURLToPath(new URL("node_modules/three/src/", import.meta.url));
+/** What of three.js no material of the page needs: shaders by name, and virtual reality. */
+const UNUSED = /ShaderLib.(backgroundCube|cube|distance|equirect|linedashed|meshmatcap|meshphysical|meshtoon|shadow|vsm)\.glsl\.js$/;
+const NO_XR = `import { EventDispatcher } from "../../core/EventDispatcher.js";
+export class WebXRManager extends EventDispatcher {
+    enabled = false;
+    isPresenting = false;
+    setAnimationLoop() {}
+    getEnvironmentBlendMode() {}
+    dispose() {}
+}`;
+const SHADER = /\/\* glsl \*\/\s*`(.*?)`/gs;
+
+/** Text of a shader without comments and indentation. @param {string} text */
+const short = (text) =>
+    text.replace(/\r|\/\*.*?\*\//gs, "").replace(/[ \t]*\/\/.*$/gm, "").replace(/^[ \t]+|[ \t]+$/gm, "").replace(/\n{2,}/g, "\n");
+
+/** Names of the pieces that the shaders of the page are put together from. */
+async function piecesUsed() {
+    const folder = `${THREE}renderers/shaders/`;
+    /** @type {Set<string>} */
+    const found = new Set();
+    /** @param {string} text */
+    const follow = async (text) => {
+        for (const [, name] of text.matchAll(/(?:#include <|ShaderChunk\[ ')(\w+)/g)) {
+            if (found.has(name)) continue;
+            found.add(name);
+            await follow(await readFile(`${folder}ShaderChunk/${name}.glsl.js`, "utf8"));
+        }
+    };
+    await follow(await readFile(`${THREE}renderers/webgl/WebGLProgram.js`, "utf8"));
+    for (const file of await readdir(`${folder}ShaderLib`)) {
+        if (!UNUSED.test(`ShaderLib/${file}`)) await follow(await readFile(`${folder}ShaderLib/${file}`, "utf8"));
+    }
+    return found;
+}
+
+/** Takes three.js from its sources, and only the shaders that the page uses. @type {import("esbuild").Plugin} */
+const small = {
+    name: "small",
+    async setup(build) {
+        const used = await piecesUsed();
+        build.onResolve({ filter: /^three$/ }, () => ({ path: `${THREE}Three.js` }));
+        build.onLoad({ filter: /WebXRManager\.js$/ }, () => ({ contents: NO_XR, resolveDir: `${THREE}renderers/webxr` }));
+        build.onLoad({ filter: /\.glsl\.js$/ }, async ({ path }) => {
+            const [, piece] = /ShaderChunk.(\w+)\.glsl\.js$/.exec(path) ?? [];
+            const left = UNUSED.test(path) || (piece && !used.has(piece));
+            const text = await readFile(path, "utf8");
+            return { contents: text.replace(SHADER, (_, shader) => JSON.stringify(left ? "" : short(shader))) };
+        });
+    },
+};
+
 /** @param {string} entry @param {string} kind */
 async function bundle(entry, kind) {
     const { outputFiles } = await build({
@@ -22,6 +75,7 @@ async function bundle(entry, kind) {
         format: "iife",
         target: "es2022",
         charset: "utf8",
+        plugins: [small],
         legalComments: "none", // the whole notices are in the page
     });
     const text = outputFiles[0].text.trim();

@@ -4,8 +4,8 @@ import { OrthographicCamera, PerspectiveCamera, Vector3 } from "three";
 /** Opening of the perspective camera, upward [degrees]: a long lens distorts little. */
 const OPENING = 35;
 const TANGENT = Math.tan((OPENING * Math.PI) / 360);
-/** How much of the picture is filled. */
-const FILLED = 0.94;
+/** Room that is left around what is seen [pixels]: left, right, top, bottom. */
+/** @typedef {[number, number, number, number]} Margins */
 
 /** From what is looked at to the eye, in the fixed frame. */
 export const DIRECTIONS = {
@@ -55,27 +55,21 @@ export class Cameras {
     /**
      * Look from a direction so that all points are just in the picture.
      * @param {Vector3[]} points @param {Vector3} direction from them to the eye @param {Vector3} target changed to what is looked at
+     * @param {Margins} margins as shares of half the picture's width or height
      */
-    fit(points, direction, target) {
+    fit(points, direction, target, margins) {
         const eye = direction.clone().normalize();
         const right = new Vector3(0, 0, 1).cross(eye).normalize();
         const up = eye.clone().cross(right);
-        const tan = [TANGENT * this.aspect * FILLED, TANGENT * FILLED];
         const straight = this.used === this.parallel;
-        const sides = [[-Infinity, -Infinity], [-Infinity, -Infinity]];
-        for (const point of points) {
-            const depth = point.dot(eye);
-            [right, up].forEach((axis, i) => {
-                const x = point.dot(axis);
-                const slope = straight ? 0 : depth * tan[i];
-                sides[i][0] = Math.max(sides[i][0], x + slope);
-                sides[i][1] = Math.max(sides[i][1], slope - x);
-            });
-        }
-        const middle = sides.map(([most, least]) => (most - least) / 2);
-        const needed = sides.map(([most, least], i) => (most + least) / 2 / tan[i]);
-        const distance = Math.max(...needed);
-        target.copy(right.multiplyScalar(middle[0])).addScaledVector(up, middle[1]);
+        const sides = [right.clone().negate(), right, up, up.clone().negate()];
+        const slopes = margins.map((margin, i) => TANGENT * (i < 2 ? this.aspect : 1) * Math.max(1 - margin, 0.1));
+        const reach = sides.map((side, i) =>
+            points.reduce((most, point) => Math.max(most, point.dot(side) + (straight ? 0 : point.dot(eye) * slopes[i])), -Infinity));
+        const distance = Math.max((reach[0] + reach[1]) / (slopes[0] + slopes[1]), (reach[2] + reach[3]) / (slopes[2] + slopes[3]));
+        /** Half way between how far to one side the eye may go and how far to the other. @param {number} i @param {number} j */
+        const middle = (i, j) => (reach[j] - distance * slopes[j] + distance * slopes[i] - reach[i]) / 2;
+        target.set(0, 0, 0).addScaledVector(right, middle(0, 1)).addScaledVector(up, middle(3, 2));
         this.used.position.copy(target).addScaledVector(eye, straight ? 4 : distance);
         if (straight) {
             this.parallel.zoom = 1;

@@ -185,6 +185,7 @@ export class Contents {
     tint(look) {
         this.look = look;
         if (this.floor) this.floor.material.color.set(look.grid);
+        this.handles?.tint(look.tint);
         this.trace?.line.material.color.set(look.tint(this.of.traced?.colour ?? look.ink));
     }
 

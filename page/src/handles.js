@@ -16,6 +16,7 @@ export class Handles {
         this.traced = traced;
         this.group = new Group();
         const ink = new MeshBasicMaterial({ color: COLOUR });
+        this.ink = ink;
         const ball = new SphereGeometry(1, 20, 14);
         this.P = new Mesh(ball, ink);
         this.knob = new Mesh(ball, ink);
@@ -26,6 +27,11 @@ export class Handles {
         this.group.add(this.P, this.knob, this.ring);
         /** Whether the ring is seen from the side, so that a bar is in its place. */
         this.edgeOn = false;
+    }
+
+    /** @param {(colour: string) => string} tint */
+    tint(tint) {
+        for (const material of [this.ink, this.ring.material]) material.color.set(tint(COLOUR));
     }
 
     /** @param {Vector3} P [m] @param {number} theta @param {import("./eye.js").Eye} eye */

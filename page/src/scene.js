@@ -1,5 +1,5 @@
 // The machine in 3D: what the state shows, seen by a camera that the pointer turns.
-import { Color, Group, Vector3, WebGLRenderer } from "three";
+import { Color, Group, SRGBColorSpace, Vector3, WebGLRenderer } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { Cameras, DIRECTIONS } from "./cameras.js";
 import { Contents } from "./contents.js";
@@ -9,6 +9,11 @@ import { sceneOf } from "./instant.js";
 import { mountOverlay } from "./overlay.js";
 
 /** @typedef {import("./types").State} State */
+
+/** Pictures of less width have buttons where the machine may be [pixels]. */
+const NARROW = 700;
+/** Least lightness of arrows and texts before a dark ground. */
+const READABLE = 0.65;
 
 /** @param {HTMLElement} element @param {State} state */
 export function mount(element, state) {
@@ -85,7 +90,10 @@ export class Stage {
         const tints = new Map();
         const tint = (/** @type {string} */ colour) => {
             if (!dark) return colour;
-            if (!tints.has(colour)) tints.set(colour, `#${new Color(colour).lerp(new Color("#ffffff"), 0.25).getHexString()}`);
+            if (!tints.has(colour)) {
+                const { h, s, l } = new Color(colour).getHSL({ h: 0, s: 0, l: 0 }, SRGBColorSpace);
+                tints.set(colour, `#${new Color().setHSL(h, s, Math.max(l, READABLE), SRGBColorSpace).getHexString()}`);
+            }
             return /** @type {string} */ (tints.get(colour));
         };
         return { halo: ground, ground, ink, grid, tint };
@@ -123,10 +131,17 @@ export class Stage {
         this.cameras.use(this.state.layers.parallel, this.target);
         const from = view === "free" ? this.cameras.used.position.clone().sub(this.target) : direction(view);
         this.touched = false;
-        this.cameras.fit(this.contents.points(), from, this.target);
+        this.cameras.fit(this.contents.points(), from, this.target, this._margins());
         this.controls.object = this.cameras.used;
         this.controls.update();
         this.redraw();
+    }
+
+    /** Room for values beside the arrows, and for the buttons where they are in the way. */
+    /** @returns {import("./cameras.js").Margins} */
+    _margins() {
+        const top = this.width < NARROW ? 46 : 16;
+        return [(2 * 38) / this.width, (2 * 38) / this.width, (2 * top) / this.height, (2 * 12) / this.height];
     }
 
     /** @param {Set<string>} changed */

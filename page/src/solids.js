@@ -65,7 +65,8 @@ export class Solids {
     /** Take away what is before planes; the frame stays whole. @param {import("three").Plane[] | null} planes */
     cut(planes) {
         for (const { material, userData } of this.meshes) {
-            material.clippingPlanes = userData.solid.joint < 0 ? null : planes;
+            if (userData.solid.joint < 0) continue;
+            material.clippingPlanes = planes;
             material.side = planes ? DoubleSide : FrontSide;
             material.needsUpdate = true;
         }
