@@ -458,7 +458,7 @@ def test_arrays_of_xarray_are_columns_with_their_units():
     grid = xarray.Dataset({"R": ("i", [0.24, 0.26]), "L": ("j", [0.4, 0.41])})  # xarray would combine them
     for bad, message in (
         (grid, r"along one dimension, got i, j; .*\.stack\(run=\['i', 'j'\]\)"),
-        (data.set_coords(["R", "L"]), r"got coordinates only; \.reset_coords\(\)"),
+        (data.set_coords(["R", "L"]), "got coordinates only; data variables are columns"),
         (data.L, "expected columns by name"),
         (data.assign(L=data.L.assign_attrs(units="kg")), r"column 'L \[kg\]': expected a length"),
         ({"R": ("design", [0.24, 0.26])}, "column 'R': expected real numbers"),

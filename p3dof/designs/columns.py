@@ -169,23 +169,15 @@ def _require_one_dimension(columns: Mapping[Any, Any]) -> None:
             f"combination, stack them: xarray.broadcast(...), then .stack(run={[str(dim) for dim in along]})"
         )
     if not columns and getattr(columns, "coords", None):
-        raise InputError(
-            "designs: expected columns, got coordinates only; .reset_coords() makes columns of them"
-        )
+        raise InputError("designs: expected columns, got coordinates only; data variables are columns")
 
 
 def _with_units(name: Any, values: Any) -> Any:
     """Return what a column is called, with the unit that an array of xarray has as an attribute."""
     attributes = getattr(values, "attrs", None)
     unit = attributes.get("units", "") if isinstance(attributes, Mapping) else ""
-    if (
-        not isinstance(name, str)
-        or not isinstance(unit, str)
-        or not unit.strip()
-        or name.rstrip().endswith("]")
-    ):
-        return name
-    return f"{name} [{unit.strip()}]"
+    bare = isinstance(name, str) and not name.rstrip().endswith("]")
+    return f"{name} [{unit.strip()}]" if bare and isinstance(unit, str) and unit.strip() else name
 
 
 def _of_machines(machines: Sequence[Parameters]) -> dict[str, FloatArray]:
