@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import yaml
 from referencing import Registry, Resource
-from sweep_problems import wait_until
+from sweep_problems import files, wait_until
 from test_blocks import PARQUET, environment
 
 import p3dof
@@ -157,6 +157,20 @@ def test_another_machine_or_motion_is_not_resumed(made, tmp_path):
 ONE = {"R": {"values": [0.25, "26 cm"]}}
 GRID = changed("sampling", "grid", changed("count", MISSING, changed("variables", ONE)))
 ROWS = {"rows": "designs.csv"}
+RUNS = {
+    "motion": {"paper": 101},
+    "run": {"controller": "pd", "duration": 0.02, "noise": {"position": "2 um", "velocity": "0.1 mm/s"}},
+    "variables": {
+        "L": {"normal": ["400 mm", "0.05 mm"]},
+        "frequency": {"uniform": [4, 8]},
+        "start.y": {"normal": [0, "1 mm"]},
+        "payload.mass": {"uniform": [0, "300 g"]},
+    },
+    "count": 30,
+    "block_size": 20,
+    "seed": 4,
+    "reductions": [{"top": "rms_error_y", "count": 3}, {"moments": ["peak_force", "rms_error_y"]}],
+}
 ACCEPTED = {
     "all": FILE,
     "a grid": GRID,
@@ -176,6 +190,30 @@ ACCEPTED = {
     "a coarse front": changed("reductions/1/resolution", {"reach": 0.01}),
     "the mean of one": changed("reductions/3/moments", "reach"),
     "the largest": changed("reductions/0/largest", True),
+    "runs": RUNS,
+    "runs with all there is to say": changed(
+        "run",
+        {
+            "controller": "computed-torque",
+            "rate": 500,
+            "frequency": 6,
+            "damping": 0.8,
+            "integral_time": "200 ms",
+            "saturation": "0.4 kN",
+            "noise": {"position": "2 um", "velocity": "0.1 mm/s", "seed": 3},
+            "resolution": "5 um",
+            "differencing": True,
+            "delay": "1 ms",
+            "bandwidth": 200,
+            "ramp": 0.1,
+            "duration": "30 ms",
+            "step": "1 ms",
+            "stop_at": ["slider stop"],
+        },
+        changed("wrench", "load.csv", RUNS),
+    ),
+    "runs without noise": changed("run", {"controller": "feedforward", "duration": 0.02}, RUNS),
+    "rows of runs": {"run": {"duration": 0.01}, "rows": "runs.csv"},
 }
 REFUSED = {
     "an unknown field": changed("machines", "machine.yaml"),
@@ -205,6 +243,19 @@ REFUSED = {
     "a histogram without an end": changed("reductions/2/to", MISSING),
     "a number as a column": changed("reductions/0/top", 5),
     "reductions as a mapping": changed("reductions", {"top": "reach"}),
+    "runs with figures": changed("figures", ["sliders"], RUNS),
+    "runs of solids": changed("bodies", "solids", RUNS),
+    "an empty run": changed("run", {}, RUNS),
+    "an unknown controller": changed("run/controller", "lqr", RUNS),
+    "an unknown field of a run": changed("run/threads", 4, RUNS),
+    "text as a rate": changed("run/rate", "1 kHz", RUNS),
+    "a run of no time": changed("run/duration", 0, RUNS),
+    "a noise of one number": changed("run/noise", 1e-6, RUNS),
+    "an unknown field of the noise": changed("run/noise/force", 1, RUNS),
+    "a negative noise": changed("run/noise/position", -1e-6, RUNS),
+    "an unknown limit": changed("run/stop_at", ["wall"], RUNS),
+    "a limit that is no list": changed("run/stop_at", "slider stop", RUNS),
+    "differencing by text": changed("run/differencing", "yes", RUNS),
 }
 
 
@@ -212,6 +263,10 @@ def run(tmp_path, data):
     p3dof.write_parameters(p3dof.PAPER, tmp_path / "machine.yaml")
     p3dof.paper_motion(51).to_csv(tmp_path / "motion.csv")
     (tmp_path / "designs.csv").write_text("R,L\n.25,.4\n.26,.41\n", encoding="utf-8")
+    (tmp_path / "runs.csv").write_text("L [mm],start.y [mm],frequency\n400,1,5\n401,2,6\n", encoding="utf-8")
+    (tmp_path / "load.csv").write_text(
+        "t,fx,fy,fz,mx,my,mz\n0,0,0,0,0,0,0\n1,0,5,9,0,0,0\n", encoding="utf-8"
+    )
     return sweeps.read_sweep(written(tmp_path, data)).run(tmp_path / "out")
 
 
@@ -228,6 +283,35 @@ def test_the_schema_and_the_program_both_refuse(data, tmp_path):
         run(tmp_path, data)
 
 
+def test_runs_of_a_file_are_those_of_the_command(tmp_path, capsys):
+    """The columns of the first block to a table of runs, which `p3dof runs` makes."""
+    made = run(tmp_path, changed("wrench", "load.csv", RUNS))
+    columns = made.columns()
+    assert made.manifest.units["geometry.L"] == "m"
+    inputs = ["geometry.L", "controller.frequency", "start.y", "payload.mass"]
+    table = np.column_stack([*(columns[name] for name in inputs), np.arange(30)])
+    rows = "\n".join(",".join(map(repr, row)) for row in table.tolist())
+    (tmp_path / "given.csv").write_text(f"{','.join(inputs)},seed\n{rows}\n", encoding="utf-8")
+    options = ["--samples", "101", "--duration", "0.02", "--noise", "2e-6", "1e-4"]
+    options += ["--wrench", str(tmp_path / "load.csv"), "--out", str(tmp_path / "found.npz")]
+    assert main(["runs", str(tmp_path / "given.csv"), *options]) == 0
+    capsys.readouterr()
+    with np.load(tmp_path / "found.npz") as found:
+        assert set(found["stop"]) == {"finished"}
+        np.testing.assert_array_equal(columns["rms_error_y"], found["rms_error y [m]"])
+        np.testing.assert_array_equal(columns["peak_force_a"], found["peak_force A [N]"])
+        assert len(np.unique(columns["peak_force_a"])) == 30
+
+
+def test_runs_of_a_file_go_to_other_processes(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    made = run(tmp_path, RUNS)
+    assert main(["sweep", "sweep.yaml", "--out", "other", "--workers", "1"]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert "30 of 30 items in 2 of 2 blocks" in told
+    assert files(made.folder) == files(tmp_path / "other")
+
+
 WRONG = {
     r"sweep\.yaml: .*unknown column 'Rr'": changed("variables", {"Rr": {"uniform": [0.2, 0.3]}}),
     r"sweep\.yaml: variables\.geometry\.R\.uniform: expected a length": changed(
@@ -236,7 +320,7 @@ WRONG = {
     r"variables\.geometry\.R: low, high: expected low < high": changed(
         "variables/R", {"uniform": [0.3, 0.2]}
     ),
-    r"sweep\.yaml: count: expected how many designs": changed("count", MISSING),
+    r"sweep\.yaml: count: expected how many items": changed("count", MISSING),
     r"expected `values` of each variable of a grid, got a count besides": changed("count", 5, GRID),
     r"sweep\.yaml: reductions\[0\]: 5 smallest peak_forc: unknown column 'peak_forc'; "
     r"did you mean peak_force or ": changed("reductions/0/top", "peak_forc"),
@@ -251,7 +335,33 @@ WRONG = {
         "motion", "nowhere.csv"
     ),
     r"sweep\.yaml: motion: there is no file .*other\.csv": changed("motion", {"file": "other.csv"}),
-    r"sweep\.yaml: wrench: there is no file .*load\.csv": changed("wrench", "load.csv"),
+    r"sweep\.yaml: wrench: there is no file .*force\.csv": changed("wrench", "force.csv"),
+    r"sweep\.yaml: run\.duration: expected a time": changed("run/duration", "3 mm", RUNS),
+    r"sweep\.yaml: run\.rate: expected a number without a unit, got '1 kHz'": changed(
+        "run/rate", "1 kHz", RUNS
+    ),
+    r"sweep\.yaml: run: unknown field 'treads', expected controller": changed("run/treads", 4, RUNS),
+    r"sweep\.yaml: run: controller: expected pd, feedforward, computed-torque, got 'lqr'": changed(
+        "run/controller", "lqr", RUNS
+    ),
+    r"sweep\.yaml: runs: unknown column 'rate'": changed("variables/rate", {"uniform": [1, 2]}, RUNS),
+    r"sweep\.yaml: runs: the column dimensions\.rod_radius is of solids": changed(
+        "variables/rod_radius", {"uniform": [0.01, 0.02]}, RUNS
+    ),
+    r"sweep\.yaml: runs: the column controller\.stiffness is for a controller of the kind Springs": changed(
+        "variables/controller.stiffness", {"uniform": [1, 2]}, RUNS
+    ),
+    r"sweep\.yaml: run\.stop_at: expected some of slider stop, .*, got 'wall'": changed(
+        "run/stop_at", ["wall"], RUNS
+    ),
+    r"sweep\.yaml: run: ramp, stop: expected at most 2 s": changed("run/ramp", 5, RUNS),
+    r"sweep\.yaml: run: duration: expected": changed("run/duration", -1, RUNS),
+    r"sweep\.yaml: run: step: expected": changed("run/step", 0, RUNS),
+    r"sweep\.yaml: run: delay: expected zero or more": changed("run/delay", -1, RUNS),
+    r"sweep\.yaml: figures: expected none with `run`": changed("figures", ["power"], RUNS),
+    r"sweep\.yaml: reductions\[0\]: 3 smallest rms_err_y: .*did you mean rms_error_y": changed(
+        "reductions/0/top", "rms_err_y", RUNS
+    ),
     r"sweep\.yaml: rows: there is no file .*nowhere\.csv": {"rows": "nowhere.csv"},
     r"reductions\[2\]: low, high: expected room for 8 bins": changed("reductions/2/to", 1),
     r"sweep\.yaml: machine: there is no file .*nowhere\.yaml": changed("machine", "nowhere.yaml"),
@@ -271,6 +381,7 @@ def test_the_schema_is_one():
 
 def test_the_command_line_computes_and_goes_on(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
     written(tmp_path, FILE)
     assert main(["sweep", "sweep.yaml", "--out", "out", "--figure", "found.png"]) == 0
     told = capsys.readouterr().out

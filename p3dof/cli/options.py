@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import math
 import sys
 import time
 from collections.abc import Callable
@@ -14,14 +13,14 @@ from typing import Any, cast
 import click
 import numpy as np
 
-from p3dof.checks import LARGEST, FloatArray, shown
+from p3dof.checks import LARGEST, shown
 from p3dof.cli.files import InputFile, OutputFile, protect, source
 from p3dof.cli.output import progress_bar
 from p3dof.errors import ParameterError, SampleError
 from p3dof.manipulator import InverseDynamics, Manipulator, load
 from p3dof.methods import DEFAULT_METHOD, METHODS
 from p3dof.motion import Motion, WrenchHistory, paper_motion
-from p3dof.motion.splines import eased
+from p3dof.motion.entering import load_along
 from p3dof.parameters import Body, read_parameters
 from p3dof.parameters.plain import require_near
 from p3dof.parameters.quantities import LENGTH, MASS
@@ -40,8 +39,6 @@ _ANY_SIZE = click.option(
     help="Take a machine of more than 20 m or less than 1 mm too: lengths are in metres.",
 )
 _META = "p3dof.any_size"
-_ROWS_OF_A_RAMP = 2000
-"""Rows of the load a second of a ramp, along which it changes as the motion comes up to its rate."""
 
 
 def PARAMETERS(command: Callable[..., Any]) -> Callable[..., Any]:  # noqa: N802 - used as the other options are
@@ -284,26 +281,7 @@ class Case:
         ramp : float
             How long it takes to come from rest to the motion's own rate [s]; 0 to start as the motion does.
         """
-        history = self.history
-        if history is None:
-            return None
-        begin = float(self.motion.time[0])
-        places = history.time - begin
-        if not ramp:
-            return WrenchHistory(places, history.wrench)
-        entered: FloatArray = np.array(
-            np.linspace(0.0, ramp, math.ceil(_ROWS_OF_A_RAMP * ramp) + 1), dtype=float
-        )
-        phase = eased(entered, self.motion.duration + ramp / 2, ramp, 0.0)[0]
-        inside = places[(places > 0) & (places < ramp / 2)]
-        times = np.concatenate([entered, np.interp(inside, phase, entered)])
-        times, first = np.unique(times, return_index=True)
-        phase = np.concatenate([phase, inside])[first]
-        later = places[places > ramp / 2]
-        return WrenchHistory(
-            np.concatenate([times, later + ramp / 2]),
-            np.concatenate([history(begin + phase), history(begin + later)]),
-        )
+        return None if self.history is None else load_along(self.history, self.motion, ramp)
 
     def solve(self, method: str) -> tuple[InverseDynamics, float]:
         """Solve with a progress bar; return the result and the seconds that it took."""

@@ -14,10 +14,11 @@ from p3dof.cli.files import InputFile, OutputFile, protect, source
 from p3dof.cli.options import POSITIVE, Case, Number, Whole, with_load
 from p3dof.cli.output import print_plain, print_warnings, progress_bar, show
 from p3dof.cli.payloads import print_payloads
-from p3dof.cli.simulate import CONTROLLERS, natural_ramp
 from p3dof.errors import InputError
 from p3dof.many_runs import failures, figures_table, read_runs, stops_table
+from p3dof.motion.entering import natural_ramp
 from p3dof.simulation import TIME_LIMIT, InitialState, Integration
+from p3dof.simulation.controllers_by_name import CONTROLLERS
 
 
 @app.command()

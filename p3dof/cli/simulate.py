@@ -20,31 +20,21 @@ from p3dof.compiled.runs import available
 from p3dof.errors import MissingExtraError
 from p3dof.files import together
 from p3dof.methods import DEFAULT_METHOD, METHODS
-from p3dof.motion import Motion
+from p3dof.motion.entering import RAMP, natural_ramp
 from p3dof.parameters import Limits, Parameters
 from p3dof.simulation import (
-    PD,
     TIME_LIMIT,
-    ComputedTorque,
-    Feedforward,
     InitialState,
     Integration,
     Simulation,
     errors_table,
 )
+from p3dof.simulation.controllers_by_name import CONTROLLERS
 from p3dof.simulation.ways import IN_C
 from p3dof.simulation.work import Work, estimate, require_affordable
 
 SAMPLES = 1001
 """Least number of samples of a run: errors are sought among them."""
-
-RAMP = 0.2
-"""How long a motion that does not start at rest takes to come from there, if nobody says so [s]."""
-
-AT_REST = 1e-3
-"""Share of its largest velocity below which a motion starts at rest: what a spline makes of rounded poses."""
-
-CONTROLLERS = {"pd": PD, "feedforward": Feedforward, "computed-torque": ComputedTorque}
 
 
 @app.command()
@@ -180,13 +170,6 @@ def simulate(
     for path in written:
         print_plain(console, f"wrote {path}")
     return 0 if all(run.finished for run in runs.values()) else 1
-
-
-def natural_ramp(motion: Motion) -> float:
-    """Return how long a motion takes to come from rest, if nobody says so: no time if it starts there."""
-    speed = np.abs(motion.velocity)
-    at_rest = np.all(speed[0] <= AT_REST * speed.max(axis=0))
-    return 0.0 if at_rest else min(RAMP, motion.duration)
 
 
 def _wrong(parameters: Parameters, error: float) -> Parameters:

@@ -55,11 +55,12 @@ def sweep(
     figure: Path | None,
     any_size: bool,
 ) -> int:
-    """Compute the forces of thousands to billions of machines over one motion, block by block.
+    """Compute the forces of thousands to billions of machines over one motion, or their runs in time.
 
     PROBLEM is a YAML file: the motion, the ranges of lengths, masses and all else that differs between
-    machines, and what to find: the best ones, Pareto fronts, histograms. A sweep that was interrupted goes on
-    with --resume.
+    machines, and what to find: the best ones, Pareto fronts, histograms. With a field 'run', machines follow
+    the motion under a controller, and starts, gains and loads may differ too. All is computed block by block;
+    a sweep that was interrupted goes on with --resume.
     """
     if workers is not None and scheduler is not None:
         raise click.UsageError("expected --workers or --scheduler, got both")
@@ -69,7 +70,7 @@ def sweep(
         resume="True: --resume", shared="False: --local-folder", bodies="'solids': bodies: solids"
     ):
         plan = read_sweep(problem, any_size)
-        with _client(workers, scheduler) as client, progress_bar("designs", plan.problem.count) as progress:
+        with _client(workers, scheduler) as client, progress_bar("items", plan.problem.count) as progress:
             made = plan.run(out, client=client, resume=resume, shared=not local_folder, progress=progress)
     _tell(made, figure)
     return 0

@@ -4,23 +4,26 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
-from typing import IO, Any, NamedTuple, NoReturn, cast
+from typing import IO, Any, NamedTuple, NoReturn, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray, one_line
-from p3dof.designs.names import column_of, columns_of
+from p3dof.designs.names import Column, columns_of
 from p3dof.errors import FileError, InputError, MissingExtraError
 from p3dof.files import called, is_stream, reason, suffix_of, write_streamed
 
 _LONGEST_LINE = 100_000
 """Longest line of a CSV file [characters]."""
 _SHOWN = 40
+
+Meaning: TypeAlias = Callable[[Sequence[str]], list[Column]]
+"""Gives the columns that headers mean, or raises `InputError`."""
 
 
 class Rows(NamedTuple):
@@ -38,7 +41,7 @@ class Rows(NamedTuple):
     columns: dict[str, FloatArray]
 
 
-def read_designs(source: Any, rows: int) -> Iterator[Rows]:
+def read_designs(source: Any, rows: int, meaning: Meaning = columns_of) -> Iterator[Rows]:
     """Read designs, block by block: no more of the file is held than that.
 
     Parameters
@@ -48,6 +51,8 @@ def read_designs(source: Any, rows: int) -> Iterator[Rows]:
         names; a stream is CSV.
     rows : int
         Of a block.
+    meaning : callable
+        Returns the columns that headers mean, or raises.
 
     Yields
     ------
@@ -65,7 +70,8 @@ def read_designs(source: Any, rows: int) -> Iterator[Rows]:
     name = called(source)
     parquet = not is_stream(source) and Path(source).suffix.lower() == ".parquet"
     try:
-        yield from _read_parquet(source, name, rows) if parquet else _read_csv(source, name, rows)
+        reader = _read_parquet if parquet else _read_csv
+        yield from reader(source, name, rows, meaning)
     except UnicodeDecodeError as error:
         raise FileError(f"{name}: expected UTF-8 text, got {error.reason}") from error
     except (FileError, InputError, MissingExtraError):
@@ -102,10 +108,10 @@ def _text(source: Any) -> Iterator[IO[str]]:
             text.detach()
 
 
-def _read_csv(source: Any, name: str, rows: int) -> Iterator[Rows]:
+def _read_csv(source: Any, name: str, rows: int, meaning: Meaning) -> Iterator[Rows]:
     with _text(source) as stream:
         lines = _lines(stream, name)
-        header = _header(next(lines, (0, ""))[1], name)
+        header = _header(next(lines, (0, ""))[1], name, meaning)
         first, taken = 1, []
         for numbered in lines:
             taken.append(numbered)
@@ -127,36 +133,36 @@ def _lines(stream: IO[str], name: str) -> Iterator[tuple[int, str]]:
             yield number, line
 
 
-def _header(line: str, name: str) -> list[str]:
+def _header(line: str, name: str, meaning: Meaning) -> list[str]:
     if not line:
         raise InputError(f"{name}: expected designs, with the names of columns first, got an empty file")
     fields = [field.strip() for field in next(csv.reader([line]))]
     for separator, word in ((";", "semicolons"), ("\t", "tabs")):
         if len(fields) == 1 and separator in fields[0]:
             raise InputError(f"{name}: expected commas between the columns, got {word}")
-    _check_names(fields, name)
+    _check_names(fields, name, meaning)
     return fields
 
 
-def _check_names(fields: Sequence[str], name: str) -> None:
+def _check_names(fields: Sequence[str], name: str, meaning: Meaning) -> None:
     require_header(fields, name)
     for number, field in enumerate(fields, start=1):
         try:
-            column_of(field)
+            meaning([field])
         except InputError as error:  # noqa: PERF203 - a few names
             raise InputError(f"{name}, column {number}: {_bare(error)}") from error
     if len(set(fields)) != len(fields):
         twice = next(field for field in fields if fields.count(field) > 1)
         raise InputError(f"{name}: the column {twice} is there twice")
     try:
-        columns_of(fields)
+        meaning(fields)
     except InputError as error:
         raise InputError(f"{name}: {_bare(error)}") from error
 
 
 def _bare(error: InputError) -> str:
     """Return a message without what it is about, where a file says that."""
-    return str(error).removeprefix("designs: ")
+    return str(error).removeprefix("designs: ").removeprefix("runs: ")
 
 
 def require_header(fields: Sequence[str], name: str) -> None:
@@ -227,7 +233,7 @@ def _pyarrow() -> Any:
     return pyarrow.parquet
 
 
-def _read_parquet(source: Any, name: str, rows: int) -> Iterator[Rows]:
+def _read_parquet(source: Any, name: str, rows: int, meaning: Meaning) -> Iterator[Rows]:
     parquet, path = _pyarrow(), Path(source)
     import pyarrow
 
@@ -238,7 +244,7 @@ def _read_parquet(source: Any, name: str, rows: int) -> Iterator[Rows]:
         except pyarrow.ArrowException as error:
             raise InputError(f"{name}: not a Parquet file ({one_line(str(error), 100)})") from error
         header = list(file.schema_arrow.names)
-        _check_names(header, name)
+        _check_names(header, name, meaning)
         if not file.metadata.num_rows:
             raise InputError(f"{name}: expected rows of numbers, got none")
         first = 1

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from p3dof.checks import FloatArray, shown
 from p3dof.designs import Designs, DesignStatus
 from p3dof.designs.columns import by_header
-from p3dof.designs.names import DENSITY, QUANTITIES, SIZES, as_column, column_of
+from p3dof.designs.names import DENSITY, QUANTITIES, SIZES, Column, as_column, column_of
 from p3dof.designs.status import status_of
 from p3dof.errors import InputError, ParameterError
 from p3dof.many_runs.stops import BAD_COLUMN, DESIGN, NOT_FINITE, NOT_RUN
@@ -82,7 +82,7 @@ class RunColumns:
             self._take(by_header(runs), machine)
 
     def _take(self, given: Any, machine: Parameters) -> None:
-        check_headers(given)
+        run_columns_of(given)
         others: dict[str, Any] = {}
         for header, values in given.items():
             name, factor = _own(header)
@@ -208,31 +208,63 @@ def faults(columns: Mapping[str, FloatArray], run: int, stop: int) -> str:
     return ", ".join(f"{name} is {number:.15g}" for name, number in numbers.items() if not fits(name, number))
 
 
-def check_headers(headers: Iterable[str]) -> None:
-    """Raise `InputError` unless each header is that of a column of runs, and no two mean the same.
+def run_columns_of(headers: Iterable[Any]) -> list[Column]:
+    """Return what headers of runs mean, each once.
 
     Parameters
     ----------
     headers : iterable of str
         Names with units.
+
+    Returns
+    -------
+    list of Column
+
+    Raises
+    ------
+    InputError
+        If one means nothing, or two mean the same.
     """
-    first: dict[str, str] = {}
+    found: dict[str, tuple[Column, object]] = {}
     for header in headers:
-        name = _own(header)[0] or _require_known(header)
-        if name in first:
-            both = f"{shown(first[name])} and {shown(header)}"
-            raise InputError(f"runs: two columns are {name}: {both}; leave one of them out")
-        first[name] = header
+        name, factor = _own(header)
+        column = Column(name, factor) if name is not None else _column_of_machine(header)
+        if column.name in found:
+            both = f"{shown(found[column.name][1])} and {shown(header)}"
+            raise InputError(f"runs: two columns are {column.name}: {both}; leave one of them out")
+        found[column.name] = column, header
+    return [column for column, _ in found.values()]
 
 
-def unit_of(header: str) -> str:
-    """Return the unit of the numbers of a column that is called so; empty where they have none."""
-    _, bracket, unit = header.strip().rpartition("[")
-    if bracket and unit.endswith("]"):
-        return unit[:-1].strip()
-    name = _own(header)[0]
-    if name is None:
-        return QUANTITIES[column_of(header).name].unit
+def variable_of(name: str) -> tuple[str, Quantity | None]:
+    """Return the full name of a column of runs, and the quantity that it is; None for plain numbers.
+
+    Parameters
+    ----------
+    name : str
+        What the user calls it, without a unit.
+
+    Returns
+    -------
+    name : str
+    quantity : Quantity or None
+
+    Raises
+    ------
+    InputError
+        If there is no such column.
+    """
+    own = _SHORT.get(name, name)
+    if own in _UNITS:
+        return own, _UNITS[own]
+    known = _column_of_machine(name).name
+    return known, QUANTITIES[known]
+
+
+def unit_of(name: str) -> str:
+    """Return the SI unit of a column of runs by its full name; empty where it has none."""
+    if name not in _UNITS:
+        return QUANTITIES[name].unit
     quantity = _UNITS[name]
     return _PLAIN.get(name, "") if quantity is None else quantity.unit
 
@@ -260,12 +292,14 @@ def _own(header: object) -> tuple[str | None, float]:
         raise InputError(str(error)) from error
 
 
-def _require_known(header: str) -> str:
+def _column_of_machine(header: str) -> Column:
     try:
-        name = column_of(header).name
+        column = column_of(header)
     except InputError as error:
         own = ", ".join((*START[:4], "...", *GAINS[:2], "...", *WRENCH[:1], "...", SEED))
         raise InputError(f"{str(error).replace('designs:', 'runs:', 1)}; or of a run: {own}") from error
-    if name in (*SIZES, DENSITY):
-        raise InputError(f"runs: the column {name} is of solids; runs take masses and inertias instead")
-    return name
+    if column.name in (*SIZES, DENSITY):
+        raise InputError(
+            f"runs: the column {column.name} is of solids; runs take masses and inertias instead"
+        )
+    return column

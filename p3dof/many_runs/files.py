@@ -11,7 +11,7 @@ from p3dof.checks import FloatArray, shown
 from p3dof.designs.files import require_header
 from p3dof.errors import FileError, InputError
 from p3dof.files import called, read_text
-from p3dof.many_runs.columns import check_headers
+from p3dof.many_runs.columns import run_columns_of
 
 
 def read_runs(source: Any) -> dict[str, FloatArray]:
@@ -44,7 +44,7 @@ def read_runs(source: Any) -> dict[str, FloatArray]:
     if twice or not all(header):
         raise FileError(f"{name}: expected different names of columns, got {shown((twice or [''])[0])}")
     try:
-        check_headers(header)
+        run_columns_of(header)
     except InputError as error:
         raise InputError(f"{name}: {str(error).removeprefix('runs: ')}") from error
     rows = np.empty((len(lines) - 1, len(header)))

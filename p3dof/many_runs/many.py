@@ -147,6 +147,32 @@ def simulate_many(
     return _results(found, states, kept, columns, clock.perf_counter() - begun, interrupted, note)
 
 
+def require_runs(
+    machine: Parameters,
+    duration: float,
+    runs: Any,
+    *,
+    start: ArrayLike | InitialState = AT_HOME,
+    controller: ControllerLike = None,
+    control: ControlLoop = CONTINUOUS,
+    reference: Motion | None = None,
+    wrench: WrenchOverTime = None,
+    stop_at: Sequence[str] = KINDS,
+    integration: Integration = EQUAL_STEPS,
+    lanes: bool = True,
+) -> None:
+    """Raise `InputError` if arguments of `simulate_many` do not fit, before anything is made.
+
+    Parameters
+    ----------
+    machine, duration, runs, start, controller, control, reference, wrench, stop_at, integration, lanes
+        As of `simulate_many`.
+    """
+    del lanes
+    _task(duration, start, controller, control, reference, wrench, stop_at, integration)
+    _check_gains(RunColumns(runs, machine), controller)
+
+
 def _task(
     duration: float,
     start: ArrayLike | InitialState,

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from p3dof.checks import shown
-from p3dof.errors import FileError, InputError, ParameterError
+from p3dof.errors import FileError, InputError, MotionError, ParameterError
 from p3dof.motion import Motion, WrenchHistory, paper_motion
 from p3dof.parameters import Parameters, read_parameters
 from p3dof.parameters.quantities import Quantity
@@ -37,7 +37,7 @@ def named(where: str, make: Callable[[], _T]) -> _T:
     """Return what a constructor makes; errors about arguments get the place in the file in front."""
     try:
         return make()
-    except (InputError, ParameterError) as error:
+    except (InputError, MotionError, ParameterError) as error:
         told = str(error.args[0])
         if told.startswith(where):
             raise
@@ -46,11 +46,12 @@ def named(where: str, make: Callable[[], _T]) -> _T:
         raise InputError(f"{where}: {error}") from error
 
 
-def number(value: Any, quantity: Quantity, where: str) -> float:
-    """Return a number in SI units of one that may have a unit."""
-    found = quantity.read(value, where)
+def number(value: Any, quantity: Quantity | None, where: str) -> float:
+    """Return a number in SI units of one that may have a unit, where there is one."""
+    found = value if quantity is None else quantity.read(value, where)
     if isinstance(found, bool) or not isinstance(found, int | float):
-        raise InputError(f"{where}: expected {quantity.name}, got {shown(value)}")
+        what = "a number without a unit" if quantity is None else quantity.name
+        raise InputError(f"{where}: expected {what}, got {shown(value)}")
     return float(found)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from p3dof.blocks import (
     Distribution,
@@ -22,10 +22,36 @@ from p3dof.blocks import (
 )
 from p3dof.blocks.sampling import METHODS
 from p3dof.checks import shown
-from p3dof.designs.names import QUANTITIES, full_name
+from p3dof.designs.files import Meaning
+from p3dof.designs.names import QUANTITIES, columns_of, full_name
 from p3dof.errors import InputError
+from p3dof.many_runs.columns import run_columns_of, variable_of
+from p3dof.parameters.quantities import Quantity
 from p3dof.sweeps.fields import listed, mapping, named, number, read_beside
 from p3dof.sweeps.rows import FileRows
+
+
+class Naming(NamedTuple):
+    """What may differ between the items of a sweep.
+
+    Parameters
+    ----------
+    variable : callable
+        Returns the full name of a variable, and the quantity that it is; None for plain numbers.
+    columns : callable
+        Returns the columns that the headers of a table mean.
+    """
+
+    variable: Callable[[str], tuple[str, Quantity | None]]
+    columns: Meaning
+
+
+def _design_variable(name: str) -> tuple[str, Quantity | None]:
+    known = full_name(name)
+    return known, QUANTITIES[known]
+
+
+OF_DESIGNS, OF_RUNS = Naming(_design_variable, columns_of), Naming(variable_of, run_columns_of)
 
 SPREADS: dict[str, Callable[..., Distribution]] = {
     "uniform": Uniform,
@@ -34,17 +60,40 @@ SPREADS: dict[str, Callable[..., Distribution]] = {
 }
 
 
-def sampling_of(data: Mapping[str, Any], folder: Path, name: str) -> Sampling:
-    """Return where the inputs come from: the fields `rows`, or `variables`, `sampling` and `count`."""
+def sampling_of(data: Mapping[str, Any], folder: Path, name: str, naming: Naming) -> Sampling:
+    """Return where the inputs come from: the fields `rows`, or `variables`, `sampling` and `count`.
+
+    Parameters
+    ----------
+    data : mapping
+        The fields of the file.
+    folder : Path
+        Where it is.
+    name : str
+        What to call it.
+    naming : Naming
+        What may differ.
+
+    Returns
+    -------
+    Sampling
+
+    Raises
+    ------
+    InputError, FileError
+        If a field does not fit, or a file cannot be read.
+    """
     if "rows" in data:
         others = [key for key in ("variables", "sampling", "count") if key in data]
         if others or not isinstance(data["rows"], str):
             got = f"with {others[0]!r}" if others else shown(data["rows"])
             raise InputError(f"rows: expected a file of designs and no other inputs, got {got}")
-        return read_beside(FileRows, folder, data["rows"], f"{name}: rows")
+        return read_beside(lambda path: FileRows(path, naming.columns), folder, data["rows"], f"{name}: rows")
     variables = mapping(data.get("variables"), "variables", None)
-    known = {full_name(str(key)): value for key, value in variables.items()}
-    spreads = {key: _spread(value, key) for key, value in known.items()}
+    spreads = {}
+    for given, value in variables.items():
+        key, quantity = naming.variable(str(given))
+        spreads[key] = _spread(value, key, quantity)
     method = data.get("sampling", "grid" if all(isinstance(s, tuple) for s in spreads.values()) else "random")
     grid = {key: item for key, item in spreads.items() if isinstance(item, tuple)}
     free = {key: item for key, item in spreads.items() if isinstance(item, Distribution)}
@@ -58,11 +107,11 @@ def sampling_of(data: Mapping[str, Any], folder: Path, name: str) -> Sampling:
     if grid:
         raise InputError(f"variables.{next(iter(grid))}: `values` belong to a grid (sampling: grid)")
     if "count" not in data:
-        raise InputError("count: expected how many designs there are, got nothing")
+        raise InputError("count: expected how many items there are, got nothing")
     return Samples(free, data["count"], method)
 
 
-def _spread(value: Any, key: str) -> Distribution | tuple[float, ...]:
+def _spread(value: Any, key: str, quantity: Quantity | None) -> Distribution | tuple[float, ...]:
     """Return how a variable is spread, or its values."""
     where = f"variables.{key}"
     spread = mapping(value, where, (*SPREADS, "values"))
@@ -70,7 +119,6 @@ def _spread(value: Any, key: str) -> Distribution | tuple[float, ...]:
         known = ", ".join((*SPREADS, "values"))
         raise InputError(f"{where}: expected one of {known}, got {len(spread)} of them")
     ((kind, given),) = spread.items()
-    quantity = QUANTITIES[key]
     numbers = [number(item, quantity, f"{where}.{kind}") for item in listed(given, f"{where}.{kind}")]
     if kind == "values":
         return tuple(numbers)

@@ -17,7 +17,10 @@ Such as this one::
       - {histogram: peak_force, from: 0, to: 500, bins: 50}
       - {moments: [peak_force]}
 
-or with ``rows: designs.csv`` for `variables`, `sampling` and `count`.
+or with ``rows: designs.csv`` for `variables`, `sampling` and `count`. A field ``run`` makes them runs in
+time, which follow the motion under a controller, with variables named as the columns of `p3dof runs`::
+
+    run: {controller: pd, rate: 1000, noise: {position: 2 um, velocity: 0.1 mm/s}}
 """
 
 from __future__ import annotations
@@ -35,11 +38,14 @@ from p3dof.errors import InputError
 from p3dof.files import called, parse_yaml, read_text
 from p3dof.sweeps.designs import DesignSweep
 from p3dof.sweeps.fields import listed, machine_of, mapping, motion_of, named, wrench_of
-from p3dof.sweeps.inputs import reduction_of, sampling_of
+from p3dof.sweeps.inputs import OF_DESIGNS, OF_RUNS, reduction_of, sampling_of
+from p3dof.sweeps.run_fields import run_sweep
+from p3dof.sweeps.runs import RunSweep
 
 FIELDS = (
     "machine",
     "motion",
+    "run",
     "bodies",
     "wrench",
     "figures",
@@ -65,13 +71,13 @@ class SweepPlan:
 
     Parameters
     ----------
-    problem : DesignSweep
+    problem : DesignSweep or RunSweep
         What to compute.
     options : mapping
         Arguments of `p3dof.sweep`: seed, block_size, keep, format, reductions.
     """
 
-    problem: DesignSweep
+    problem: DesignSweep | RunSweep
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def run(
@@ -119,17 +125,7 @@ def read_sweep(path: str | os.PathLike[str], any_size: bool = False) -> SweepPla
     name = called(path)
     data = mapping(parse_yaml(read_text(path, _LARGEST_FILE), name, InputError), name, FIELDS)
     folder = Path(name).parent
-    problem = named(
-        name,
-        lambda: DesignSweep(
-            sampling_of(data, folder, name),
-            motion_of(data.get("motion", {"paper": _SAMPLES}), folder, f"{name}: motion"),
-            machine_of(data.get("machine"), folder, f"{name}: machine", any_size),
-            data.get("bodies", "kept"),
-            wrench_of(data.get("wrench"), folder, f"{name}: wrench"),
-            data.get("figures", ("singularity",)),
-        ),
-    )
+    problem = named(name, lambda: _problem(data, folder, name, any_size))
     options = {key: data[key] for key in ("seed", "block_size", "format") if key in data}
     keep = data.get("keep", "all")
     reductions = listed(data.get("reductions", []), f"{name}: reductions")
@@ -141,3 +137,21 @@ def read_sweep(path: str | os.PathLike[str], any_size: bool = False) -> SweepPla
         reduction_of(item, f"{name}: reductions[{i}]", problem.columns) for i, item in enumerate(reductions)
     ]
     return SweepPlan(problem, options)
+
+
+def _problem(data: Mapping[str, Any], folder: Path, name: str, any_size: bool) -> DesignSweep | RunSweep:
+    """Return what the fields describe."""
+    machine = machine_of(data.get("machine"), folder, f"{name}: machine", any_size)
+    if "run" in data:
+        for key in ("bodies", "figures"):
+            if key in data:
+                raise InputError(f"{key}: expected none with `run`: runs keep their bodies, and have figures")
+        return run_sweep(data, sampling_of(data, folder, name, OF_RUNS), machine, folder, name)
+    return DesignSweep(
+        sampling_of(data, folder, name, OF_DESIGNS),
+        motion_of(data.get("motion", {"paper": _SAMPLES}), folder, f"{name}: motion"),
+        machine,
+        data.get("bodies", "kept"),
+        wrench_of(data.get("wrench"), folder, f"{name}: wrench"),
+        data.get("figures", ("singularity",)),
+    )

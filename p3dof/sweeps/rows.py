@@ -13,7 +13,8 @@ import numpy as np
 
 from p3dof.blocks import Block
 from p3dof.checks import FloatArray
-from p3dof.designs.files import read_designs
+from p3dof.designs.files import Meaning, read_designs
+from p3dof.designs.names import columns_of
 from p3dof.errors import FileError, InputError
 from p3dof.files import called
 from p3dof.files.reading import reason
@@ -31,6 +32,8 @@ class FileRows:
     ----------
     path : path-like
         CSV or Parquet, with names and units of columns as `p3dof designs` takes them.
+    meaning : callable
+        Returns the columns that headers mean: those of designs, or `p3dof.many_runs.run_columns_of`.
 
     Raises
     ------
@@ -38,10 +41,11 @@ class FileRows:
         If it cannot be read, or a column does not fit.
     """
 
-    def __init__(self, path: str | os.PathLike[str]) -> None:
+    def __init__(self, path: str | os.PathLike[str], meaning: Meaning = columns_of) -> None:
         self.path = Path(called(path)).absolute()
         self.sha256 = _sha256(self.path)
-        self.names, self.count = _look(self.path)
+        self._meaning = meaning
+        self.names, self.count = _look(self.path, meaning)
 
     def settings(self) -> dict[str, Any]:
         """Return what the columns depend on."""
@@ -52,25 +56,25 @@ class FileRows:
         _require_same(self.path, self.sha256)
         if self.path.suffix.lower() == ".parquet":
             return _rows_of_parquet(self.path, self.names, block.start, block.stop)
-        columns = _whole(self.path, self.sha256)
+        columns = _whole(self.path, self.sha256, self._meaning)
         return {name: columns[name][block.start : block.stop] for name in self.names}
 
 
-def _look(path: Path) -> tuple[tuple[str, ...], int]:
+def _look(path: Path, meaning: Meaning) -> tuple[tuple[str, ...], int]:
     """Return names and number of rows, after a look at each of them."""
     if path.suffix.lower() != ".parquet" and path.stat().st_size > LARGEST_CSV:
         raise InputError(f"{path}: expected at most {LARGEST_CSV} bytes of CSV; Parquet may be larger")
     names: tuple[str, ...] = ()
     count = 0
-    for rows in read_designs(path, _ROWS):
+    for rows in read_designs(path, _ROWS, meaning):
         names = tuple(rows.columns)
         count += len(next(iter(rows.columns.values())))
     return names, count
 
 
 @lru_cache(maxsize=2)
-def _whole(path: Path, _sha256: str) -> dict[str, FloatArray]:
-    parts = [rows.columns for rows in read_designs(path, _ROWS)]
+def _whole(path: Path, _sha256: str, meaning: Meaning) -> dict[str, FloatArray]:
+    parts = [rows.columns for rows in read_designs(path, _ROWS, meaning)]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 

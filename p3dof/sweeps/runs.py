@@ -14,7 +14,8 @@ from p3dof.compiled.designs import compiled_level
 from p3dof.compiled.kernels import NUMPY
 from p3dof.errors import InputError
 from p3dof.many_runs import ManyRuns, simulate_many
-from p3dof.many_runs.columns import unit_of
+from p3dof.many_runs.columns import run_columns_of, unit_of
+from p3dof.many_runs.many import require_runs
 from p3dof.parameters import PAPER, Parameters
 from p3dof.sweeps.description import described
 
@@ -28,7 +29,8 @@ _LEFT_OUT = ("histories", "every", "threads", "progress", "level")
 class RunSweep:
     """Runs in time, each with its own machine, start, gains and noise, for `p3dof.sweep`.
 
-    The columns are the inputs and what `p3dof.simulate_many` counts: ``stop`` (why a run ended: -1 at its
+    The columns are the inputs, by their full names (``geometry.L``, in SI units), and what
+    `p3dof.simulate_many` counts: ``stop`` (why a run ended, as of `p3dof.many_runs.reason_of`; -1 at its
     end), ``end`` (when [s]), the pose ``y``, ``z``, ``theta`` and ``velocity_y`` and so on at the end,
     ``peak_error_y``, ``rms_error_y``, ``peak_force_a``, ``rms_force_a``, the largest of the three
     ``peak_force`` and ``rms_force``, ``work`` and ``energy``.
@@ -69,13 +71,16 @@ class RunSweep:
             if name in _LEFT_OUT:
                 raise InputError(f"{name}: expected none, a sweep has its own")
         self.sampling, self.block_size = sampling, block_size
+        self._inputs = run_columns_of(sampling.names)
         self.duration = positive("duration", duration, InputError)
         self.machine = PAPER if machine is None else machine
         self.level = compiled_level(level, 1)[0] or NUMPY
         self._options = copy.deepcopy(options)
         self._described = {name: described(value) for name, value in sorted(options.items())}
         noise = getattr(options.get("control"), "noise", None)
-        self._first_seed = None if noise is None or SEED in sampling.names else int(noise.seed)
+        names = [column.name for column in self._inputs]
+        self._first_seed = None if noise is None or SEED in names else int(noise.seed)
+        require_runs(self.machine, self.duration, dict.fromkeys(names, np.ones(1)), **options)
 
     @property
     def count(self) -> int:
@@ -87,12 +92,20 @@ class RunSweep:
         """Names of the inputs, then of the figures."""
         figures = [f"{prefix}{axis}" for prefix in _BY_AXIS for axis in _AXES]
         figures += [f"{name}_{leg}" for name in _BY_LEG for leg in _LEGS]
-        return (*self.sampling.names, "stop", "end", *figures, *_BY_LEG, "work", "energy")
+        return (
+            *(column.name for column in self._inputs),
+            "stop",
+            "end",
+            *figures,
+            *_BY_LEG,
+            "work",
+            "energy",
+        )
 
     @property
     def units(self) -> dict[str, str]:
         """Units of the columns that have one."""
-        known = {name: unit_of(name) for name in self.sampling.names} | {"end": "s"}
+        known = {column.name: unit_of(column.name) for column in self._inputs} | {"end": "s"}
         for prefix, by_axis in _BY_AXIS.items():
             rate = "/s" if by_axis == "velocity" else ""
             known |= {f"{prefix}{axis}": f"{'rad' if axis == 'theta' else 'm'}{rate}" for axis in _AXES}
@@ -111,15 +124,17 @@ class RunSweep:
 
     def compute(self, block: Block) -> dict[str, NDArray[Any]]:
         """Return the columns of a block."""
-        drawn: dict[str, NDArray[Any]] = dict(self.sampling.draw(block))
-        given = dict(drawn)
+        drawn = self.sampling.draw(block)
+        pairs = zip(self._inputs, self.sampling.names, strict=True)
+        inputs: dict[str, NDArray[Any]] = {column.name: column.in_si(drawn[name]) for column, name in pairs}
+        given = dict(inputs)
         if self._first_seed is not None:
             given[SEED] = np.arange(block.start, block.stop) + self._first_seed
         options = copy.deepcopy(self._options)  # a controller may remember its last run
         found = simulate_many(self.machine, self.duration, given, level=self.level, threads=1, **options)
         if found.interrupted:
             raise KeyboardInterrupt
-        return {**drawn, **_figures(found)}
+        return {**inputs, **_figures(found)}
 
 
 def _figures(found: ManyRuns) -> dict[str, NDArray[Any]]:
