@@ -1,7 +1,7 @@
 // One chart: uPlot draws lines and axes; limits as bands and peaks with their values are drawn by us.
 import uPlot from "uplot";
 import { axisOf, peakOf, rangeOf, samplesIn } from "./curves.js";
-import { aligned } from "./lines.js";
+import { aligned, thinned } from "./lines.js";
 import { placed } from "./peak_labels.js";
 import { readable } from "./themes.js";
 import { decimals, fixed, shown } from "./units.js";
@@ -34,6 +34,8 @@ export class Chart {
         this.element = element;
         /** @type {Mark[]} */
         this.marks = [];
+        /** All samples of what is drawn. @type {ReturnType<typeof aligned>} */
+        this.whole = [[]];
         /** @type {Content | null} */
         this.content = null;
         /** @type {uPlot | null} */
@@ -46,7 +48,8 @@ export class Chart {
     draw(content) {
         this.content = content;
         const shape = JSON.stringify([content.lines.map(({ key, kind, colour }) => [key, kind, colour]), content.theme, content.ticks]);
-        const data = /** @type {uPlot.AlignedData} */ (/** @type {unknown} */ (aligned(content.lines)));
+        this.whole = aligned(content.lines);
+        const data = this.seen(content);
         if (!this.plot || shape !== this.shape) {
             this.plot?.destroy();
             this.shape = shape;
@@ -58,12 +61,19 @@ export class Chart {
         this.scale();
     }
 
+    /** What uPlot draws of it. @param {Content} content */
+    seen({ span }) {
+        const columns = Math.max(100, Math.round((this.size.width - GUTTER - EDGE) * uPlot.pxRatio));
+        return /** @type {uPlot.AlignedData} */ (/** @type {unknown} */ (thinned(/** @type {any} */ (this.whole), span, columns)));
+    }
+
     /** @param {number} width @param {number} height [px] */
     resize(width, height) {
         if (width === this.size.width && height === this.size.height) return;
         this.size = { width, height };
         if (!this.plot || width < 60 || height < 30) return;
         this.plot.setSize(this.size);
+        if (this.content) this.plot.setData(this.seen(this.content), false);
         this.scale();
     }
 
@@ -80,7 +90,7 @@ export class Chart {
 
     /** @param {Content} content @returns {[number, number]} */
     range(content) {
-        const [time, ...values] = /** @type {ArrayLike<number>[]} */ (/** @type {unknown} */ (this.plot?.data ?? [[]]));
+        const [time, ...values] = /** @type {ArrayLike<number>[]} */ (this.whole);
         const [start, end] = samplesIn(time, content.span);
         const all = rangeOf(values, Math.max(0, start - 1), Math.min(time.length, end + 1));
         return axisOf(all, limitsOf(content.lines));

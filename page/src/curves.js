@@ -60,6 +60,16 @@ export function peakOf(time, values, span = null) {
     return index < 0 ? null : { index, time: time[index], value: values[index] };
 }
 
+/** @type {WeakMap<object, Peak | null>} */
+const peaks = new WeakMap();
+
+/** The peak of a whole run; found once for each curve. @param {Numbers} time @param {Numbers} values */
+export function wholePeak(time, values) {
+    let found = peaks.get(values);
+    if (found === undefined) peaks.set(values, (found = peakOf(time, values)));
+    return found;
+}
+
 /**
  * The samples within a span of time, as a half-open range.
  * @param {Numbers} time

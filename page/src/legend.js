@@ -1,6 +1,6 @@
 // The legend of a chart: names, colours and values at an instant, in columns that do not wrap.
 import { decimals, fixed, shown } from "./units.js";
-import { valueAt } from "./curves.js";
+import { valueAt, wholePeak } from "./curves.js";
 import { make, write } from "./make.js";
 import { readable } from "./themes.js";
 
@@ -73,12 +73,8 @@ export class Legend {
     }
 }
 
-/** @param {Line} line @returns {number} */
-function largest({ values }) {
-    let found = 0;
-    for (let i = 0; i < values.length; i++) if (Math.abs(values[i]) > found) found = Math.abs(values[i]);
-    return found;
-}
+/** @param {Line} line */
+const largest = ({ time, values }) => Math.abs(wholePeak(time, values)?.value ?? 0);
 
 /** @param {Line} line @param {"light" | "dark"} theme */
 function swatch({ colour }, theme) {

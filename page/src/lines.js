@@ -1,5 +1,5 @@
 // What a chart draws: curves of the run that is shown, as they were before, and those of another run.
-import { difference, groupsOf, resample, shortened } from "./curves.js";
+import { difference, groupsOf, resample, samplesIn, shortened } from "./curves.js";
 import { runOf } from "./instant.js";
 
 /** @typedef {import("./types").State} State */
@@ -100,6 +100,50 @@ export function aligned(lines) {
     for (const { time } of lines) if (!axes.some((axis) => same(axis, time))) axes.push(time);
     const time = axes.length ? axes.reduce(union) : [];
     return [time, ...lines.map((line) => gaps(same(time, line.time) ? line.values : resample(line.time, line.values, time)))];
+}
+
+/**
+ * As many samples as can be seen: the lowest and the highest of each column of pixels, in their order in time.
+ * @param {[ArrayLike<number>, ...(ArrayLike<number | null>)[]]} data as `aligned` returns it
+ * @param {[number, number]} span that is seen [s]
+ * @param {number} columns of pixels
+ * @returns {[ArrayLike<number>, ...(ArrayLike<number | null>)[]]} the same, if there are few samples
+ */
+export function thinned(data, span, columns) {
+    const [time, ...all] = data;
+    const [from, to] = samplesIn(time, span);
+    const [start, end] = [Math.max(0, from - 1), Math.min(time.length, to + 1)]; // lines go out of what is seen
+    if (end - start <= 4 * columns) return data;
+    const width = (end - start) / columns;
+    const edges = Array.from({ length: columns + 1 }, (_, k) => (k === columns ? end : start + Math.floor(k * width)));
+    const axis = new Float64Array(2 * columns);
+    for (let k = 0; k < columns; k++) [axis[2 * k], axis[2 * k + 1]] = [time[edges[k]], time[edges[k + 1] - 1]];
+    return [axis, ...all.map((values) => extremes(values, edges))];
+}
+
+/** @param {ArrayLike<number | null>} values @param {number[]} edges @returns {(number | null)[]} two for each column */
+function extremes(values, edges) {
+    /** @type {(number | null)[]} */
+    const found = new Array(2 * (edges.length - 1)).fill(null);
+    for (let k = 0; k + 1 < edges.length; k++) {
+        let low = -1, high = -1, least = Infinity, most = -Infinity;
+        for (let i = edges[k]; i < edges[k + 1]; i++) {
+            const value = values[i];
+            if (value === null) continue;
+            if (value < least) {
+                least = value;
+                low = i;
+            }
+            if (value > most) {
+                most = value;
+                high = i;
+            }
+        }
+        if (low < 0) continue;
+        found[2 * k] = low < high ? least : most;
+        found[2 * k + 1] = low < high ? most : least;
+    }
+    return found;
 }
 
 /** @param {ArrayLike<number>} a @param {ArrayLike<number>} b */

@@ -1,5 +1,5 @@
 // The printed page: the picture, the charts and the numbers, in light colours; no panel.
-import { groupsOf, peakOf, shortened } from "./curves.js";
+import { groupsOf, shortened, wholePeak } from "./curves.js";
 import { instant, runOf } from "./instant.js";
 import { make } from "./make.js";
 import { chartPicture } from "./pictures.js";
@@ -27,7 +27,7 @@ function table(state) {
     const run = runOf(state);
     const rows = groupsOf(run).flatMap(({ name, unit, curves }) => curves.map((curve, i) => {
         const { factor } = shown(unit, state.units);
-        const peak = peakOf(run.time.data, curve.values.data);
+        const peak = wholePeak(run.time.data, curve.values.data);
         const digits = decimals(Math.abs(peak?.value ?? 0) * factor);
         return make("tr", {}, make("th", { scope: "row" }, titled(`${name}, ${shortened(curves.map(({ label }) => label))[i]}`, unit, state.units)),
             make("td", {}, fixed(values[curve.key] * factor, digits)),

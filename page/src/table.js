@@ -1,5 +1,5 @@
 // Numbers at the instant, and the peaks of the whole run with their instants.
-import { groupsOf, peakOf, shortened } from "./curves.js";
+import { groupsOf, shortened, wholePeak } from "./curves.js";
 import { instant, runOf } from "./instant.js";
 import { byUnits } from "./lines.js";
 import { make, write } from "./make.js";
@@ -85,13 +85,13 @@ function scaled(group, label, state) {
     const curve = /** @type {Curve} */ (group.curves[shortLabels(group).indexOf(label)]);
     const { factor } = shown(group.unit, state.units);
     const time = runOf(state).time.data;
-    const largest = Math.max(...group.curves.map(({ values }) => Math.abs(peakOf(time, values.data)?.value ?? 0)));
+    const largest = Math.max(...group.curves.map(({ values }) => Math.abs(wholePeak(time, values.data)?.value ?? 0)));
     return { curve, factor, digits: decimals(largest * factor) };
 }
 
 /** @param {Omit<Cell, "cell">} cell @param {State} state */
 function peakButton({ curve, factor, digits }, state) {
-    const peak = peakOf(runOf(state).time.data, curve.values.data);
+    const peak = wholePeak(runOf(state).time.data, curve.values.data);
     if (!peak) return ["–"];
     const value = fixed(peak.value * factor, digits);
     return [make("button", {

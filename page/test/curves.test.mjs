@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { axisOf, difference, groupsOf, indexAt, peakOf, rangeOf, resample, samplesIn, shortened, stepFrom, valueAt } from "../src/curves.js";
-import { aligned } from "../src/lines.js";
+import { aligned, thinned } from "../src/lines.js";
 import { placed, shared } from "../src/peak_labels.js";
 import { contrast, readable, rgbOf } from "../src/themes.js";
 import { clock, decimals, fixed, shown, titled } from "../src/units.js";
@@ -53,6 +53,23 @@ test("lines with other times share one axis, with gaps where a line has no value
     assert.deepEqual([...axis], [0, 1, 1.5, 2]);
     assert.deepEqual([...a], [0, 1, 1.5, 2]);
     assert.deepEqual([...b], [null, 5, 6, null]);
+});
+
+test("many samples are drawn by the lowest and the highest of each column, so that no peak is lost", () => {
+    const count = 10_001;
+    const axis = Float64Array.from({ length: count }, (_, i) => i);
+    const values = Float64Array.from({ length: count }, (_, i) => (i === 4321 ? 100 : i === 7777 ? -50 : Math.sin(i)));
+    const [time, thin] = /** @type {any[]} */ (thinned([axis, values], [0, count - 1], 200));
+    assert.equal(time.length, 400);
+    assert.equal(Math.max(...thin), 100);
+    assert.equal(Math.min(...thin), -50);
+    assert.ok(Math.abs(time[thin.indexOf(100)] - 4321) <= count / 200);
+    assert.ok(time.every((/** @type {number} */ t, /** @type {number} */ i) => i === 0 || t > time[i - 1]));
+    const few = /** @type {any} */ ([axis, values]);
+    assert.equal(thinned(few, [0, 700], 200), few);
+    const gap = Array.from(values, (value, i) => (i < 5000 ? null : value));
+    const [, holed] = /** @type {any[]} */ (thinned([axis, gap], [0, count - 1], 200));
+    assert.ok(holed[0] === null && holed[198] === null && holed[201] !== null);
 });
 
 test("a group has one unit, and its labels lose the words that all begin with", () => {
