@@ -27,6 +27,7 @@ from p3dof import (
 )
 from p3dof.compiled import designs as compiled_designs
 from p3dof.compiled.kernels import levels
+from p3dof.compiled.tangents import forces_tangent, sliders_tangent
 from p3dof.designs.figures import given, sampled
 from p3dof.designs.folding import folding_of
 from p3dof.designs.names import column_of
@@ -340,10 +341,11 @@ def complex_figures(designs, wrench, name):
 
 
 @each_case
-def test_gradients_equal_complex_steps(case):
+@pytest.mark.parametrize("level", levels())
+def test_gradients_equal_complex_steps(case, level):
     designs, wrench = designs_of(case)
     by = [name for name in designs.columns if not name.startswith("limits.")]
-    found = forces_of_designs(designs, MOTION, wrench=wrench, figures=EVERYTHING, gradients=by)
+    found = forces_of_designs(designs, MOTION, wrench=wrench, figures=EVERYTHING, gradients=by, level=level)
     for name in by:
         wanted = complex_figures(designs, wrench, name)
         assert set(found.gradients[name]) == {*wanted, "negative_work"}
@@ -356,6 +358,34 @@ def test_gradients_equal_complex_steps(case):
                 atol=1e-10 * scale,
                 err_msg=f"d {figure} / d {name}",
             )
+
+
+@pytest.mark.skipif(levels() == ("numpy",), reason="the extension was not built")
+@each_case
+def test_compiled_gradients_are_those_of_numpy(case, monkeypatch):
+    """In blocks of samples and beside designs that cannot, at samples that tie, and without NumPy's help."""
+    designs, wrench = designs_of(case)
+    by = [name for name in designs.columns if not name.startswith("limits.")]
+    rest = p3dof.Motion(np.arange(13) / 12, *np.zeros((3, 13, 3)))
+    for motion in (p3dof.paper_motion(331), p3dof.paper_motion(9), MOTION[4:5], rest):
+        load = None if wrench is None else np.tile(wrench, (len(motion), 1))
+        found = {}
+        for level in ("numpy", levels()[-1]):
+            if level != "numpy":
+                monkeypatch.setattr(p3dof.designs.problem, "gradient_of", None)
+            columns = {name: column.copy() for name, column in designs.columns.items()}
+            columns["geometry.L"][3] = 0.1  # out of reach
+            problem = DesignProblem(motion, load, EVERYTHING, by, level, 1)
+            found[level] = problem.evaluate(Designs(columns, designs.machine, designs.bodies)).gradients
+            monkeypatch.undo()
+        wanted, gradients = found.values()
+        for name, figures in wanted.items():
+            for figure, values in figures.items():
+                scale = max(1.0, np.nanmax(np.abs(values)))
+                np.testing.assert_allclose(
+                    gradients[name][figure], values, rtol=0, atol=1e-11 * scale, err_msg=figure
+                )
+                assert np.isnan(gradients[name][figure][3]).all()
 
 
 def test_gradients_are_those_of_the_figures():
@@ -648,6 +678,23 @@ def test_the_compiled_loop_refuses_what_does_not_fit():
             loop(*arguments)
     with pytest.raises(TypeError, match="by position"):
         loop(constants)
+    tangents = [np.zeros((2, len(kernel.constants))) for kernel in (forces_tangent(), sliders_tangent())]
+    sizes = np.zeros((2, 9))
+    loop.tangent(False, *tangents, sizes, None, results)
+    assert np.isnan(results[:, 0]).all()
+    for place, value, error in (
+        (0, True, ValueError), (1, constants, ValueError), (2, None, TypeError), (2, tangents[0], ValueError),
+        (3, np.zeros((2, 3)), ValueError), (4, np.zeros((3, 3)), ValueError), (5, results[:1], ValueError),
+    ):  # fmt: skip
+        arguments = [False, *tangents, sizes, None, results]
+        arguments[place] = value
+        with pytest.raises(error):
+            loop.tangent(*arguments)
+    with pytest.raises(TypeError, match="by position"):
+        loop.tangent(False)
+    rough = _compiled.DesignLoop("inverse_dynamics_with_friction", *good[1:5], samples.packed(12))
+    with pytest.raises(ValueError, match="no form for symmetric bodies"):
+        rough.tangent(True, *tangents, sizes, None, results)
 
 
 UNDER_SANITIZERS = """
@@ -670,7 +717,8 @@ for count in (1, 2, 3, 6, 7, 8, 9, 101, 159, 160, 161, 321):
         ):
             L = rng.choice([np.nan, np.inf, 0, 0.15, 0.2, 0.4, 1e300, 1e-300, -1], D)
             columns = {"R": rng.uniform(0.1, 0.3, D), "L": L, **more}
-            p3dof.forces_of_designs(columns, motion, figures=("singularity", "power"), level=level, threads=2)
+            ask = {"figures": ("singularity", "power"), "gradients": ("R", "L"), "level": level, "threads": 2}
+            p3dof.forces_of_designs(columns, motion, **ask)
 print("clean")
 """
 

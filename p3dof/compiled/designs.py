@@ -13,12 +13,14 @@ from p3dof.checks import FloatArray
 from p3dof.compiled.formulas import MODEL, kernel
 from p3dof.compiled.kernels import NUMPY, MachineKernels, _extension
 from p3dof.compiled.reduced import SYMMETRIC_ZEROS
+from p3dof.compiled.tangents import forces_tangent, sliders_tangent
 
 WIDTH = 34
 """Numbers in a row of results; `DesignLoop` tells which."""
 
 _ZEROS = tuple(MODEL.index(name) for name in ("gx", "gy", *SYMMETRIC_ZEROS))
 _LENGTHS = 3
+"""r, R, L; as many numbers as a pose has."""
 _SLIDERS = 2 | 4
 
 
@@ -47,7 +49,7 @@ class DesignLoops:
     ) -> None:
         name = f"inverse_dynamics_{kind}" if kind else "inverse_dynamics"
         self._kernels = {symmetric: kernel(name, symmetric) for symmetric in (False, True)}
-        self._asked = asked
+        self._asked, self._friction = asked, kind == "with_friction"
         self._memory = threading.local()
         self._loops = {
             symmetric: _extension().DesignLoop(used.name, level, asked, samples, points, packed)
@@ -83,6 +85,60 @@ class DesignLoops:
                 self._run(form, some, None if offsets is None else offsets[members], part)
                 found[members] = part
         return found
+
+    def rates(
+        self,
+        model: Sequence[Any],
+        by_numbers: Sequence[Any],
+        by_pose: Sequence[float],
+        offsets: FloatArray | None,
+        count: int,
+    ) -> FloatArray:
+        """Return how the figures of designs that can make the motion change along a direction.
+
+        Parameters
+        ----------
+        model, offsets, count
+            As of `rows`.
+        by_numbers : sequence of float or ndarray, shape (D,)
+            How the numbers change.
+        by_pose : sequence of float
+            How y, z and θ of all samples change.
+
+        Returns
+        -------
+        ndarray, shape (D, 34)
+            As of `rows`, without status and times.
+        """
+        symmetric = _symmetric(model, count) & _symmetric(by_numbers, count) & (not self._friction)
+        found = np.empty((count, WIDTH))
+        moved = (*model, *by_numbers, *by_pose)
+        for form in (True, False):
+            members: Any = np.flatnonzero(symmetric == form)
+            if len(members) == count:
+                self._run_rates(form, moved, offsets, found)
+            elif len(members):
+                part = np.empty((len(members), WIDTH))
+                some = [number[members] if _is_column(number) else number for number in moved]
+                self._run_rates(form, some, None if offsets is None else offsets[members], part)
+                found[members] = part
+        return found
+
+    def _run_rates(
+        self, form: bool, moved: Sequence[Any], offsets: FloatArray | None, found: FloatArray
+    ) -> None:
+        count, width = len(found), (len(moved) - _LENGTHS) // 2
+        lengths = np.empty((count, 3 * _LENGTHS))
+        given = (*moved[:_LENGTHS], *moved[width : width + _LENGTHS], *moved[-_LENGTHS:])
+        for column, number in zip(lengths.T, given, strict=True):
+            column[:] = number
+        of_lengths = (*moved[: len(MODEL)], *moved[width : width + len(MODEL)], *moved[-_LENGTHS:])
+        with np.errstate(all="ignore"):
+            constants = forces_tangent(self._friction, form).of_columns(moved, count)
+            sliding = self._asked & _SLIDERS
+            turning = sliders_tangent().of_columns(of_lengths, count) if sliding else None
+        place = None if offsets is None else np.ascontiguousarray(offsets)
+        self._loops[form].tangent(form, constants, turning, lengths, place, found)
 
     def _table(self, count: int) -> FloatArray:
         """Return a table of this thread: new memory at each call would cost a tenth of the work."""

@@ -8,7 +8,7 @@ paper's are under gravity along z0. The last output of each is its margin; see
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any
@@ -185,7 +185,7 @@ def _forward_with_friction(tape: Tape, model: Model, rows: dict[str, Symbol]) ->
     return _forward(tape, model, rows | less_friction(tape, model, rows))
 
 
-def less_friction(tape: Tape, model: Model, rows: dict[str, Symbol]) -> dict[str, Symbol]:
+def less_friction(tape: Tape, model: Model, rows: Mapping[str, Any]) -> dict[str, Symbol]:
     """Return the wrench less what friction takes in y, z, θ.
 
     Parameters

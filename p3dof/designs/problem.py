@@ -183,8 +183,7 @@ class DesignProblem:
         rows[~possible, SAMPLE:] = np.nan
         status[part] = known
         for name, values in found.items():
-            figure = _PLACES[name]
-            values[part] = rows[:, figure.place] if figure.width == 1 else rows[:, figure.place :][:, :3]
+            values[part] = _figure(rows, name)
         if self.by:
             good = np.flatnonzero(status[part] == DesignStatus.FEASIBLE)
             gradients[block] = self._gradients(folding, columns, folded, offsets, good)
@@ -210,19 +209,38 @@ class DesignProblem:
         offsets: FloatArray | None,
         good: NDArray[np.intp],
     ) -> dict[str, dict[str, FloatArray]]:
-        count = len(next(iter(columns.values())))
-        tangents = {name: Folded(folding.tangents(columns, name)) for name in self.by}
-        found = self._no_gradients(count)
-        for block in blocks_of(len(good), len(self.samples)):
-            members = good[block]
-            state = sampled(_some(folded, members), self.samples, _moved(offsets, members))
-            for name in self.by:
-                moved = (float(name == OFFSETS[0]), float(name == OFFSETS[1]), float(name == OFFSETS[2]))
-                rates = _some(tangents[name], members).numbers
-                figures = gradient_of(state, self.samples, rates, moved, self.asked)
-                for figure, values in figures.items():
-                    found[name][figure][members] = values
+        found = self._no_gradients(len(next(iter(columns.values()))))
+        loops, all_good = self._loops(folding.friction), len(good) == len(columns[self.by[0]])
+        if not all_good:
+            columns = {name: column[good] for name, column in columns.items()}
+            folded, offsets = _some(folded, good), None if offsets is None else offsets[good]
+        for name in self.by if len(good) else ():
+            rates = Folded(folding.tangents(columns, name))
+            moved = (float(name == OFFSETS[0]), float(name == OFFSETS[1]), float(name == OFFSETS[2]))
+            if loops is None:
+                figures = self._gradient_by_numpy(folded, offsets, rates, moved, len(good))
+            else:
+                rows = loops.rates(folded.numbers, rates.numbers, moved, offsets, len(good))
+                figures = {figure: _figure(rows, figure) for figure in found[name]}
+            for figure, values in figures.items():
+                found[name][figure][good] = values
         return found
+
+    def _gradient_by_numpy(
+        self,
+        folded: Folded,
+        offsets: FloatArray | None,
+        rates: Folded,
+        moved: tuple[float, float, float],
+        count: int,
+    ) -> dict[str, FloatArray]:
+        parts = []
+        for block in blocks_of(count, len(self.samples)):
+            members = np.arange(count)[block]
+            state = sampled(_some(folded, members), self.samples, _moved(offsets, members))
+            by_numbers = _some(rates, members).numbers
+            parts.append(gradient_of(state, self.samples, by_numbers, moved, self.asked))
+        return {figure: np.concatenate([part[figure] for part in parts]) for figure in parts[0]}
 
     def _no_gradients(self, count: int) -> dict[str, dict[str, FloatArray]]:
         return {
@@ -284,6 +302,12 @@ class DesignProblem:
             "speed_margin": columns.get("limits.speed", limits.speed) - found["peak_speed"].max(axis=1),
             "force_margin": columns.get("limits.force", limits.force) - peak,
         }
+
+
+def _figure(rows: FloatArray, name: str) -> FloatArray:
+    """Return the column of a figure, or its three."""
+    figure = _PLACES[name]
+    return rows[:, figure.place] if figure.width == 1 else rows[:, figure.place :][:, :3]
 
 
 def _tell(progress: Progress | None, blocks: int, count: int) -> None:

@@ -19,6 +19,7 @@ from rich.console import Console
 import p3dof
 from p3dof.compiled.kernels import MachineKernels, levels
 from p3dof.designs import DesignProblem, Designs
+from p3dof.designs.figures import FigureGroup
 
 SAMPLES, DESIGNS = 200, 32_768
 MOTION = p3dof.paper_motion(SAMPLES)
@@ -72,6 +73,21 @@ def columns(kind: str, rng: np.random.Generator) -> dict[str, np.ndarray]:
     return found | more[kind]
 
 
+def gradients(designs: dict[str, np.ndarray], figures: tuple[FigureGroup, ...], rounds: int) -> str:
+    """Return what a column to differentiate by costs, beside the figures."""
+    found, by = [], ("R", "L")
+    for level, count in (("numpy", 256), (None, 4096)):
+        some = Designs({name: column[:count] for name, column in designs.items()})
+        problems = [
+            DesignProblem(MOTION, figures=figures, gradients=names, level=level, threads=1)
+            for names in ((), by)
+        ]
+        alone, both = (least(partial(one.evaluate, some), rounds) / count for one in problems)
+        found.append(((both - alone) / len(by), alone))
+    (slow, _), (fast, alone) = found
+    return f"{slow * 1e6:.0f}, {fast * 1e6:.1f}, {slow / fast:.0f} × ({alone * 1e6:.1f})"
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -102,11 +118,11 @@ def main() -> None:
             rate = DESIGNS / least(partial(problem.evaluate, designs), rounds) / 1e6
             told.append(f"{name} {rate:.3f} ({rate * 1e6 * SAMPLES * kernel:.2f})")
         say(f"{kind:24s} kernel {kernel * 1e9:.2f} ns a sample;  {';  '.join(told)}")
+    say("gradients, µs a design and column: on NumPy, compiled, ratio (the figures themselves, compiled)")
+    for kind in ("symmetric", "general", "general, with friction"):
+        for figures in (("singularity",), ("power",)):
+            say(f"{kind:24s} {figures[0]:12s} {gradients(columns(kind, rng), figures, rounds)}")
     few = Designs({name: column[:256] for name, column in columns("symmetric", rng).items()})
-    for names in (("R",), ("R", "L", "platform.mass")):
-        problem = DesignProblem(MOTION, figures=("power",), gradients=names, threads=1)
-        each = least(partial(problem.evaluate, few), rounds) / len(few)
-        say(f"all figures and their gradients by {len(names)}: {each * 1e6:.0f} µs a design")
     robot = p3dof.load()
     state = MOTION.pose, MOTION.velocity, MOTION.acceleration
     one = (

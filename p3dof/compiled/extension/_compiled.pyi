@@ -74,6 +74,16 @@ class DesignLoop:
         results: _Doubles,
         /,
     ) -> None: ...
+    def tangent(
+        self,
+        symmetric: bool,
+        constants: _Doubles,
+        turning: _Doubles | None,
+        lengths: _Doubles,
+        offsets: _Doubles | None,
+        results: _Doubles,
+        /,
+    ) -> None: ...
 
 @final
 class MachineRun:

@@ -381,6 +381,15 @@ static const Kernel *kernel_named(PyObject *name)
     return NULL;
 }
 
+/* A kernel that there is. */
+static const Kernel *own_kernel(const char *name)
+{
+    int k = 0;
+    while (strcmp(KERNELS[k].name, name) != 0)
+        ++k;
+    return &KERNELS[k];
+}
+
 static const Level *level_named(PyObject *name)
 {
     const int runnable = runnable_levels();

@@ -152,8 +152,12 @@ static P3DOF_TARGET void P3DOF_NAME(steps_of)(const DesignMotion *motion, const 
     }
 }
 
+#include "design_tracks.h"
+
 static const DesignReductions P3DOF_NAME(REDUCTIONS) = {
     P3DOF_NAME(reduce_forces), P3DOF_NAME(reduce_range), P3DOF_NAME(reduce_demand), P3DOF_NAME(reduce_sine),
     P3DOF_NAME(shift),         P3DOF_NAME(rates_of),     P3DOF_NAME(multiply),      P3DOF_NAME(steps_of),
     P3DOF_NAME(add_weighted),  P3DOF_NAME(add_positive),
+    P3DOF_NAME(track),         P3DOF_NAME(track_size),   P3DOF_NAME(add_products),  P3DOF_NAME(rates_of_power),
+    P3DOF_NAME(add_rates),     P3DOF_NAME(margins_at),
 };

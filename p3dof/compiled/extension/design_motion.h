@@ -15,12 +15,18 @@ typedef struct {
     const double *steps;           /* points × padded: of the work from a sample to the next */
     const double *partial;         /* samples × points × points: of the work over the first part of such a step */
     double lowest, highest;        /* y */
+    ptrdiff_t lowest_at, highest_at; /* where first */
 } DesignMotion;
 
 /* Of one force, by lanes. */
 typedef struct {
     double top[DESIGN_LANES], when[DESIGN_LANES], square[DESIGN_LANES];
 } DesignPeaks;
+
+/* The largest of something, where it comes first, and how it changes there; by lanes. */
+typedef struct {
+    double top[DESIGN_LANES], when[DESIGN_LANES], rate[DESIGN_LANES];
+} DesignTrack;
 
 typedef struct {
     void (*forces)(ptrdiff_t, double *const *, const double *restrict, ptrdiff_t, DesignPeaks *restrict);
@@ -33,4 +39,14 @@ typedef struct {
     void (*steps)(const DesignMotion *, const double *restrict, double *restrict);
     void (*weighted)(ptrdiff_t, const double *restrict, const double *restrict, double *restrict);
     void (*positive)(ptrdiff_t, const double *restrict, double *restrict);
+    /* Of gradients. */
+    void (*track)(ptrdiff_t, const double *restrict, const double *restrict, double, ptrdiff_t, DesignTrack *restrict);
+    void (*track_size)(ptrdiff_t, const double *restrict, const double *restrict, ptrdiff_t, DesignTrack *restrict);
+    void (*products)(ptrdiff_t, const double *restrict, const double *restrict, const double *restrict,
+                     double *restrict, double *restrict);
+    void (*power_rates)(ptrdiff_t, const double *restrict, const double *restrict, const double *restrict,
+                        const double *restrict, double *restrict, double *restrict);
+    void (*positive_rates)(ptrdiff_t, const double *restrict, const double *restrict, double *restrict);
+    void (*margins)(const DesignMotion *, const double *, const double *, ptrdiff_t, ptrdiff_t, double *restrict,
+                    double *restrict);
 } DesignReductions;

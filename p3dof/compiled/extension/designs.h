@@ -28,10 +28,10 @@ enum { DESIGN_GOOD = 0, DESIGN_OUT_OF_REACH = 1, DESIGN_DOUBTFUL = 2 };
 typedef struct {
     PyObject_HEAD
     vectorcallfunc vectorcall;
-    Run *forces, *kinematics;
+    Run *forces, *kinematics, *tangents[2], *sliding; /* the latter for gradients: of any bodies, of symmetric ones */
     const Level *level;
     const Kernel *kernel;
-    int asked, kinematic_constants;
+    int asked, kinematic_constants, tangent_constants[2], sliding_constants;
     double *numbers; /* what `motion` points to */
     DesignMotion motion;
 } DesignLoop;
@@ -280,26 +280,32 @@ static double *take_table(DesignTables *tables, PyObject *object, int width, int
     return view->buf;
 }
 
-static int take_tables(const DesignLoop *self, PyObject *const *args, DesignTables *tables)
+/* Numbers of a design in the tables. */
+typedef struct {
+    int constants, turning, lengths;
+} TableWidths;
+
+static int take_tables(const DesignLoop *self, PyObject *const *args, TableWidths widths, DesignTables *tables)
 {
     const int sliding = self->asked & (ASK_SLIDERS | ASK_POWER);
 
     tables->designs = -1;
-    if (!(tables->constants = take_table(tables, args[0], self->kernel->constants, 0, "constants")))
+    if (!(tables->constants = take_table(tables, args[0], widths.constants, 0, "constants")))
         return -1;
-    if (sliding && !(tables->turning = take_table(tables, args[1], self->kinematic_constants, 0, "constants of "
-                                                                                                 "the kinematics")))
+    if (sliding && !(tables->turning = take_table(tables, args[1], widths.turning, 0, "constants of the "
+                                                                                            "kinematics")))
         return -1;
-    if (!(tables->lengths = take_table(tables, args[2], 3, 0, "lengths")))
+    if (!(tables->lengths = take_table(tables, args[2], widths.lengths, 0, "lengths")))
         return -1;
     if (args[3] != Py_None && !(tables->offsets = take_table(tables, args[3], 3, 0, "offsets")))
         return -1;
     return (tables->out = take_table(tables, args[4], DESIGN_RESULTS, 1, "results")) ? 0 : -1;
 }
 
+static const double NOWHERE[3] = {0.0, 0.0, 0.0};
+
 static int run_designs(const DesignLoop *self, const DesignTables *tables)
 {
-    static const double NOWHERE[3] = {0.0, 0.0, 0.0};
     const size_t scratch = LINES_OF_DESIGN * DESIGN_LINE, power = 4 * (size_t)self->motion.padded;
     double *room = PyMem_RawMalloc((scratch + power + CACHE_LINE) * sizeof(double));
     Design design;
@@ -331,8 +337,9 @@ static PyObject *DesignLoop_vectorcall(PyObject *callable, PyObject *const *args
                                          "results, by position");
         return NULL;
     }
+    const TableWidths widths = {self->kernel->constants, self->kinematic_constants, 3};
     memset(&tables, 0, sizeof tables);
-    if (take_tables(self, args, &tables) == 0) {
+    if (take_tables(self, args, widths, &tables) == 0) {
         Py_BEGIN_ALLOW_THREADS
         done = run_designs(self, &tables);
         Py_END_ALLOW_THREADS
@@ -345,6 +352,8 @@ static PyObject *DesignLoop_vectorcall(PyObject *callable, PyObject *const *args
         return NULL;
     Py_RETURN_NONE;
 }
+
+#include "design_gradients.h"
 
 /* Lay out the numbers of a motion: rows, sines, cosines, mean, work, steps, partial. */
 static void lay_out(DesignLoop *self, double *numbers)
@@ -362,8 +371,14 @@ static void lay_out(DesignLoop *self, double *numbers)
     motion->lowest = motion->highest = motion->rows[0];
     for (ptrdiff_t i = 1; i < motion->samples; ++i) {
         const double y = motion->rows[i];
-        motion->lowest = y < motion->lowest ? y : motion->lowest;
-        motion->highest = y > motion->highest ? y : motion->highest;
+        if (y < motion->lowest) {
+            motion->lowest = y;
+            motion->lowest_at = i;
+        }
+        if (y > motion->highest) {
+            motion->highest = y;
+            motion->highest_at = i;
+        }
     }
 }
 
@@ -396,10 +411,30 @@ static int take_motion(DesignLoop *self, PyObject *object)
     return self->numbers ? 0 : -1;
 }
 
+static Run *run_of(const DesignLoop *self, const char *name, int *constants)
+{
+    const Kernel *kernel = own_kernel(name);
+    *constants = kernel->constants;
+    return self->level->runs[kernel - KERNELS];
+}
+
+/* What goes with the forces: kinematics, and the kernels of gradients. */
+static void take_kernels(DesignLoop *self)
+{
+    const int friction = strstr(self->kernel->name, "friction") != NULL;
+
+    self->kinematics = run_of(self, "kinematics", &self->kinematic_constants);
+    self->sliding = run_of(self, "sliders_tangent", &self->sliding_constants);
+    self->tangents[0] = run_of(self, friction ? "forces_tangent_with_friction" : "forces_tangent",
+                               &self->tangent_constants[0]);
+    if (!friction)
+        self->tangents[1] = run_of(self, "forces_tangent_symmetric", &self->tangent_constants[1]);
+}
+
 static PyObject *DesignLoop_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
 {
     static char *names[] = {"kernel", "level", "asked", "samples", "points", "motion", NULL};
-    PyObject *kernel_name, *level_name, *numbers, *kinematics_name;
+    PyObject *kernel_name, *level_name, *numbers;
     int asked;
     Py_ssize_t samples, points;
 
@@ -412,11 +447,7 @@ static PyObject *DesignLoop_new(PyTypeObject *type, PyObject *args, PyObject *ke
         return NULL;
     if (strncmp(kernel->name, "inverse_dynamics", 16) != 0 || kernel->outputs != 4)
         return PyErr_Format(PyExc_ValueError, "%s does not return three forces", kernel->name);
-    if (!(kinematics_name = PyUnicode_FromString("kinematics")))
-        return NULL;
-    const Kernel *kinematics = kernel_named(kinematics_name);
-    Py_DECREF(kinematics_name);
-    DesignLoop *self = kinematics ? (DesignLoop *)type->tp_alloc(type, 0) : NULL;
+    DesignLoop *self = (DesignLoop *)type->tp_alloc(type, 0);
     if (!self)
         return NULL;
     self->vectorcall = DesignLoop_vectorcall;
@@ -424,8 +455,7 @@ static PyObject *DesignLoop_new(PyTypeObject *type, PyObject *args, PyObject *ke
     self->level = level;
     self->asked = asked;
     self->forces = level->runs[kernel - KERNELS];
-    self->kinematics = level->runs[kinematics - KERNELS];
-    self->kinematic_constants = kinematics->constants;
+    take_kernels(self);
     self->motion.samples = samples;
     self->motion.points = points;
     if (take_motion(self, numbers) < 0)
@@ -464,11 +494,17 @@ static PyMemberDef DesignLoop_members[] = {
     {NULL, 0, 0, 0, NULL},
 };
 
+static PyMethodDef DesignLoop_methods[] = {
+    {"tangent", (PyCFunction)(void (*)(void))DesignLoop_tangent, METH_FASTCALL, DesignLoop_tangent_doc},
+    {NULL, NULL, 0, NULL},
+};
+
 static PyType_Slot DesignLoop_slots[] = {
     {Py_tp_doc, (void *)DesignLoop_doc},
     {Py_tp_new, (void *)DesignLoop_new},
     {Py_tp_call, (void *)PyVectorcall_Call},
     {Py_tp_members, DesignLoop_members},
+    {Py_tp_methods, DesignLoop_methods},
     {Py_tp_dealloc, (void *)DesignLoop_dealloc},
     {0, NULL},
 };

@@ -315,14 +315,6 @@ static Bound bound_kernel(const Level *level, const Kernel *kernel)
     return found;
 }
 
-static const Kernel *own_kernel(const char *name)
-{
-    int k = 0;
-    while (strcmp(KERNELS[k].name, name) != 0)
-        ++k;
-    return &KERNELS[k];
-}
-
 static int fill_run(RunObject *self, const Kernel *forward, PyObject *tables, PyObject *numbers)
 {
     const Kernel *kinematics = own_kernel("kinematics"), *limits = own_kernel("limits");

@@ -23,4 +23,8 @@
     X(gravity_forces_symmetric, 13, 3, 4) \
     X(kinematics, 8, 3, 8) \
     X(forward_kinematics, 10, 3, 4) \
-    X(limits, 10, 6, 15)
+    X(limits, 10, 6, 15) \
+    X(forces_tangent, 102, 12, 7) \
+    X(forces_tangent_symmetric, 59, 12, 7) \
+    X(forces_tangent_with_friction, 140, 12, 7) \
+    X(sliders_tangent, 21, 6, 13)
