@@ -59,7 +59,7 @@ export function drawingOf(state, group) {
     const other = state.compare === null ? null : (state.document.runs[state.compare] ?? null);
     const found = groupsOf(run).find(({ name }) => name === group);
     /** @type {Drawing} */
-    const drawing = { group, unit: found?.unit ?? "", lines: [], names: { now: run?.name ?? "" } };
+    const drawing = { group, unit: found?.unit ?? "", lines: [], names: { now: "this run" } };
     const labels = shortened(found?.curves.map(({ label }) => label) ?? []);
     found?.curves.forEach((curve, i) => {
         const colour = curve.colour ?? COLOURS[i % COLOURS.length];

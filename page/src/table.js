@@ -96,7 +96,6 @@ function peakButton({ curve, factor, digits }, state) {
     const value = fixed(peak.value * factor, digits);
     return [make("button", {
         type: "button", className: "peak", title: "go there", "data-key": curve.key, "data-time": String(peak.time),
-        "aria-label": `${curve.label}: ${value} at ${clock(peak.time)}, go there`,
         onclick: () => seek(state, peak.time),
-    }, value, make("small", {}, clock(peak.time)))];
+    }, make("span", { className: "hidden" }, `${curve.label}: `), value, make("small", {}, clock(peak.time)))];
 }
