@@ -17,6 +17,17 @@ const UP = new Vector3(0, 0, 1);
 const shaft = new CylinderGeometry(1, 1, 1, 16).rotateX(Math.PI / 2).translate(0, 0, 0.5);
 const cone = new ConeGeometry(1, 1, 22).rotateX(Math.PI / 2).translate(0, 0, 0.5);
 
+/** The nearest height where a text lies over no other and in the picture. @param {number[]} box x, y and half its width and height @param {number[][]} others @param {number} height */
+function free(box, others, height) {
+    const [x, wanted, half, high] = box;
+    const inside = (/** @type {number} */ y) => Math.min(Math.max(y, high + EDGE), height - high - EDGE);
+    for (let step = 0; step <= 2 * others.length; step++) {
+        const y = inside(wanted + (step % 2 ? -1 : 1) * Math.ceil(step / 2) * (2 * high - 2));
+        if (!others.some((o) => Math.abs(o[0] - x) < o[2] + half - 4 && Math.abs(o[1] - y) < o[3] + high - 3)) return y;
+    }
+    return inside(wanted);
+}
+
 /** The largest load of each unit over runs. @param {import("./types").Run[]} runs */
 export function largest(runs) {
     /** @type {Record<string, number>} */
@@ -84,14 +95,15 @@ export class Arrows {
     /**
      * Draw the loads of an instant as they are seen from a camera.
      * @param {ShownLoad[]} loads @param {import("./eye.js").Eye} eye
-     * @param {{halo: string, tint: (colour: string) => string}} look
+     * @param {{halo: string, tint: (colour: string) => string}} look @param {boolean} [known] whether loads that are not
+     * determined are so, and not just unknown to the page
      */
-    show(loads, eye, look) {
+    show(loads, eye, look, known = true) {
         const seen = new Set();
         this.drawn = [];
         for (const shownLoad of loads) {
             seen.add(shownLoad.load.key);
-            this._show(shownLoad, eye, look, loads.length <= CROWD);
+            this._show(shownLoad, eye, look, loads.length <= CROWD && (known || !Number.isNaN(shownLoad.value)));
         }
         for (const [key, arrow] of this.arrows) {
             if (!seen.has(key)) arrow.group.visible = arrow.text.sprite.visible = false;
@@ -139,14 +151,9 @@ export class Arrows {
             const arrow = /** @type {Arrow} */ (this.arrows.get(entry.key));
             if (!arrow.text.sprite.visible) continue;
             const box = entry.text;
-            const [half, high] = [box[2], box[3]];
+            const half = box[2];
             box[0] = Math.min(Math.max(box[0], half + EDGE), eye.width - half - EDGE);
-            for (let turn = 0; turn < placed.length; turn++) {
-                const other = placed.find((o) => Math.abs(o[0] - box[0]) < o[2] + half - 4 && Math.abs(o[1] - box[1]) < o[3] + high - 2);
-                if (!other) break;
-                box[1] = other[1] - (other[3] + high - 2); // above it
-            }
-            box[1] = Math.min(Math.max(box[1], high + EDGE), eye.height - high - EDGE);
+            box[1] = free(box, placed, eye.height);
             placed.push(box);
             arrow.text.sprite.position.copy(eye.facing(box[0], box[1]));
             arrow.text.resize(LETTERS * eye.unit);

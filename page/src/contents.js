@@ -193,7 +193,7 @@ export class Contents {
     face(eye, look, target) {
         const { state, handles } = this;
         const now = instant(state);
-        if (state.layers.forces) this.arrows.show(now.loads, eye, look);
+        if (state.layers.forces) this.arrows.show(now.loads, eye, look, !now.byHand || state.engine !== null);
         this.labels.show((joint, at) => pointOf(now.placements, joint, at), eye, state.layers, look, this.radius);
         if (handles && now.pose) {
             const [x, y, z] = pointOf(now.placements, handles.traced.joint, handles.traced.point);

@@ -1,37 +1,9 @@
 // Moves the platform by hand: P under the pointer, the tilt by a ring or a bar.
 import { Vector3 } from "three";
 import { angleAt, under } from "./handles.js";
+import { hold } from "./hold.js";
 import { instant } from "./instant.js";
 import { pointOf } from "./tree.js";
-
-/** @typedef {import("./types").State} State */
-
-/** Why a pose cannot be: null where it can. */
-/** @param {State} state @param {number[]} pose @returns {import("./types").Refusal | null} */
-export function refusal(state, pose) {
-    const { engine } = state;
-    if (!engine) return { text: "Without WebAssembly the platform cannot be moved in this page.", legs: [] };
-    const q = engine.joints(pose);
-    if (q.every(Number.isFinite)) return null;
-    const why = engine.why?.(pose);
-    return why ?? { text: "The platform cannot go there.", legs: [] };
-}
-
-/** Move the platform to a pose; where it cannot go, the last pose stays. @param {State} state @param {number[]} pose y, z [m], theta [rad] */
-export function hold(state, pose) {
-    const refused = refusal(state, pose);
-    if (refused) {
-        const last = state.hand ?? { pose: instant(state).pose ?? [0, 0, 0] };
-        state.set({ hand: last, refused, playing: false });
-    } else {
-        state.set({ hand: { pose }, refused: null, playing: false });
-    }
-}
-
-/** Let go: the run is shown again. @param {State} state */
-export function letGo(state) {
-    if (state.hand || state.refused) state.set({ hand: null, refused: null });
-}
 
 /** Listen to pointers on a canvas. @param {HTMLCanvasElement} canvas @param {import("./scene.js").Stage} stage */
 export function mount(canvas, stage) {

@@ -27,7 +27,9 @@ export class Eye {
             return new Vector4(x, y, z, 1).applyMatrix4(this.camera.matrixWorldInverse).applyMatrix4(this.camera.projectionMatrix);
         });
         const sizes = [this.width, this.width, this.height, this.height];
-        return partInside(a, b.sub(a), sizes.map((size, i) => Math.max(1 - (2 * ROOM[i]) / size, 0.2)));
+        const out = [-a.x, a.x, -a.y, a.y].map((x) => x / a.w); // to each side
+        const limits = sizes.map((size, i) => Math.max(1 - (2 * ROOM[i]) / size, 0.2));
+        return partInside(a, b.sub(a), limits.map((limit, i) => (out[i] > limit ? 1 : limit)));
     }
 
     /** The point of the picture's space that is seen at a pixel, near the eye. @param {number} x @param {number} y */

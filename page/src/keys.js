@@ -1,4 +1,5 @@
 // What keys do, and the list of them.
+import { hold } from "./hold.js";
 import { instant, runOf } from "./instant.js";
 import { shownSpan, wholeSpan } from "./lines.js";
 import { make } from "./make.js";
@@ -108,7 +109,7 @@ function nudge(state, event, part, sign) {
     if (!pose) return;
     const moved = [...pose];
     moved[part] += sign * NUDGE[part] * (event.shiftKey ? 0.1 : 1);
-    state.set({ hand: { pose: moved }, playing: false });
+    hold(state, moved);
 }
 
 /** @template T @param {readonly T[]} all @param {T} now @returns {T} */

@@ -1,5 +1,5 @@
 // What lies over the 3D picture: standard views, the tilt where its ring is edge-on, and what went wrong.
-import { hold, letGo } from "./drag.js";
+import { hold, letGo } from "./hold.js";
 import { instant } from "./instant.js";
 
 /** @typedef {import("./types").State} State */

@@ -1,5 +1,5 @@
 // Settings of the whole page, and fields for the pose.
-import { instant } from "./instant.js";
+import { setInput, valueOf } from "./hold.js";
 import { choose, make, write } from "./make.js";
 import { fixed, shown } from "./units.js";
 
@@ -70,28 +70,11 @@ class Field {
 
     /** What it is now, in stored units. */
     value() {
-        const { pose, q } = instant(this.state);
-        const place = ["y", "z", "theta"].indexOf(this.input.key);
-        if (this.input.joint === undefined && place >= 0 && pose) return pose[place];
-        const joint = this.state.document.scene.joints[this.input.joint ?? -1];
-        return joint?.q ? q[joint.q[0]] : NaN;
+        return valueOf(this.state, this.input);
     }
 
     take() {
         const value = Number(this.box.value) / shown(this.input.unit, this.state.units).factor;
-        if (this.box.value === "" || !Number.isFinite(value)) return;
-        const { pose, q } = instant(this.state);
-        const place = ["y", "z", "theta"].indexOf(this.input.key);
-        if (this.input.joint === undefined && place >= 0 && pose) {
-            const held = [...pose];
-            held[place] = value;
-            this.state.set({ hand: { pose: held }, playing: false });
-            return;
-        }
-        const joint = this.state.document.scene.joints[this.input.joint ?? -1];
-        if (!joint?.q) return;
-        const held = [...q];
-        held[joint.q[0]] = value;
-        this.state.set({ hand: { q: held }, playing: false });
+        if (this.box.value !== "" && Number.isFinite(value)) setInput(this.state, this.input, value);
     }
 }

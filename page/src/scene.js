@@ -6,6 +6,7 @@ import { Contents } from "./contents.js";
 import * as drag from "./drag.js";
 import { Eye } from "./eye.js";
 import { sceneOf } from "./instant.js";
+import * as joint_drag from "./joint_drag.js";
 import { mountOverlay } from "./overlay.js";
 
 /** @typedef {import("./types").State} State */
@@ -50,6 +51,7 @@ export class Stage {
         this.drawn = new Set();
         element.prepend(canvas);
         drag.mount(canvas, this);
+        joint_drag.mount(canvas, this);
         this.controls = this._controls();
         this.style = this._style();
         new ResizeObserver(() => this.resize()).observe(element);
@@ -140,8 +142,8 @@ export class Stage {
     /** Room for values beside the arrows, and for the buttons where they are in the way. */
     /** @returns {import("./cameras.js").Margins} */
     _margins() {
-        const top = this.width < NARROW ? 46 : 16;
-        return [(2 * 38) / this.width, (2 * 38) / this.width, (2 * top) / this.height, (2 * 12) / this.height];
+        const top = this.width < NARROW ? 52 : 26;
+        return [(2 * 38) / this.width, (2 * 38) / this.width, (2 * top) / this.height, (2 * 14) / this.height];
     }
 
     /** @param {Set<string>} changed */
@@ -190,6 +192,11 @@ export class Stage {
     /** Where a point of the fixed frame is in the picture [pixels]. @param {number[]} point */
     pixel(point) {
         return this.eye().pixel(new Vector3(point[0], point[1], point[2]));
+    }
+
+    /** The actuated joint that can be taken hold of at a pixel. @param {number} x @param {number} y */
+    gripAt(x, y) {
+        return joint_drag.gripAt(this, x, y);
     }
 
     /** The picture as it is now, as a data URL. */

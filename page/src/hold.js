@@ -1,0 +1,65 @@
+// Moves a machine by hand, from wherever it is done: the picture, a field, a key.
+import { instant } from "./instant.js";
+
+/** @typedef {import("./types").State} State */
+/** @typedef {import("./types").Input} Input */
+
+/** Why a pose cannot be; null where it can. */
+/** @param {State} state @param {number[]} pose @returns {import("./types").Refusal | null} */
+export function refusal({ engine }, pose) {
+    if (!engine?.joints) return { text: "Without WebAssembly the platform cannot be moved in this page.", legs: [] };
+    const q = engine.joints(pose);
+    if (q.every(Number.isFinite)) return null;
+    return engine.why?.(pose) ?? { text: "The platform cannot go there.", legs: [] };
+}
+
+/** Move the platform to a pose; where it cannot go, the last pose stays. @param {State} state @param {number[]} pose y, z [m], theta [rad] */
+export function hold(state, pose) {
+    if (state.engine?.move) return void state.engine.move({ pose }); // Python says whether it can
+    const refused = refusal(state, pose);
+    if (refused) state.set({ hand: state.hand ?? { pose: instant(state).pose ?? [0, 0, 0] }, refused, playing: false });
+    else state.set({ hand: { pose }, refused: null, playing: false });
+}
+
+/** Let go: the run is shown again. @param {State} state */
+export function letGo(state) {
+    if (state.hand || state.refused) state.set({ hand: null, refused: null });
+}
+
+/** What an input of the machine is now [m, rad]; NaN where that is not known. @param {State} state @param {Input} input */
+export function valueOf(state, input) {
+    const { pose, q } = instant(state);
+    if (input.joint === undefined) return pose?.[["y", "z", "theta"].indexOf(input.key)] ?? NaN;
+    const joint = state.document.scene.joints[input.joint];
+    if (!joint.q) return NaN;
+    const [k] = joint.q;
+    return joint.kind === "continuous" ? Math.atan2(q[k + 1], q[k]) : q[k];
+}
+
+/** Whether inputs of joints can be moved: by Python, or where no loop has to be closed. @param {State} state */
+export const canMove = ({ engine, document: { closures } }) => Boolean(engine?.move) || closures.length === 0;
+
+/** Set one input; the others stay as they are. @param {State} state @param {Input} input @param {number} value [m, rad] */
+export function setInput(state, input, value) {
+    const { inputs, scene } = state.document;
+    const { pose, q } = instant(state);
+    if (input.joint === undefined) {
+        const place = ["y", "z", "theta"].indexOf(input.key);
+        if (pose && place >= 0) hold(state, pose.map((part, i) => (i === place ? value : part)));
+        return;
+    }
+    const goal = Math.min(Math.max(value, input.low), input.high);
+    if (state.engine?.move) {
+        const all = inputs.map((one) => [one.key, one === input ? goal : valueOf(state, one)]);
+        state.engine.move({ inputs: Object.fromEntries(all) });
+    } else if (state.document.closures.length) {
+        state.set({ refused: { text: "Loops are closed by Python: open this robot with p3dof show to move it.", legs: [] } });
+    } else {
+        const joint = scene.joints[input.joint];
+        const held = Array.from(q);
+        const k = joint.q?.[0] ?? 0;
+        if (joint.kind === "continuous") [held[k], held[k + 1]] = [Math.cos(goal), Math.sin(goal)];
+        else held[k] = goal;
+        state.set({ hand: { q: held }, refused: null, playing: false });
+    }
+}

@@ -1,0 +1,128 @@
+"""Any robot in the page's picture: joints, forces of closures, and actuated joints that follow the hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from browser import chromium, opened
+from documents import ROOT
+from numpy.testing import assert_allclose
+from test_page_scene import DRAWN, READY, SHOWN, placements
+
+import p3dof
+from p3dof.closed_loop.closure_wrenches import ClosureWrenches
+from p3dof.page.html import page_html
+from p3dof.page.robots.document import robot_document
+from p3dof.page.robots.figure import RobotFigure
+from p3dof.page.robots.motion import JointMotion
+from p3dof.simulation import simulate_robot
+
+GALLERY = ROOT / "docs/_static/gallery"
+GRIPS = """() => {
+    const { state } = p3dof, { stage } = state, { left, top } = stage.canvas.getBoundingClientRect();
+    const found = [];
+    for (let y = 20; y < stage.height - 20; y += 12) for (let x = 20; x < stage.width - 20; x += 12) {
+        const grip = stage.gripAt(x, y);
+        if (grip) found.push([grip.input.key, grip.place, ...grip.point.toArray(), x + left, y + top]);
+    }
+    return found;
+}"""
+SEEN = """([place, point]) => {
+    const { stage } = p3dof.state, { left, top } = stage.canvas.getBoundingClientRect();
+    const m = p3dof.instant().placements.slice(16 * place);
+    const at = [0, 1, 2].map((k) => m[k] * point[0] + m[4 + k] * point[1] + m[8 + k] * point[2] + m[12 + k]);
+    const [x, y] = stage.pixel(at);
+    return [x + left, y + top];
+}"""
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chromium() as browser:
+        yield browser
+
+
+def written(folder, document):
+    path = folder / "page.html"
+    path.write_text(page_html(document), encoding="utf-8")
+    return path.as_uri()
+
+
+def fixed(model, q):
+    data = model.createData()
+    pin.forwardKinematics(model, data, q)
+    return np.stack([data.oMi[i].homogeneous for i in range(1, model.njoints)])
+
+
+def test_a_five_bar_moves_with_the_forces_of_its_closure(browser, tmp_path):
+    robot = p3dof.load_robot(GALLERY / "five_bar.urdf")
+    run = simulate_robot(robot, 0.2, q=robot.assemble().q, samples=21)
+    document = robot_document(robot, RobotFigure(robot, GALLERY / "five_bar.urdf"), run)
+    with opened(browser, written(tmp_path, document), 1200, 800, ready=READY) as watched:
+        for i in (0, 13, 20):
+            watched.page.evaluate("time => p3dof.seek(time)", float(run.time[i]))
+            assert_allclose(placements(watched), fixed(robot.model, run.q[i]), rtol=0, atol=1e-12)
+            arrows = {arrow["key"]: arrow for arrow in watched.page.evaluate(DRAWN)}
+            lambda_ = robot.forward_dynamics(run.q[i], run.v[i], run.forces[i]).lambda_
+            force = np.linalg.norm(ClosureWrenches(robot).at(run.q[i], lambda_).forces[0])
+            assert arrows["closure 1 force"]["value"] == pytest.approx(force, rel=1e-6)
+            assert arrows["closure 1 force"]["drawn"] > 0
+        watched.page.locator('#layers input[name="closures"]').click()
+        watched.page.evaluate(SHOWN)
+        ends = """() => p3dof.state.stage.contents.closures.ends.map(
+            (pair) => pair.map(({ position }) => position.toArray()))"""
+        assert_allclose(*np.array(watched.page.evaluate(ends)).transpose(1, 0, 2), rtol=0, atol=1e-6)
+        heads = "key => p3dof.state.stage.contents.arrows.arrows.get(key).heads.length"
+        assert watched.page.evaluate(heads, "force left_motor") == 2  # a moment
+        assert watched.page.evaluate(heads, "closure 1 force") == 1
+        # a page alone cannot close the loop: the field says so, and nothing moves
+        before = placements(watched)
+        watched.page.locator('input[name="left_motor"]').fill("10")
+        watched.page.locator('input[name="left_motor"]').press("Enter")
+        watched.wait("p3dof.state.refused")
+        assert "p3dof show" in watched.page.locator("#stage .refused").inner_text()
+        assert_allclose(placements(watched), before, rtol=0, atol=0)
+        watched.healthy()
+
+
+def test_a_tree_with_meshes_follows_the_hand_joint_by_joint(browser, tmp_path):
+    example = pytest.importorskip("example_robot_data").load("solo12")
+    robot = p3dof.ClosedLoopModel(example.model, p3dof.Sidecar.serial(example.model))
+    still = JointMotion([0.0], example.q0[None])
+    document = robot_document(robot, example.visual_model, still, triangles=5000)
+    with opened(browser, written(tmp_path, document), 1200, 800, ready=READY) as watched:
+        assert_allclose(placements(watched), fixed(example.model, example.q0), rtol=0, atol=1e-12)
+        found = watched.page.evaluate(GRIPS)
+        grips = {}
+        for key, place, *rest in found:
+            grips.setdefault(key, []).append((place, rest[:3], rest[3:]))
+        knees = {key: spots for key, spots in grips.items() if key.endswith("KFE")}
+        assert knees
+        for key, spots in list(knees.items())[:2]:
+            place, point, (x, y) = spots[len(spots) // 2]
+            before = np.array(watched.page.evaluate("() => [...p3dof.instant().q]"))
+            watched.page.mouse.move(x, y)
+            watched.page.mouse.down()
+            watched.page.mouse.move(x + 6, y + 2, steps=3)
+            watched.page.evaluate(SHOWN)
+            q = np.array(watched.page.evaluate("() => [...p3dof.instant().q]"))
+            joint = example.model.joints[example.model.getJointId(key)]
+            (moved,) = np.flatnonzero(abs(q - before) > 1e-9)
+            assert moved == joint.idx_q
+            assert_allclose(placements(watched), fixed(example.model, q), rtol=0, atol=1e-12)
+            # the point cannot be nearer to the pointer than anywhere on its circle
+            target = np.array([x + 6.0, y + 2.0])
+            reached = np.array(watched.page.evaluate(SEEN, [place, point]))
+            for nearby in (-2e-3, 2e-3):
+                other = q.copy()
+                other[moved] += nearby
+                holding = "q => { p3dof.state.set({ hand: { q } }); p3dof.state.refresh(); }"
+                watched.page.evaluate(holding, [*other])
+                aside = np.array(watched.page.evaluate(SEEN, [place, point]))
+                assert np.linalg.norm(aside - target) > np.linalg.norm(reached - target)
+            watched.page.mouse.up()
+        assert not watched.page.evaluate("p3dof.state.stage.touched")
+        watched.page.keyboard.press("Escape")
+        watched.wait("p3dof.state.hand === null")
+        watched.healthy()
