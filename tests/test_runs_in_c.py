@@ -198,6 +198,34 @@ def test_a_model_without_an_answer_says_so_as_in_python(kind):
     assert messages[0] == messages[1]
 
 
+@pytest.mark.parametrize("integration", [Integration(), Integration(scheme="rk4")])
+@pytest.mark.parametrize(
+    ("start", "other", "itself"),
+    [
+        ([0, 0, 0.1], False, True),
+        ([0, 0, 0.1], True, True),
+        ([0, 0, 2.2], False, False),
+        ([0, 0, -2.2], False, True),
+        ([0, 0, 2 * np.pi - 2.2], False, False),
+        ([0.2, 0, 0], False, True),
+    ],
+)
+def test_computed_torque_knows_the_pose_that_its_sliders_tell(start, other, itself, integration):
+    """Which is the platform's own where the lengths of the model are, on this side of the singular pose."""
+    robot = p3dof.load()
+    g = robot.parameters.geometry
+    wrong = replace(robot.parameters, geometry=replace(g, r=1.01 * g.r))
+    motion = p3dof.Motion.rest_to_rest([0, 0, 0.1], [0.02, 0.01, 0.2], 0.1, 21)
+    controller = ComputedTorque(wrong if other else robot, motion, frequency=3, integral_time=0.5)
+    how = {"start": start, "controller": controller, "control": ControlLoop(1000), "stop_at": []}
+    run, exact = (each(0.03, samples=31, integration=integration, **how) for each in both_ways(robot))
+    assert difference(run, exact) == ""
+    assert run.note == ""
+    assert np.abs(run.forces - exact.forces).max() < 1e-10 * np.abs(exact.forces).max()
+    taken = robot.forward_kinematics(exact.sliders[0])  # beyond the singular pose for another one
+    assert np.allclose(taken, start) == itself
+
+
 def test_a_controller_is_called_at_its_rate_only():
     asked = []
 
@@ -339,10 +367,10 @@ def test_what_the_extension_refuses():
         broken = [*tables[:place], wrong, *tables[place + 1 :]]
         with pytest.raises(ValueError, match=r"must have|do not fit"):
             MachineRun(forward.name, level, tuple(broken), numbers)
-    torque = [*tables[:9], np.ones(9), np.zeros(29), np.zeros(9), *tables[12:]]
+    torque = [*tables[:9], np.ones(10), np.zeros(29), np.zeros(9), *tables[12:]]
     with pytest.raises(ValueError, match="the model of the controller does not fit"):
         MachineRun(forward.name, level, tuple(torque), numbers)
-    followed = [*tables[:9], np.zeros(9), np.zeros(29), *tables[11:18], np.zeros(6), np.zeros(9)]
+    followed = [*tables[:9], np.zeros(10), np.zeros(29), *tables[11:18], np.zeros(6), np.zeros(9)]
     with pytest.raises(ValueError, match="what the controller follows does not fit"):
         MachineRun(forward.name, level, tuple(followed), numbers)
     for late in ((-1, 0), (0, 1), (np.nan, 0), (1e10, 0)):
@@ -390,6 +418,7 @@ static void act(MachineRun *m, const double *sliders)
     Control_single_here *control = m->control;
     const ptrdiff_t tick = (ptrdiff_t)m->ticks;
     const double *noise = errors;
+    ((ControlPath *)m->path)->known = m->exact && m->looked && m->placed[6] > 0.0 ? m->y : NULL;
     control_wanted_single_here(m->path, control, &tick);
     control_act_single_here(m->path, control, &tick, &noise, (const double(*)[1])sliders);
     memcpy(m->given, control->late[0][3], 3 * sizeof(double));
@@ -452,6 +481,7 @@ static int run(int drive, double period, double size, int friction, double end, 
     m.longest = INFINITY;
     m.poll = poll;
     m.out = out;
+    m.exact = friction;
     m.scheme = scheme;
     if (scheme == STEPS_EQUAL)
         m.longest = 7e-4;
@@ -466,7 +496,7 @@ static int run(int drive, double period, double size, int friction, double end, 
     m.part = part;
     const int kind = size > 0.0 ? CONTROL_TORQUE : CONTROL_FEEDBACK;
     const int ticks = drive != DRIVE_FOLLOW;
-    const ControlPath path = {.kind = kind, .noisy = ticks, .counting = 1, .differencing = ticks,
+    ControlPath path = {.kind = kind, .noisy = ticks, .counting = 1, .differencing = ticks,
                               .integrating = ticks, .ring = 1, .period = period, .table = plan,
                               .assembly = assembly, .torque = torque, .inverse = inverse};
     Control_single_here control = {0};

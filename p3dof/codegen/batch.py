@@ -140,10 +140,11 @@ def _statements(
     kept: dict[int, str] | None = None,
     sample: str = "[i]",
 ) -> list[str]:
+    sincos = "P3DOF_NAME(sincos)" if sample == "[i]" else "P3DOF_NAME(sincos_alone)"
     names = {symbol.index: f"c{i}" for i, symbol in enumerate(kernel.constants)}
     names |= {symbol.index: f"x{i}{sample}" for i, symbol in enumerate(kernel.symbols)} | known
     targets = {f"f{i}{sample}": result for i, result in enumerate(results) if result is not None}
-    return statements_of(kernel, places, names, targets, kept)
+    return statements_of(kernel, places, names, targets, kept, sincos)
 
 
 def statements_of(
@@ -152,6 +153,7 @@ def statements_of(
     known: Mapping[int, str],
     targets: Mapping[str, object],
     kept: Mapping[int, str] | None = None,
+    sincos: str = "P3DOF_NAME(sincos)",
 ) -> list[str]:
     """Return what computes a part of a kernel for one sample.
 
@@ -167,13 +169,15 @@ def statements_of(
         Where results go.
     kept : mapping of int to str, optional
         Where values go that another part needs.
+    sincos : str
+        What computes sine and cosine.
 
     Returns
     -------
     list of str
     """
     names = dict(known)
-    lines = statements(kernel.tape, places, names, "P3DOF_NAME(sincos)", functions=_OURS)
+    lines = statements(kernel.tape, places, names, sincos, functions=_OURS)
     lines += [
         f"{place} = {text(result, names)};"
         for place, result in targets.items()

@@ -19,6 +19,15 @@ _HEAD = """\
  * Included once for every level and every width, with P3DOF_LANE(f), P3DOF_NAME(f), P3DOF_TARGET and
  * P3DOF_LANES defined by the includer. Rows of lanes in and out. */
 """
+_SINCOS = """\
+#if P3DOF_LANES == 1
+#define P3DOF_SINCOS P3DOF_NAME(sincos_alone)
+#else
+#define P3DOF_SINCOS P3DOF_NAME(sincos)
+#endif
+"""
+_WAVES = "P3DOF_SINCOS"
+_END = "#undef P3DOF_SINCOS\n"
 _INDENT = " " * 4
 
 
@@ -29,7 +38,7 @@ def lane_files() -> dict[str, str]:
     table = "\n".join(
         ["#ifndef LANE_CONSTANTS", "#define LANE_CONSTANTS", "enum {", *counts, "};", "#endif\n"]
     )
-    return {"lane_kernels.h": "\n".join([_HEAD + table, *map(_function, kernels)])}
+    return {"lane_kernels.h": "\n".join([_HEAD + table + _SINCOS, *map(_function, kernels), _END])}
 
 
 def _function(kernel: LaneKernel) -> str:
@@ -53,7 +62,7 @@ def _function(kernel: LaneKernel) -> str:
 
 
 def _one(kernel: LaneKernel, known: dict[int, str]) -> list[str]:
-    return _loop(statements_of(kernel, work_of(kernel), known, _targets(kernel)))
+    return _loop(statements_of(kernel, work_of(kernel), known, _targets(kernel), sincos=_WAVES))
 
 
 def _two(kernel: LaneKernel, known: dict[int, str]) -> list[str]:
@@ -65,8 +74,8 @@ def _two(kernel: LaneKernel, known: dict[int, str]) -> list[str]:
     second = {place: value for (place, value), early in zip(targets.items(), done, strict=True) if not early}
     return [
         f"P3DOF_ALIGNED double k[{len(kept)}][P3DOF_LANES];",
-        *_loop(statements_of(kernel, parts.first, known, first, kept)),
-        *_loop(statements_of(kernel, parts.second, known | kept, second)),
+        *_loop(statements_of(kernel, parts.first, known, first, kept, _WAVES)),
+        *_loop(statements_of(kernel, parts.second, known | kept, second, sincos=_WAVES)),
     ]
 
 

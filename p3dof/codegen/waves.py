@@ -18,6 +18,7 @@ def wave() -> str:
     for name, real in (
         ("P3DOF_INLINE P3DOF_TARGET ", ""),
         ("P3DOF_NAME(sincos)", "sincos_one"),
+        ("P3DOF_NAME(sincos_near)", "sincos_near"),
         ("P3DOF_REAL_OF", "double_of"),
         ("P3DOF_BITS_OF", "bits_of"),
         ("P3DOF_REAL", "double"),

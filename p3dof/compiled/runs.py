@@ -79,10 +79,11 @@ class Controller(NamedTuple):
 
     Parameters
     ----------
-    settings : ndarray, shape (9,)
+    settings : ndarray, shape (10,)
         Whether it is computed torque, noisy, counting, differencing, integrating, of a symmetric model; the
-        size of forces that need a second look [N]; whether its model has friction, and whether the forces of
-        the model are fed forward all the time.
+        size of forces that need a second look [N]; whether its model has friction, whether the forces of
+        the model are fed forward all the time, and whether it measures the machine as it is and its model has
+        the machine's lengths.
     given : ndarray, shape (29,)
         Gain 3, damping 3, share of an error that joins its integral 3; forces 3, sliders 3 and their
         velocities 3 if there is no table; largest forces 3; counts of encoders 3; noise 2; bandwidth of

@@ -90,7 +90,10 @@ def controller_of(task: Task, largest: FloatArray) -> Controller:
     flags = [torque, control.noise is not None, counts.any(), control.differencing]
     integrating = isinstance(controller, PD) and controller.integral_time < math.inf
     huge = controller.huge if isinstance(controller, Feedforward | ComputedTorque) else math.inf
-    settings = np.array([*flags, integrating, symmetric, huge, rough, forward], dtype=float)
+    ideal = False
+    if isinstance(controller, ComputedTorque) and control.encoders() is None:
+        ideal = controller.model.geometry == task.machine.parameters.geometry
+    settings = np.array([*flags, integrating, symmetric, huge, rough, forward, ideal], dtype=float)
     if control.rate is None and isinstance(controller, PD):
         none: FloatArray = np.zeros(0)
         return Controller(settings, given, none, none, model, _followed(controller))

@@ -30,6 +30,7 @@ typedef struct {
     double period;
     const double *table; /* one row a tick; NULL: base, wanted and rate of the lanes stay */
     const double *assembly, *torque, *inverse; /* constants of the controller's model */
+    const double *known; /* of one lane: pose and velocity, where measuring them gives just these; or NULL */
 } ControlPath;
 #endif
 
@@ -123,35 +124,73 @@ static P3DOF_TARGET void P3DOF_LANE(control_inverse)(const ControlPath *path, co
         P3DOF_LANE(lane_inverse)(path->inverse, state, found);
 }
 
+/* Computed torque at a pose, where `next` tells how fast the platform moves, where it is half a hold later, and the least
+ * of what is left of the legs' reach there. Rows of `nowhere` are 0, or NaN where there is no answer. */
+static P3DOF_INLINE P3DOF_TARGET void P3DOF_LANE(control_torque_at)(const ControlPath *path, P3DOF_LANE(Control) * m,
+                                                                    const double (*pose)[P3DOF_LANES],
+                                                                    const double (*next)[P3DOF_LANES],
+                                                                    const double *nowhere,
+                                                                    double (*found)[P3DOF_LANES])
+{
+    P3DOF_ALIGNED double state[9][P3DOF_LANES];
+    const double half = 0.5 * path->period;
+    P3DOF_SIMD
+    for (int l = 0; l < P3DOF_LANES; ++l) {
+        const double frozen = m->saturated[0][l] + m->saturated[1][l] + m->saturated[2][l];
+        for (int i = 0; i < 3; ++i) {
+            const double error = m->goal[i][l] - pose[i][l], acceleration = m->goal[6 + i][l];
+            m->integral[i][l] += frozen > 0.0 ? 0.0 : error * m->share[i][l];
+            state[i][l] = next[6][l] > 0.0 ? next[3 + i][l] : pose[i][l];
+            state[3 + i][l] = next[i][l] + half * acceleration;
+            state[6 + i][l] = acceleration + m->gain[0][l] * (error + m->integral[i][l]) +
+                              m->damping[0][l] * (m->goal[3 + i][l] - next[i][l]) + nowhere[l];
+        }
+    }
+    P3DOF_LANE(control_inverse)(path, (const double(*)[P3DOF_LANES])state, found);
+}
+
+#if P3DOF_LANES == 1
+/* The same where the encoders tell all and the model has the machine's lengths: what would be computed from the sliders is
+ * the platform's own pose and velocity, `path->known`. Return whether half a hold later is within reach. */
+static P3DOF_TARGET int P3DOF_LANE(control_torque_known)(const ControlPath *path, P3DOF_LANE(Control) * m,
+                                                         double (*found)[1])
+{
+    const double half = 0.5 * path->period, none = 0.0, *x = path->known;
+    double next[7][1] = {{x[3]}, {x[4]}, {x[5]}, {0.0}, {0.0}, {0.0}, {1.0}}, integral[3][1];
+    int good = 1;
+    memcpy(integral, m->integral, sizeof integral);
+    for (int i = 0; i < 3; ++i)
+        next[3 + i][0] = x[i] + half * (x[3 + i] + 0.5 * half * m->goal[6 + i][0]);
+    P3DOF_LANE(control_torque_at)(path, m, (const double(*)[1])x, (const double(*)[1])next, &none, found);
+    for (int i = 0; i < 3; ++i)
+        good &= fabs(found[i][0]) <= DBL_MAX;
+    if (!good)
+        memcpy(m->integral, integral, sizeof integral);
+    return good;
+}
+#endif
+
 /* Computed torque: forces from what was measured, and the errors of the pose. */
 static P3DOF_TARGET void P3DOF_LANE(control_torque)(const ControlPath *path, P3DOF_LANE(Control) * m,
                                                     const double (*seen)[P3DOF_LANES], double (*found)[P3DOF_LANES])
 {
-    P3DOF_ALIGNED double at[10][P3DOF_LANES], next[7][P3DOF_LANES], drop[P3DOF_LANES], state[9][P3DOF_LANES];
-    const double half = 0.5 * path->period;
+    P3DOF_ALIGNED double at[10][P3DOF_LANES], next[7][P3DOF_LANES], nowhere[P3DOF_LANES];
+#if P3DOF_LANES == 1
+    if (path->known && P3DOF_LANE(control_torque_known)(path, m, found))
+        return;
+#endif
     P3DOF_LANE(lane_assembly)(path->assembly, seen, at);
-    for (int l = 0; l < P3DOF_LANES; ++l)
+    for (int l = 0; l < P3DOF_LANES; ++l) {
         at[2][l] -= at[2][l] > 0x1.921fb54442d18p+0 ? 0x1.921fb54442d18p+2 : 0.0;
-    memcpy(drop, at[3], sizeof drop);
+        nowhere[l] = at[3][l] > 0.0 ? 0.0 : NAN; /* a leg would stand above its slider */
+    }
     memcpy(at + 3, seen + 3, 3 * sizeof *at);
     memcpy(at + 6, m->goal + 6, 3 * sizeof *at);
     for (int l = 0; l < P3DOF_LANES; ++l)
-        at[9][l] = half;
+        at[9][l] = 0.5 * path->period;
     P3DOF_LANE(lane_torque)(path->torque, (const double(*)[P3DOF_LANES])at, next);
-    P3DOF_SIMD
-    for (int l = 0; l < P3DOF_LANES; ++l) {
-        const double frozen = m->saturated[0][l] + m->saturated[1][l] + m->saturated[2][l];
-        const double nowhere = drop[l] > 0.0 ? 0.0 : NAN; /* a leg would stand above its slider */
-        for (int i = 0; i < 3; ++i) {
-            const double error = m->goal[i][l] - at[i][l], acceleration = m->goal[6 + i][l];
-            m->integral[i][l] += frozen > 0.0 ? 0.0 : error * m->share[i][l];
-            state[i][l] = next[6][l] > 0.0 ? next[3 + i][l] : at[i][l];
-            state[3 + i][l] = next[i][l] + half * acceleration;
-            state[6 + i][l] = acceleration + m->gain[0][l] * (error + m->integral[i][l]) +
-                              m->damping[0][l] * (m->goal[3 + i][l] - next[i][l]) + nowhere;
-        }
-    }
-    P3DOF_LANE(control_inverse)(path, (const double(*)[P3DOF_LANES])state, found);
+    P3DOF_LANE(control_torque_at)
+    (path, m, (const double(*)[P3DOF_LANES])at, (const double(*)[P3DOF_LANES])next, nowhere, found);
 }
 
 /* Springs, constant forces, PD, PID, feedforward. */

@@ -55,13 +55,14 @@ struct MachineRun {
     const double *load_time, *load;                       /* F_y, F_z, M_y, one row of three a time */
     ptrdiff_t loads;                                     /* one: it stays */
     void *control;            /* of `DRIVE_CONTROL`, `DRIVE_FOLLOW`: see control.h, in one lane */
-    const void *path;
+    void *path;
     void *followed;           /* of `DRIVE_FOLLOW`: see follow.h */
     void (*act)(MachineRun *, const double *); /* fills `given` at a tick, from sliders and their velocities */
     void (*follow)(MachineRun *, double, const double *, double *); /* forces 3, asked 3 at a time, from these */
     const double *noise;      /* six normal numbers a tick */
     ptrdiff_t planned;        /* ticks that there are tables for */
     double huge;              /* forces that need a second look */
+    int exact;                /* whether the pose that a controller computes from its sliders is the platform's own */
     int beyond;               /* whether `follow` had none, or such a force */
     int lagging;              /* whether the drives follow `held` by a first-order lag, since `switched` from `begun` */
     double lag[3], begun[3], switched; /* lag: 2 pi bandwidth [1/s], or infinity */
@@ -77,7 +78,8 @@ struct MachineRun {
     double ticks, acted; /* how many there were, and of how many forces have begun to act */
     ptrdiff_t next, kink, at_load;
     int answered, crawled, looked;
-    double seen[LIMITS], falling[LIMITS], placed[6]; /* margins at t, their rates, the sliders, if `looked` */
+    double seen[LIMITS], falling[LIMITS], placed[7]; /* if `looked`: margins at t, their rates;
+                                                           * sliders 6, the cosine of the singular pose */
     long long evaluations, since_poll;
     int (*poll)(MachineRun *); /* returns whether to stop; called every now and then */
     /* What it leaves. */

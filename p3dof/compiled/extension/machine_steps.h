@@ -79,6 +79,7 @@ static P3DOF_TARGET int SOLVER(short_step_near)(MachineRun *m, const SOLVER(solv
     P3DOF_NAME(placed_margins)(m, s->y, last.margin, last.rate, found);
     memcpy(m->placed, found, 3 * sizeof *found);
     memcpy(m->placed + 3, found + WATCHED, 3 * sizeof *found);
+    m->placed[6] = found[WATCHED - 1];
     memcpy(m->seen, last.margin, sizeof last.margin);
     memcpy(m->falling, last.rate, sizeof last.rate);
     m->looked = 1;

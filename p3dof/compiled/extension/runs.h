@@ -2,16 +2,23 @@
 
 #include "follow.h"
 
-enum { RUN_TABLES = 20, RUN_NUMBERS = 23, RUN_LIVE = 13, RUN_SETTINGS = 9, RUN_GIVEN = 29, RUN_ENDS = 7 };
+enum { RUN_TABLES = 20, RUN_NUMBERS = 23, RUN_LIVE = 13, RUN_SETTINGS = 10, RUN_GIVEN = 29, RUN_ENDS = 7 };
+
+/* Whether the forward kinematics of the sliders gives the platform's pose: on its side of the singular pose, in its turn. */
+static int pose_is_told(const MachineRun *m)
+{
+    return m->looked && m->placed[6] > 0.0 && m->y[2] <= 0x1.921fb5p+0 && m->y[2] > -0x1.2d97c7p+2;
+}
 
 /* What lets a controller of control.h act, in one lane of every level: at a tick, and at any time. */
 #define RUN_CONTROL(level)                                                                           \
     static void control_tick_##level(MachineRun *m, const double *sliders)                           \
     {                                                                                                \
         Control_single_##level *control = m->control;                                                \
-        const ControlPath *path = m->path;                                                           \
+        ControlPath *path = m->path;                                                                 \
         const ptrdiff_t tick = (ptrdiff_t)m->ticks;                                                  \
         const double *noise = m->noise;                                                              \
+        path->known = m->exact && pose_is_told(m) ? m->y : NULL;                                     \
         control_wanted_single_##level(path, control, &tick);                                         \
         control_act_single_##level(path, control, &tick, &noise, (const double(*)[1])sliders);       \
         memcpy(m->given, control->late[0][3], 3 * sizeof(double));                                   \
@@ -267,6 +274,7 @@ static int set_controller(RunObject *self, const Py_ssize_t *lengths)
     memcpy(&self->control, tables[1], RUN_GIVEN * sizeof(double));
     m->drive = follows ? DRIVE_FOLLOW : DRIVE_CONTROL;
     m->huge = tables[0][6];
+    m->exact = tables[0][9] != 0.0;
     m->noise = tables[3];
     m->path = path;
     m->control = &self->control;
@@ -394,8 +402,9 @@ PyDoc_STRVAR(Run_doc,
              "    count 12; springs: stiffness 3, rest 3, damping 3, preload 3, or nothing; times of the load, its\n"
              "    rows of F_y, F_z, M_y; kinks; times of the samples. A controller of control.h, or eleven empty ones:\n"
              "    whether it is computed torque, noisy, counting, differencing, integrating, of a symmetric model,\n"
-             "    largest forces, whether its model has friction, whether it feeds forces forward; gains; its table;\n"
-             "    noise; constants of assembly, torque and inverse. If it acts all the time, the motion: ends of its\n"
+             "    largest forces, whether its model has friction, whether it feeds forces forward, whether what\n"
+             "    it measures is just so and its model has the machine's lengths; gains; its table; noise;\n"
+             "    constants of assembly, torque and inverse. If it acts all the time, the motion: ends of its\n"
              "    pieces; six coefficients of y, z, theta of each, the highest power first; first and last pose and\n"
              "    duration, 7; constants of place.\n"
              "numbers : buffer of 23 doubles\n"

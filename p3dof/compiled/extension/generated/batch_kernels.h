@@ -62,7 +62,7 @@ static P3DOF_TARGET void P3DOF_NAME(inverse_dynamics)(
         double *restrict f2 = out[2]; /* f_c */
         double *restrict f3 = out[3]; /* margin */
         double t37, t39;
-        P3DOF_NAME(sincos)(x2[0], &t37, &t39);
+        P3DOF_NAME(sincos_alone)(x2[0], &t37, &t39);
         const double t38 = c0 * t37;
         const double t40 = c0 * t39;
         const double t41 = c1 + x0[0];
@@ -640,7 +640,7 @@ static P3DOF_TARGET void P3DOF_NAME(inverse_dynamics_symmetric)(
         double *restrict f2 = out[2]; /* f_c */
         double *restrict f3 = out[3]; /* margin */
         double t25, t27;
-        P3DOF_NAME(sincos)(x2[0], &t25, &t27);
+        P3DOF_NAME(sincos_alone)(x2[0], &t25, &t27);
         const double t26 = c0 * t25;
         const double t28 = c0 * t27;
         const double t29 = c1 + x0[0];
@@ -1083,7 +1083,7 @@ static P3DOF_TARGET void P3DOF_NAME(inverse_dynamics_loaded)(
         double *restrict f2 = out[2]; /* f_c */
         double *restrict f3 = out[3]; /* margin */
         double t40, t42;
-        P3DOF_NAME(sincos)(x2[0], &t40, &t42);
+        P3DOF_NAME(sincos_alone)(x2[0], &t40, &t42);
         const double t41 = c0 * t40;
         const double t43 = c0 * t42;
         const double t44 = c1 + x0[0];
@@ -1673,7 +1673,7 @@ static P3DOF_TARGET void P3DOF_NAME(inverse_dynamics_loaded_symmetric)(
         double *restrict f2 = out[2]; /* f_c */
         double *restrict f3 = out[3]; /* margin */
         double t28, t30;
-        P3DOF_NAME(sincos)(x2[0], &t28, &t30);
+        P3DOF_NAME(sincos_alone)(x2[0], &t28, &t30);
         const double t29 = c0 * t28;
         const double t31 = c0 * t30;
         const double t32 = c1 + x0[0];
@@ -3654,7 +3654,7 @@ static P3DOF_TARGET void P3DOF_NAME(forward_dynamics)(
         double *restrict f2 = out[2]; /* atheta */
         double *restrict f3 = out[3]; /* margin */
         double t37, t39;
-        P3DOF_NAME(sincos)(x2[0], &t37, &t39);
+        P3DOF_NAME(sincos_alone)(x2[0], &t37, &t39);
         const double t38 = c0 * t37;
         const double t40 = c0 * t39;
         const double t41 = c1 + x0[0];
@@ -4324,7 +4324,7 @@ static P3DOF_TARGET void P3DOF_NAME(forward_dynamics_symmetric)(
         double *restrict f2 = out[2]; /* atheta */
         double *restrict f3 = out[3]; /* margin */
         double t25, t27;
-        P3DOF_NAME(sincos)(x2[0], &t25, &t27);
+        P3DOF_NAME(sincos_alone)(x2[0], &t25, &t27);
         const double t26 = c0 * t25;
         const double t28 = c0 * t27;
         const double t29 = c1 + x0[0];
@@ -4851,7 +4851,7 @@ static P3DOF_TARGET void P3DOF_NAME(forward_dynamics_loaded)(
         double *restrict f2 = out[2]; /* atheta */
         double *restrict f3 = out[3]; /* margin */
         double t40, t42;
-        P3DOF_NAME(sincos)(x2[0], &t40, &t42);
+        P3DOF_NAME(sincos_alone)(x2[0], &t40, &t42);
         const double t41 = c0 * t40;
         const double t43 = c0 * t42;
         const double t44 = c1 + x0[0];
@@ -5533,7 +5533,7 @@ static P3DOF_TARGET void P3DOF_NAME(forward_dynamics_loaded_symmetric)(
         double *restrict f2 = out[2]; /* atheta */
         double *restrict f3 = out[3]; /* margin */
         double t28, t30;
-        P3DOF_NAME(sincos)(x2[0], &t28, &t30);
+        P3DOF_NAME(sincos_alone)(x2[0], &t28, &t30);
         const double t29 = c0 * t28;
         const double t31 = c0 * t30;
         const double t32 = c1 + x0[0];
@@ -6080,7 +6080,7 @@ static P3DOF_TARGET void P3DOF_NAME(inverse_dynamics_with_friction)(
         double *restrict f2 = out[2]; /* f_c */
         double *restrict f3 = out[3]; /* margin */
         double t59, t61;
-        P3DOF_NAME(sincos)(x2[0], &t59, &t61);
+        P3DOF_NAME(sincos_alone)(x2[0], &t59, &t61);
         const double t60 = c0 * t59;
         const double t62 = c0 * t61;
         const double t63 = c1 + x0[0];
@@ -6865,7 +6865,7 @@ static P3DOF_TARGET void P3DOF_NAME(inverse_dynamics_with_friction_symmetric)(
         double *restrict f2 = out[2]; /* f_c */
         double *restrict f3 = out[3]; /* margin */
         double t47, t49;
-        P3DOF_NAME(sincos)(x2[0], &t47, &t49);
+        P3DOF_NAME(sincos_alone)(x2[0], &t47, &t49);
         const double t48 = c0 * t47;
         const double t50 = c0 * t49;
         const double t51 = c1 + x0[0];
@@ -7538,7 +7538,7 @@ static P3DOF_TARGET void P3DOF_NAME(forward_dynamics_with_friction)(
         double *restrict f2 = out[2]; /* atheta */
         double *restrict f3 = out[3]; /* margin */
         double t59, t61;
-        P3DOF_NAME(sincos)(x2[0], &t59, &t61);
+        P3DOF_NAME(sincos_alone)(x2[0], &t59, &t61);
         const double t60 = c0 * t59;
         const double t62 = c0 * t61;
         const double t63 = c1 + x0[0];
@@ -8421,7 +8421,7 @@ static P3DOF_TARGET void P3DOF_NAME(forward_dynamics_with_friction_symmetric)(
         double *restrict f2 = out[2]; /* atheta */
         double *restrict f3 = out[3]; /* margin */
         double t47, t49;
-        P3DOF_NAME(sincos)(x2[0], &t47, &t49);
+        P3DOF_NAME(sincos_alone)(x2[0], &t47, &t49);
         const double t48 = c0 * t47;
         const double t50 = c0 * t49;
         const double t51 = c1 + x0[0];
@@ -9125,7 +9125,7 @@ static P3DOF_TARGET void P3DOF_NAME(mass_matrix)(
         double *restrict f5 = out[5]; /* m_zz */
         double *restrict f6 = out[6]; /* margin */
         double t31, t33;
-        P3DOF_NAME(sincos)(x2[0], &t31, &t33);
+        P3DOF_NAME(sincos_alone)(x2[0], &t31, &t33);
         const double t32 = c0 * t31;
         const double t34 = c0 * t33;
         const double t35 = c1 + x0[0];
@@ -9454,7 +9454,7 @@ static P3DOF_TARGET void P3DOF_NAME(mass_matrix_symmetric)(
         double *restrict f5 = out[5]; /* m_zz */
         double *restrict f6 = out[6]; /* margin */
         double t19, t21;
-        P3DOF_NAME(sincos)(x2[0], &t19, &t21);
+        P3DOF_NAME(sincos_alone)(x2[0], &t19, &t21);
         const double t20 = c0 * t19;
         const double t22 = c0 * t21;
         const double t23 = c1 + x0[0];
@@ -9722,7 +9722,7 @@ static P3DOF_TARGET void P3DOF_NAME(coriolis_matrix)(
         double *restrict f5 = out[5]; /* c_tt */
         double *restrict f6 = out[6]; /* margin */
         double t34, t36;
-        P3DOF_NAME(sincos)(x2[0], &t34, &t36);
+        P3DOF_NAME(sincos_alone)(x2[0], &t34, &t36);
         const double t35 = c0 * t34;
         const double t37 = c0 * t36;
         const double t38 = c1 + x0[0];
@@ -10498,7 +10498,7 @@ static P3DOF_TARGET void P3DOF_NAME(coriolis_matrix_symmetric)(
         double *restrict f5 = out[5]; /* c_tt */
         double *restrict f6 = out[6]; /* margin */
         double t22, t24;
-        P3DOF_NAME(sincos)(x2[0], &t22, &t24);
+        P3DOF_NAME(sincos_alone)(x2[0], &t22, &t24);
         const double t23 = c0 * t22;
         const double t25 = c0 * t24;
         const double t26 = c1 + x0[0];
@@ -11074,7 +11074,7 @@ static P3DOF_TARGET void P3DOF_NAME(gravity_forces)(
         double *restrict f2 = out[2]; /* g_theta */
         double *restrict f3 = out[3]; /* margin */
         double t31, t33;
-        P3DOF_NAME(sincos)(x2[0], &t31, &t33);
+        P3DOF_NAME(sincos_alone)(x2[0], &t31, &t33);
         const double t32 = c0 * t31;
         const double t34 = c0 * t33;
         const double t35 = c1 + x0[0];
@@ -11316,7 +11316,7 @@ static P3DOF_TARGET void P3DOF_NAME(gravity_forces_symmetric)(
         double *restrict f2 = out[2]; /* g_theta */
         double *restrict f3 = out[3]; /* margin */
         double t19, t21;
-        P3DOF_NAME(sincos)(x2[0], &t19, &t21);
+        P3DOF_NAME(sincos_alone)(x2[0], &t19, &t21);
         const double t20 = c0 * t19;
         const double t22 = c0 * t21;
         const double t23 = c1 + x0[0];
@@ -11595,7 +11595,7 @@ static P3DOF_TARGET void P3DOF_NAME(forward_kinematics)(
         const double t71 = x0[0] - t48;
         const double t72 = x1[0] - t48;
         double t73, t94;
-        P3DOF_NAME(sincos)(t70, &t73, &t94);
+        P3DOF_NAME(sincos_alone)(t70, &t73, &t94);
         const double t74 = c7 * t73;
         const double t75 = t49 - t74;
         const double t89 = t48 + c9;
@@ -11738,7 +11738,7 @@ static P3DOF_TARGET void P3DOF_NAME(limits)(
         double *restrict f13 = out[13]; /* dcos_54 */
         double *restrict f14 = out[14]; /* margin */
         double t34, t36;
-        P3DOF_NAME(sincos)(x2[0], &t34, &t36);
+        P3DOF_NAME(sincos_alone)(x2[0], &t34, &t36);
         const double t35 = c0 * t34;
         const double t37 = c0 * t36;
         const double t38 = c1 + x0[0];

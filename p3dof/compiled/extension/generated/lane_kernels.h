@@ -19,6 +19,11 @@ enum {
     lane_inverse_with_friction_symmetric_constants = 42,
 };
 #endif
+#if P3DOF_LANES == 1
+#define P3DOF_SINCOS P3DOF_NAME(sincos_alone)
+#else
+#define P3DOF_SINCOS P3DOF_NAME(sincos)
+#endif
 
 static P3DOF_TARGET void P3DOF_LANE(lane_place)(
     const double (*restrict c)[P3DOF_LANES], const double (*restrict x)[P3DOF_LANES], double (*restrict f)[P3DOF_LANES])
@@ -26,7 +31,7 @@ static P3DOF_TARGET void P3DOF_LANE(lane_place)(
     P3DOF_SIMD
     for (int i = 0; i < P3DOF_LANES; ++i) {
         double t34, t36;
-        P3DOF_NAME(sincos)(x[2][i], &t34, &t36);
+        P3DOF_SINCOS(x[2][i], &t34, &t36);
         const double t35 = c[0][i] * t34;
         const double t37 = c[0][i] * t36;
         const double t38 = c[1][i] + x[0][i];
@@ -100,7 +105,7 @@ static P3DOF_TARGET void P3DOF_LANE(lane_limits)(
     P3DOF_SIMD
     for (int i = 0; i < P3DOF_LANES; ++i) {
         double t34, t36;
-        P3DOF_NAME(sincos)(x[2][i], &t34, &t36);
+        P3DOF_SINCOS(x[2][i], &t34, &t36);
         const double t35 = c[0][i] * t34;
         const double t37 = c[0][i] * t36;
         const double t38 = c[1][i] + x[0][i];
@@ -232,7 +237,7 @@ static P3DOF_TARGET void P3DOF_LANE(lane_motion)(
     P3DOF_SIMD
     for (int i = 0; i < P3DOF_LANES; ++i) {
         double t40, t42;
-        P3DOF_NAME(sincos)(x[2][i], &t40, &t42);
+        P3DOF_SINCOS(x[2][i], &t40, &t42);
         const double t41 = c[0][i] * t40;
         const double t43 = c[0][i] * t42;
         const double t44 = c[1][i] + x[0][i];
@@ -533,7 +538,7 @@ static P3DOF_TARGET void P3DOF_LANE(lane_motion_with_friction)(
     P3DOF_SIMD
     for (int i = 0; i < P3DOF_LANES; ++i) {
         double t59, t61;
-        P3DOF_NAME(sincos)(x[2][i], &t59, &t61);
+        P3DOF_SINCOS(x[2][i], &t59, &t61);
         const double t60 = c[0][i] * t59;
         const double t62 = c[0][i] * t61;
         const double t63 = c[1][i] + x[0][i];
@@ -978,7 +983,7 @@ static P3DOF_TARGET void P3DOF_LANE(lane_torque)(
     P3DOF_SIMD
     for (int i = 0; i < P3DOF_LANES; ++i) {
         double t38, t40;
-        P3DOF_NAME(sincos)(x[2][i], &t38, &t40);
+        P3DOF_SINCOS(x[2][i], &t38, &t40);
         const double t39 = c[0] * t38;
         const double t41 = c[0] * t40;
         const double t42 = c[1] + x[0][i];
@@ -1032,7 +1037,7 @@ static P3DOF_TARGET void P3DOF_LANE(lane_torque)(
         const double t145 = x[9][i] * t144;
         const double t146 = x[2][i] + t145;
         double t163, t147;
-        P3DOF_NAME(sincos)(t146, &t163, &t147);
+        P3DOF_SINCOS(t146, &t163, &t147);
         const double t148 = c[0] * t147;
         const double t149 = c[2] - t148;
         const double t150 = c[3] - t140;
@@ -1065,7 +1070,7 @@ static P3DOF_TARGET void P3DOF_LANE(lane_inverse)(
     P3DOF_SIMD
     for (int i = 0; i < P3DOF_LANES; ++i) {
         double t37, t39;
-        P3DOF_NAME(sincos)(x[2][i], &t37, &t39);
+        P3DOF_SINCOS(x[2][i], &t37, &t39);
         const double t38 = c[0] * t37;
         const double t40 = c[0] * t39;
         const double t41 = c[1] + x[0][i];
@@ -1313,7 +1318,7 @@ static P3DOF_TARGET void P3DOF_LANE(lane_inverse_with_friction)(
     P3DOF_SIMD
     for (int i = 0; i < P3DOF_LANES; ++i) {
         double t56, t58;
-        P3DOF_NAME(sincos)(x[2][i], &t56, &t58);
+        P3DOF_SINCOS(x[2][i], &t56, &t58);
         const double t57 = c[0] * t56;
         const double t59 = c[0] * t58;
         const double t60 = c[1] + x[0][i];
@@ -1622,7 +1627,7 @@ static P3DOF_TARGET void P3DOF_LANE(lane_motion_symmetric)(
     P3DOF_SIMD
     for (int i = 0; i < P3DOF_LANES; ++i) {
         double t28, t30;
-        P3DOF_NAME(sincos)(x[2][i], &t28, &t30);
+        P3DOF_SINCOS(x[2][i], &t28, &t30);
         const double t29 = c[0][i] * t28;
         const double t31 = c[0][i] * t30;
         const double t32 = c[1][i] + x[0][i];
@@ -1839,7 +1844,7 @@ static P3DOF_TARGET void P3DOF_LANE(lane_motion_with_friction_symmetric)(
     P3DOF_SIMD
     for (int i = 0; i < P3DOF_LANES; ++i) {
         double t47, t49;
-        P3DOF_NAME(sincos)(x[2][i], &t47, &t49);
+        P3DOF_SINCOS(x[2][i], &t47, &t49);
         const double t48 = c[0][i] * t47;
         const double t50 = c[0][i] * t49;
         const double t51 = c[1][i] + x[0][i];
@@ -2155,7 +2160,7 @@ static P3DOF_TARGET void P3DOF_LANE(lane_inverse_symmetric)(
     P3DOF_SIMD
     for (int i = 0; i < P3DOF_LANES; ++i) {
         double t25, t27;
-        P3DOF_NAME(sincos)(x[2][i], &t25, &t27);
+        P3DOF_SINCOS(x[2][i], &t25, &t27);
         const double t26 = c[0] * t25;
         const double t28 = c[0] * t27;
         const double t29 = c[1] + x[0][i];
@@ -2325,7 +2330,7 @@ static P3DOF_TARGET void P3DOF_LANE(lane_inverse_with_friction_symmetric)(
     P3DOF_SIMD
     for (int i = 0; i < P3DOF_LANES; ++i) {
         double t44, t46;
-        P3DOF_NAME(sincos)(x[2][i], &t44, &t46);
+        P3DOF_SINCOS(x[2][i], &t44, &t46);
         const double t45 = c[0] * t44;
         const double t47 = c[0] * t46;
         const double t48 = c[1] + x[0][i];
@@ -2556,3 +2561,5 @@ static P3DOF_TARGET void P3DOF_LANE(lane_inverse_with_friction_symmetric)(
         f[2][i] = t463;
     }
 }
+
+#undef P3DOF_SINCOS
