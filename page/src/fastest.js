@@ -9,7 +9,7 @@ import { TaskError } from "./paths.js";
 /** @typedef {import("./plan.js").Stretch} Stretch */
 /** @typedef {{force: number, speed: number, power: number}} AxisLimits of each actuator [N, m/s, W]; Infinity: none */
 
-const POINTS = 401, FINE = 2001;
+const POINTS = 421, FINE = 2101; // the seven parts of the s-curve end at some of them
 /** By how much a duration may be longer than the shortest one. */
 const CLOSE = 1e-10;
 const SLOWEST = 1e4;
@@ -78,16 +78,28 @@ class Way {
         const { forces, speeds, power } = this.engine.solve({
             pose: this.pose, velocity: slow, acceleration: still, wrench: this.wrench,
         });
+        /** @type {[string, Float64Array, number][]} */
+        const used = [["force", forces, limits.force], ["speed", speeds, limits.speed], ["power", power, limits.power]];
         let [most, at, what] = [0, 0, ""];
-        for (let k = 0; k < forces.length; ++k) {
-            const force = Math.abs(forces[k]) / limits.force, speed = Math.abs(speeds[k]) / limits.speed;
-            if (force > most) [most, at, what] = [force, k, "force"];
-            if (speed > most) [most, at, what] = [speed, k, "speed"];
-            if (power[k] / limits.power > most) [most, at, what] = [power[k] / limits.power, k, "power"];
-            if (Number.isNaN(forces[k])) return { most: Infinity, what: "reach" };
+        for (const [name, values, limit] of used) {
+            if (limit === Infinity) continue;
+            for (let k = 0; k < values.length; ++k) {
+                if (Number.isNaN(values[k])) return { most: Infinity, what: "reach" };
+                const value = peakNear(values, k, name === "power") / limit;
+                if (value > most) [most, at, what] = [value, k, name];
+            }
         }
         return { most, what: `${what} of ${"ABC"[at % 3]}` };
     }
+}
+
+/** How large a curve is at a sample, or just beside it where it peaks between samples; of power what is given only. */
+/** @param {Float64Array} values rows of three @param {number} k @param {boolean} given */
+function peakNear(values, k, given) {
+    const value = given || values[k] > 0 ? values[k] : -values[k], sign = value === values[k] ? 1 : -1;
+    if (k < 3 || k + 3 >= values.length) return value;
+    const before = sign * values[k - 3], after = sign * values[k + 3], bend = 2 * value - before - after;
+    return value >= before && value >= after && bend > 0 ? value + (after - before) ** 2 / (8 * bend) : value;
 }
 
 /**

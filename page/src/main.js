@@ -13,6 +13,7 @@ import * as keys from "./keys.js";
 import * as links from "./links.js";
 import * as map from "./map.js";
 import * as panel from "./panel.js";
+import * as planning from "./planning.js";
 import * as print from "./print.js";
 import * as room from "./room.js";
 import * as scene from "./scene.js";
@@ -84,6 +85,7 @@ async function start() {
         console.warn(error);
         say(element("heading"), `The forces cannot be computed in this page: ${message(error)}. What is stored is shown.`);
     }
+    planning.mount(state);
     solving.mount(state); // first: all others show what these compute
     map.follow(state);
     for (const [name, id, mount] of PARTS) {

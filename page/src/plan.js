@@ -14,6 +14,16 @@ import { PROFILES, Path, TaskError } from "./paths.js";
  */
 
 /**
+ * How long the task takes: so long in all, or as short as the actuators' limits let it.
+ * @typedef {{fastest: boolean, duration: number | null, force: number | null, speed: number | null, power: number | null}} Pace [s, N, m/s, W]; null: as it comes
+ */
+
+/** @type {Task} */
+export const NO_TASK = { name: "waypoints", profile: "quintic", smoothness: 2, turning: 0.1, waypoints: [] };
+/** @type {Pace} */
+export const ANY_PACE = { fastest: false, duration: null, force: null, speed: null, power: null };
+
+/**
  * A way from one stop to the next.
  * @typedef {object} Stretch
  * @property {number} first

@@ -46,7 +46,7 @@ export function solve(state, engine) {
 }
 
 /** @param {Engine} engine @param {import("./types").WhatIf} whatIf @returns {string} why it cannot be */
-function changedTo(engine, whatIf) {
+export function changedTo(engine, whatIf) {
     try {
         engine.set(whatIf);
         return "";

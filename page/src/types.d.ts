@@ -110,6 +110,10 @@ export interface Fields {
     help: boolean;
     /** Instant under the pointer in a chart [s]. */
     hover: number | null;
+    /** What the platform is to do, and how fast; what planning came to, null with fewer than two waypoints. */
+    task: import("./plan.js").Task;
+    pace: import("./plan.js").Pace;
+    planned: import("./planning.js").Planned | null;
     /** What the workspace map shows: the largest force that holds a pose, the least margin, or what is possible. */
     shade: "force" | "margin" | "status";
     /** The workspace map in 3D. */
