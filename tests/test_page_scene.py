@@ -351,6 +351,18 @@ def test_no_picture_mixes_two_instants_while_the_page_plays(watched, result):
     assert_allclose(found[:, 5], np.interp(found[:, 0], result.motion.time, result.forces[:, 0]), rtol=1e-12)
 
 
+def test_in_software_edges_are_smooth_when_nothing_moves(watched):
+    fine = "p3dof.state.stage.canvas.width === 2 * p3dof.state.stage.width"
+    watched.page.evaluate("() => p3dof.seek(0.1)")
+    assert watched.page.evaluate(fine)  # scripts that look right after it see the best picture
+    watched.page.evaluate("() => p3dof.state.set({ playing: true })")
+    watched.wait("p3dof.state.stage.canvas.width === p3dof.state.stage.width")
+    watched.page.evaluate("() => p3dof.state.set({ playing: false })")
+    watched.wait(fine)
+    width = watched.page.evaluate("p3dof.state.stage.width")
+    assert watched.page.locator("#stage canvas").bounding_box()["width"] == width
+
+
 def test_without_webgl_everything_but_the_picture_works(browser, written, result):
     context = browser.new_context(viewport={"width": 1200, "height": 800})
     try:

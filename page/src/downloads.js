@@ -75,6 +75,7 @@ export function mount(element, state) {
 
 /** The 3D picture as it is. @param {State} state */
 function scenePicture(state) {
+    state.stage.refine();
     const picture = make("canvas", { width: state.stage.canvas.width, height: state.stage.canvas.height });
     draw(picture, state);
     return picture;

@@ -31,6 +31,7 @@ export function instantsOf(time, speed, rate) {
 /** @param {State} state @param {number} rate @param {number} [widest] @returns {Plan} */
 function planOf(state, rate, widest = 1920) {
     if (!state.stage) throw new Error("there is no 3D picture in this browser to make a film of");
+    state.stage.refine(); // as its pictures will be
     const { canvas } = state.stage;
     const share = Math.min(1, widest / canvas.width);
     const even = (/** @type {number} */ size) => Math.max(2, 2 * Math.round((size * share) / 2));
@@ -76,7 +77,7 @@ function pause() {
 /** The 3D picture as it is now, with the time. @param {HTMLCanvasElement} canvas @param {State} state */
 export function draw(canvas, state) {
     const to = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d", { willReadFrequently: true }));
-    state.stage.render(); // what WebGL drew can only be read in the same task
+    state.stage.refine(); // what WebGL drew can only be read in the same task
     to.drawImage(state.stage.canvas, 0, 0, canvas.width, canvas.height);
     const size = Math.max(11, Math.round(canvas.height / 28));
     to.font = `600 ${size}px system-ui, "DejaVu Sans", sans-serif`;

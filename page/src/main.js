@@ -77,6 +77,7 @@ async function start() {
         seek: (/** @type {number} */ time) => {
             state.set({ time: within(state, time), playing: false, hand: null, refused: null });
             state.refresh();
+            state.stage?.refine();
         },
     });
     try {

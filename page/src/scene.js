@@ -15,21 +15,35 @@ import { mountOverlay } from "./overlay.js";
 const NARROW = 700;
 /** Least lightness of arrows and texts before a dark ground. */
 const READABLE = 0.65;
+/** Pixels drawn for each of the page along an edge, at most; and after which pause they are in software [ms]. */
+const FINEST = 2, PAUSE = 150;
 
 /** @param {HTMLElement} element @param {State} state */
 export function mount(element, state) {
     const canvas = document.createElement("canvas");
     canvas.setAttribute("role", "img");
     canvas.setAttribute("aria-label", `${state.document.title} in 3D`);
-    const context = canvas.getContext("webgl2", { antialias: true, alpha: false });
-    const stage = context ? new Stage(element, canvas, context, state) : null;
+    const soft = isSoftware();
+    const context = canvas.getContext("webgl2", { antialias: !soft, alpha: false });
+    const stage = context ? new Stage(element, canvas, context, state, soft) : null;
     mountOverlay(element, state, stage);
     state.stage = stage;
 }
 
+/** Whether the processor draws in place of a graphics card: then smooth edges wait until nothing moves. */
+function isSoftware() {
+    const context = document.createElement("canvas").getContext("webgl2");
+    const info = context?.getExtension("WEBGL_debug_renderer_info");
+    const name = info ? String(context?.getParameter(info.UNMASKED_RENDERER_WEBGL)) : "";
+    context?.getExtension("WEBGL_lose_context")?.loseContext();
+    return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
+}
+
 export class Stage {
-    /** @param {HTMLElement} element @param {HTMLCanvasElement} canvas @param {WebGL2RenderingContext} context @param {State} state */
-    constructor(element, canvas, context, state) {
+    /** @param {HTMLElement} element @param {HTMLCanvasElement} canvas @param {WebGL2RenderingContext} context @param {State} state @param {boolean} soft whether edges are smooth only when nothing moves */
+    constructor(element, canvas, context, state, soft) {
+        this.soft = soft;
+        this.timer = 0;
         this.element = element;
         this.canvas = canvas;
         this.state = state;
@@ -113,7 +127,6 @@ export class Stage {
         const { clientWidth, clientHeight } = this.element;
         if (!clientWidth || !clientHeight) return;
         [this.width, this.height] = [clientWidth, clientHeight];
-        this.renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
         this.renderer.setSize(this.width, this.height);
         this.cameras.resize(this.width, this.height);
         if (!this.touched) this.look(this.state.view);
@@ -175,9 +188,24 @@ export class Stage {
         requestAnimationFrame(() => this.waiting && this.render());
     }
 
-    /** Draw now. */
+    /** Draw now; in software with smooth edges only a moment later, if nothing moves. */
     render() {
+        this._draw(this.soft ? 1 : Math.min(window.devicePixelRatio || 1, FINEST));
+        if (!this.soft) return;
+        clearTimeout(this.timer);
+        this.timer = window.setTimeout(() => this.refine(), PAUSE);
+    }
+
+    /** Draw as finely as it can be. */
+    refine() {
+        clearTimeout(this.timer);
+        this._draw(this.soft ? FINEST : Math.min(window.devicePixelRatio || 1, FINEST));
+    }
+
+    /** @param {number} ratio pixels drawn for each of the page, along an edge */
+    _draw(ratio) {
         this.waiting = false;
+        if (this.renderer.getPixelRatio() !== ratio) this.renderer.setPixelRatio(ratio);
         const camera = this.cameras.used;
         camera.updateMatrixWorld();
         this.contents.face(this.eye(), this.style, this.target);
@@ -201,7 +229,7 @@ export class Stage {
 
     /** The picture as it is now, as a data URL. */
     picture(type = "image/png") {
-        this.render();
+        this.refine();
         return this.canvas.toDataURL(type);
     }
 }
