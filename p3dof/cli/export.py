@@ -13,15 +13,19 @@ from rich.console import Console
 
 from p3dof import description
 from p3dof.cli.app import app
-from p3dof.cli.files import STREAM, OutputFolder, protect
+from p3dof.cli.files import STREAM, InputFile, OutputFolder, protect, source
 from p3dof.cli.options import PARAMETERS, machine_of
 from p3dof.cli.output import print_plain
 from p3dof.cli.payloads import say_payloads
 from p3dof.errors import MissingExtraError
 from p3dof.files import together
+from p3dof.motion import Motion, paper_motion
+from p3dof.page.document import page_document
+from p3dof.page.glb import save_glb
 
 T = TypeVar("T")
 
+_SCENE = "glb"
 SHOWN = 20
 """Most differences that ``--check`` prints."""
 
@@ -64,19 +68,52 @@ def urdf(parameters: Path | None, out: Path | None, check: bool, force: bool, ex
 @click.option(
     "--format",
     "formats",
-    type=click.Choice(("all", *description.FORMATS)),
+    type=click.Choice(("all", *description.FORMATS, _SCENE)),
     multiple=True,
     default=("all",),
     show_default=True,
-    help="What to write; may be given several times.",
+    help="What to write; may be given several times. 'glb', which 'all' leaves out, is the moving machine to "
+    "look at, for browsers, presentations and Blender.",
+)
+@click.option(
+    "--motion",
+    "motion_file",
+    type=InputFile(),
+    help="With glb: the motion that it makes (CSV); the paper's without it.",
 )
 def export(
-    parameters: Path | None, out: Path | None, check: bool, force: bool, formats: tuple[str, ...]
+    parameters: Path | None,
+    out: Path | None,
+    check: bool,
+    force: bool,
+    formats: tuple[str, ...],
+    motion_file: Path | None,
 ) -> int:
     """Write the model for other tools, with its loops where the format can hold them."""
+    if _SCENE in formats:
+        if len(formats) > 1 or check or out == STREAM:
+            raise click.UsageError(f"--format {_SCENE} goes with no other one, no --check and no stream")
+        return _write_scene(parameters, motion_file, Job(parameters, out, ()).folder)
+    if motion_file is not None:
+        raise click.UsageError(f"--motion belongs to --format {_SCENE}")
     whole = "all" in formats
     chosen = tuple(description.FORMATS) if whole else tuple(dict.fromkeys(formats))
     return _write_or_check(Job(parameters, out, chosen, force=force, skip_missing=whole), check)
+
+
+def _write_scene(parameters: Path | None, motion_file: Path | None, folder: Path) -> int:
+    """Write the machine as glTF, moving; samples that it cannot reach are passed over."""
+    path = folder / f"p3dof.{_SCENE}"
+    protect((parameters, motion_file), [path])
+    console, robot = Console(), machine_of(parameters)
+    say_payloads(console, robot.parameters, parameters)
+    motion = paper_motion(1001) if motion_file is None else Motion.from_csv(source(motion_file))
+    result = robot.inverse_dynamics(motion, on_invalid="nan", method="compiled")
+    left_out = len(motion) - int(result.valid.sum())
+    if left_out:
+        sys.stderr.write(f"p3dof: {left_out} of {len(motion)} samples are not valid, and left out\n")
+    print_plain(console, f"wrote {save_glb(path, page_document(robot, result))}")
+    return 0
 
 
 @dataclass(frozen=True)

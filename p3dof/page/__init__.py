@@ -1,1 +1,22 @@
-"""One page for the browser: a document with a machine, its runs and its forces, in one file of HTML."""
+"""One page for the browser: a document with a machine, its runs and its forces, in one file of HTML.
+
+`page_document` is all that a page shows of the manipulator, `robot_document` all of any robot; `Page` writes
+it into one file, `save_glb` writes it as a scene for other tools.
+"""
+
+from p3dof.page.document import page_document
+from p3dof.page.glb import as_glb, save_glb
+from p3dof.page.html import page_html
+from p3dof.page.robots.document import robot_document
+from p3dof.page.robots.figure import RobotFigure
+from p3dof.page.saved import Page
+
+__all__ = [
+    "Page",
+    "RobotFigure",
+    "as_glb",
+    "page_document",
+    "page_html",
+    "robot_document",
+    "save_glb",
+]
