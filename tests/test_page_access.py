@@ -5,18 +5,15 @@ from __future__ import annotations
 import re
 
 import numpy as np
+import pages
 import pytest
 from browser import chromium, opened
 from documents import ROOT
 from numpy.testing import assert_allclose
 
 import p3dof
-from p3dof.page.document import page_document
-from p3dof.page.html import page_html
 
-READY = "!!window.p3dof && p3dof.ready.then(() => true)"
 AXE = ROOT / "page/node_modules/axe-core/axe.min.js"
-SETTLED = "() => new Promise((done) => setTimeout(() => requestAnimationFrame(done)))"
 
 
 @pytest.fixture(scope="module")
@@ -26,12 +23,7 @@ def result():
 
 @pytest.fixture(scope="module")
 def written(result, tmp_path_factory):
-    slow = p3dof.paper_motion(51)
-    slower = p3dof.Motion(2 * slow.time, slow.pose, slow.velocity / 2, slow.acceleration / 4)
-    path = tmp_path_factory.mktemp("pages") / "page.html"
-    document = page_document(p3dof.Manipulator(), result, runs={"slower": slower})
-    path.write_text(page_html(document), encoding="utf-8")
-    return path.as_uri()
+    return pages.written(tmp_path_factory.mktemp("pages"), result, slower=pages.slower(51, 2.0))
 
 
 @pytest.fixture(scope="module")
@@ -40,11 +32,16 @@ def browser():
         yield browser
 
 
-@pytest.fixture
-def watched(browser, written):
-    with opened(browser, written, 1400, 860, ready=READY) as watched:
+@pytest.fixture(scope="module")
+def opened_page(browser, written):
+    with pages.shared(browser, written) as watched:
         yield watched
-        watched.healthy()
+
+
+@pytest.fixture
+def watched(opened_page):
+    yield pages.as_new(opened_page)
+    opened_page.healthy()
 
 
 @pytest.fixture
@@ -56,7 +53,7 @@ def telephone(browser, written):
         page = context.new_page()
         page.goto(written)
         page.evaluate("p3dof.ready.then(() => true)")
-        page.evaluate(SETTLED)
+        page.evaluate(pages.SETTLED)
         yield page
     finally:
         context.close()
@@ -67,7 +64,7 @@ def test_axe_finds_nothing_serious(watched, theme):
     if not AXE.exists():
         pytest.skip("axe-core is not installed: `make page-check` installs what page/ needs")
     watched.page.evaluate("theme => { p3dof.state.set({theme, compare: 1}); p3dof.seek(0.35); }", theme)
-    watched.page.evaluate(SETTLED)
+    watched.page.evaluate(pages.SETTLED)
     watched.page.evaluate(AXE.read_text(encoding="utf-8"))
     found = watched.page.evaluate("""async () => (await axe.run()).violations.map(
         ({id, impact, nodes}) => [id, impact, nodes.map(({html, any}) => [html, any[0]?.message])])""")
@@ -79,7 +76,7 @@ def test_keys_alone_play_seek_zoom_move_and_choose(watched, result):
 
     def after(key, field):
         page.keyboard.press(key)
-        page.evaluate(SETTLED)
+        page.evaluate(pages.SETTLED)
         return page.evaluate(state.format(field))
 
     page.mouse.move(700, 5)
@@ -161,9 +158,9 @@ def test_a_screen_reader_is_told_the_numbers_when_time_rests_and_nothing_while_i
 
 @pytest.mark.parametrize("width", [390, 768, 1400])
 def test_nothing_runs_out_of_the_page_sideways(browser, written, width):
-    with opened(browser, written, width, 844, ready=READY) as watched:
+    with opened(browser, written, width, 844, ready=pages.READY) as watched:
         watched.page.evaluate("p3dof.state.set({compare: 1}); p3dof.seek(0.35)")
-        watched.page.evaluate(SETTLED)
+        watched.page.evaluate(pages.SETTLED)
         wide = watched.page.evaluate("""() => [...document.querySelectorAll("#page *")].filter((each) => {
             const {right, width} = each.getBoundingClientRect();
             return width && right > innerWidth + 0.5 && !each.closest(".hidden");
@@ -234,7 +231,7 @@ def test_without_webgl_all_but_the_picture_works(browser, written, result):
         page.goto(written)
         page.evaluate("p3dof.ready.then(() => true)")
         page.locator('button.peak[data-key="force_b"]').click()
-        page.evaluate(SETTLED)
+        page.evaluate(pages.SETTLED)
         sample = np.abs(result.forces[:, 1]).argmax()
         assert_allclose(page.evaluate("p3dof.state.time"), result.time[sample], rtol=1e-12)
         shown = page.locator("table.numbers td.value").all_inner_texts()

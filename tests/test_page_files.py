@@ -9,6 +9,7 @@ import json
 import struct
 
 import numpy as np
+import pages
 import pytest
 from browser import chromium, opened
 from numpy.testing import assert_allclose
@@ -18,7 +19,6 @@ import p3dof
 from p3dof.page.document import page_document
 from p3dof.page.html import page_html
 
-READY = "!!window.p3dof && p3dof.ready.then(() => true)"
 SAMPLES = 101
 
 
@@ -29,9 +29,7 @@ def result():
 
 @pytest.fixture(scope="module")
 def document(result):
-    slow = p3dof.paper_motion(51)
-    slower = p3dof.Motion(2 * slow.time, slow.pose, slow.velocity / 2, slow.acceleration / 4)
-    return page_document(p3dof.Manipulator(), result, runs={"slower": slower}) | {"engine": {"kind": "none"}}
+    return page_document(p3dof.Manipulator(), result, runs={"slower": pages.slower(51, 2.0)})
 
 
 @pytest.fixture(scope="module")
@@ -47,11 +45,16 @@ def browser():
         yield browser
 
 
-@pytest.fixture
-def watched(browser, written):
-    with opened(browser, written, 640, 480, ready=READY) as watched:
+@pytest.fixture(scope="module")
+def opened_page(browser, written):
+    with pages.shared(browser, written, 640, 480) as watched:
         yield watched
-        watched.healthy()
+
+
+@pytest.fixture
+def watched(opened_page):
+    yield pages.as_new(opened_page)
+    opened_page.healthy()
 
 
 def saved(watched, label):
@@ -203,13 +206,13 @@ def test_a_film_can_be_cancelled_and_leaves_the_time_as_it_was(watched):
 
 
 def test_a_link_leads_to_its_run_and_its_instant(browser, written, watched):
-    with opened(browser, f"{written}#run=2&t=1.5", ready=READY) as linked:
+    with opened(browser, f"{written}#run=2&t=1.5", ready=pages.READY) as linked:
         assert linked.page.evaluate("[p3dof.state.run, p3dof.instant().time]") == [1, 1.5]
-    with opened(browser, f"{written}#t=.35", ready=READY) as linked:
+    with opened(browser, f"{written}#t=.35", ready=pages.READY) as linked:
         assert linked.page.evaluate("[p3dof.state.run, p3dof.instant().time]") == [0, 0.35]
         linked.page.evaluate("location.hash = 't=0.5'")
         linked.wait("p3dof.state.time === 0.5")
-    with opened(browser, f"{written}#run=7&t=nonsense", ready=READY) as linked:
+    with opened(browser, f"{written}#run=7&t=nonsense", ready=pages.READY) as linked:
         assert linked.page.evaluate("[p3dof.state.run, p3dof.instant().time]") == [0, 0.0]
         linked.healthy()
     watched.page.evaluate("p3dof.state.set({run: 1}); p3dof.seek(0.25)")

@@ -1,6 +1,6 @@
 // One chart: uPlot draws lines and axes; limits as bands and peaks with their values are drawn by us.
 import uPlot from "uplot";
-import { axisOf, peakOf, rangeOf, samplesIn } from "./curves.js";
+import { ROUNDING, axisOf, peakOf, rangeOf, samplesIn } from "./curves.js";
 import { aligned, thinned } from "./lines.js";
 import { placed } from "./peak_labels.js";
 import { readable } from "./themes.js";
@@ -93,7 +93,8 @@ export class Chart {
         const [time, ...values] = /** @type {ArrayLike<number>[]} */ (this.whole);
         const [start, end] = samplesIn(time, content.span);
         const all = rangeOf(values, Math.max(0, start - 1), Math.min(time.length, end + 1));
-        return axisOf(all, limitsOf(content.lines));
+        const differences = content.lines.filter(({ kind }) => kind === "difference");
+        return axisOf(all, limitsOf(content.lines), Math.max(0, ...differences.map(({ scale }) => scale)));
     }
 
     /** @param {Content} content @returns {uPlot.Options} */
@@ -129,8 +130,9 @@ export class Chart {
         if (!this.content || splits.length < 2) return splits.map(String);
         const { factor } = shown(this.content.unit, this.content.units);
         const step = Math.abs(splits[1] - splits[0]) * factor;
-        const digits = Math.min(8, Math.max(0, Math.ceil(-Math.log10(step) - 1e-6)));
-        return splits.map((split) => fixed(split * factor, digits));
+        const digits = Math.max(0, Math.ceil(-Math.log10(step) - 1e-6));
+        const largest = Math.max(...splits.map(Math.abs)) * factor;
+        return splits.map((split) => fixed(split * factor, digits > 5 || largest >= 1e6 ? -1 : digits));
     }
 
     /** Limits: beyond them is shaded. @param {uPlot} plot */
@@ -184,7 +186,8 @@ export class Chart {
         const lines = content.lines.filter(({ kind }) => kind === "now" || kind === "difference");
         const found = lines.flatMap((line) => {
             const peak = peakOf(line.time, line.values, content.span);
-            return peak ? [{ line, peak, value: peak.value * factor }] : [];
+            const none = !peak || Math.abs(peak.value) <= ROUNDING * line.scale; // a zero has no largest value
+            return none ? [] : [{ line, peak, value: peak.value * factor }];
         });
         const digits = decimals(Math.max(...found.map(({ value }) => Math.abs(value))));
         const dots = found.map(({ line, peak, value }) => {

@@ -11,10 +11,10 @@ export function mount(element, state) {
     element.append(make("h2", {}, "Compare"), make("label", { className: "field" }, "With ", other), row);
     state.subscribe(() => {
         const { runs } = state.document;
-        element.hidden = runs.length < 2;
+        element.hidden = runs.length < 2 && !state.before;
         const others = runs.flatMap((run, i) => (i === state.run ? [] : [/** @type {[string, string]} */ ([String(i), run.name || `run ${i + 1}`])]));
         choose(other, [["", "nothing"], ...others], state.compare === null || state.compare === state.run ? "" : String(state.compare));
-        row.hidden = state.compare === null;
+        row.hidden = state.compare === null && !state.before;
         difference.checked = state.difference;
     });
 }

@@ -6,6 +6,9 @@
 /** @typedef {{index: number, time: number, value: number}} Peak */
 /** @typedef {{name: string, unit: string, curves: Curve[]}} Group */
 
+/** Smaller parts of a value are taken for rounding. */
+export const ROUNDING = 1e-9;
+
 /**
  * The last sample at or before an instant; 0 before the first.
  * @param {Numbers} time rising
@@ -109,16 +112,17 @@ export function rangeOf(all, start, end) {
  * The range of an axis: around all values with some room, and out to a limit that is nearly reached.
  * @param {[number, number]} range of the values
  * @param {[number | null, number | null][]} limits
+ * @param {number} [scale] how large what they come from is: differences that are tiny beside it are none
  * @returns {[number, number]}
  */
-export function axisOf(range, limits) {
+export function axisOf(range, limits, scale = 0) {
     let [low, high] = Number.isFinite(range[0]) ? range : [0, 1];
     for (const [least, most] of limits) {
         if (most !== null && most > 0 && high >= most / 2) high = Math.max(high, most * 1.02);
         if (least !== null && least < 0 && low <= least / 2) low = Math.min(low, least * 1.02);
     }
-    const size = Math.max(Math.abs(low), Math.abs(high));
-    const least = size > 0 ? 1e-9 * size : 1; // what only rounding moves is a straight line
+    const size = Math.max(Math.abs(low), Math.abs(high), scale);
+    const least = size > 0 ? ROUNDING * size : 1; // what only rounding moves is a straight line
     if (high - low < least) {
         const middle = (low + high) / 2;
         const half = size > 0 ? 0.1 * size : 0.5;
@@ -129,21 +133,23 @@ export function axisOf(range, limits) {
 }
 
 /**
- * The curves of a run in groups, in the order of the document. A group has one unit.
+ * The curves of a run in groups, in the order of the document. A group has one unit: what has another one makes
+ * a group of its own, which its labels name.
  * @param {Run | null | undefined} run
  * @returns {Group[]}
  */
 export function groupsOf(run) {
-    /** @type {Map<string, Group>} */
-    const groups = new Map();
-    for (const curve of run?.curves ?? []) {
-        const taken = groups.get(curve.group);
-        const name = !taken || taken.unit === curve.unit ? curve.group : `${curve.group}, ${curve.unit}`;
-        const group = groups.get(name) ?? { name, unit: curve.unit, curves: [] };
-        group.curves.push(curve);
-        groups.set(name, group);
-    }
-    return [...groups.values()];
+    /** @type {Map<string, Curve[]>} */
+    const families = new Map();
+    for (const curve of run?.curves ?? []) families.set(curve.group, [...(families.get(curve.group) ?? []), curve]);
+    return [...families].flatMap(([family, curves]) => {
+        const labels = shortened(curves.map(({ label }) => label));
+        return [...new Set(curves.map(({ unit }) => unit))].map((unit, i) => {
+            const own = curves.flatMap((curve, k) => (curve.unit === unit ? [k] : []));
+            const name = i === 0 ? family : `${family}: ${own.map((k) => labels[k]).join(", ")}`;
+            return { name, unit, curves: own.map((k) => curves[k]) };
+        });
+    });
 }
 
 /**

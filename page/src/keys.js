@@ -47,7 +47,7 @@ const KEYS = [
 ];
 
 /** @type {Record<string, string>} */
-const NAMES = { " ": "Space", ArrowLeft: "←", ArrowRight: "→", PageUp: "Page up", PageDown: "Page down", Escape: "Esc" };
+const NAMES = { " ": "Space", ArrowLeft: "←", ArrowRight: "→", PageUp: "Page up", PageDown: "Page down", Home: "Home", End: "End", Escape: "Esc" };
 
 /**
  * Do what a key does.

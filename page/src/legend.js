@@ -1,6 +1,6 @@
 // The legend of a chart: names, colours and values at an instant, in columns that do not wrap.
 import { decimals, fixed, shown } from "./units.js";
-import { valueAt, wholePeak } from "./curves.js";
+import { ROUNDING, valueAt, wholePeak } from "./curves.js";
 import { make, write } from "./make.js";
 import { readable } from "./themes.js";
 
@@ -36,6 +36,7 @@ export class Legend {
         this.factor = shown(drawing.unit, units).factor;
         this.values = [];
         this.digits = decimals(this.factor * Math.max(0, ...drawing.lines.map(largest)));
+        this.element.classList.toggle("one", kinds.length === 1);
         this.element.style.setProperty("--columns", String(kinds.length));
         const rows = keys.map((key) => {
             const lines = kinds.flatMap((kind) => drawing.lines.filter((line) => line.key === key && line.kind === kind));
@@ -74,7 +75,10 @@ export class Legend {
 }
 
 /** @param {Line} line */
-const largest = ({ time, values }) => Math.abs(wholePeak(time, values)?.value ?? 0);
+function largest({ time, values, scale }) {
+    const found = Math.abs(wholePeak(time, values)?.value ?? 0);
+    return found > ROUNDING * scale ? found : 0;
+}
 
 /** @param {Line} line @param {"light" | "dark"} theme */
 function swatch({ colour }, theme) {

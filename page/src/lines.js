@@ -1,5 +1,5 @@
 // What a chart draws: curves of the run that is shown, as they were before, and those of another run.
-import { difference, groupsOf, resample, samplesIn, shortened } from "./curves.js";
+import { difference, groupsOf, resample, samplesIn, shortened, wholePeak } from "./curves.js";
 import { runOf } from "./instant.js";
 
 /** @typedef {import("./types").State} State */
@@ -7,7 +7,7 @@ import { runOf } from "./instant.js";
 /** @typedef {import("./types").Curve} Curve */
 /** @typedef {"now" | "before" | "other" | "difference"} Kind */
 /** @typedef {{key: string, label: string, colour: string, kind: Kind, time: ArrayLike<number>,
- *             values: ArrayLike<number>, limit?: [number | null, number | null]}} Line */
+ *             values: ArrayLike<number>, scale: number, limit?: [number | null, number | null]}} Line */
 /** @typedef {{group: string, unit: string, lines: Line[], names: Partial<Record<Kind, string>>}} Drawing */
 
 const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#6b299e", "#b8860b", "#c2185b", "#455a64", "#7cb342"];
@@ -56,7 +56,8 @@ export const hiddenIn = (state, index) => state.charts[index]?.hidden ?? [];
 export function drawingOf(state, group) {
     const run = runOf(state);
     const { before } = state;
-    const other = state.compare === null ? null : (state.document.runs[state.compare] ?? null);
+    const other = otherOf(state);
+    const less = state.difference ? (other ?? before) : null;
     const found = groupsOf(run).find(({ name }) => name === group);
     /** @type {Drawing} */
     const drawing = { group, unit: found?.unit ?? "", lines: [], names: { now: "this run" } };
@@ -66,11 +67,13 @@ export function drawingOf(state, group) {
         /** @param {Kind} kind @param {Run} of @param {ArrayLike<number>} values */
         const line = (kind, of, values) => drawing.lines.push({
             key: curve.key, label: labels[i], colour, kind, time: of.time.data, values, limit: curve.limit,
+            scale: Math.abs(wholePeak(run.time.data, curve.values.data)?.value ?? 0),
         });
         const past = curveOf(before, curve.key);
         const another = curveOf(other, curve.key);
-        if (another && other && state.difference) {
-            line("difference", run, difference(run.time.data, curve.values.data, other.time.data, another.values.data));
+        if (less) {
+            const subtrahend = curveOf(less, curve.key);
+            if (subtrahend) line("difference", run, difference(run.time.data, curve.values.data, less.time.data, subtrahend.values.data));
             return;
         }
         line("now", run, curve.values.data);
@@ -79,11 +82,16 @@ export function drawingOf(state, group) {
     });
     if (before) drawing.names.before = "before";
     if (other) drawing.names.other = other.name;
-    if (drawing.lines.some(({ kind }) => kind === "difference")) {
-        drawing.names.difference = `${run.name} − ${other?.name}`;
+    if (less) {
+        drawing.names.difference = less === before ? "less before" : `less ${less.name}`;
         drawing.lines.forEach((line) => delete line.limit);
     }
     return drawing;
+}
+
+/** The run that is compared with. @param {State} state @returns {Run | null} */
+function otherOf({ compare, run, document }) {
+    return compare === null || compare === run ? null : (document.runs[compare] ?? null);
 }
 
 /** @param {Run | null} run @param {string} key */
@@ -177,7 +185,7 @@ function gaps(values) {
 
 /** From the first to the last instant of all that is drawn: of charts and time bar. @param {State} state @returns {[number, number]} */
 export function wholeSpan(state) {
-    const runs = [runOf(state), state.before, state.compare !== null && state.document.runs[state.compare]];
+    const runs = [runOf(state), state.before, otherOf(state)];
     let [start, end] = [Infinity, -Infinity];
     for (const run of runs) {
         if (!run) continue;

@@ -3,6 +3,7 @@ import { stepFrom } from "./curves.js";
 import { runOf } from "./instant.js";
 import { shownSpan, wholeSpan } from "./lines.js";
 import { make, write } from "./make.js";
+import { mount as splitter } from "./splitter.js";
 import { within } from "./state.js";
 import { clock } from "./units.js";
 
@@ -45,6 +46,8 @@ export function mount(element, state) {
         make("div", { className: "track-room" }, track),
         make("div", { className: "controls" }, back, forth, loop, speed, time),
     );
+
+    splitter(element);
 
     state.subscribe((_, changed) => {
         const [start, end] = wholeSpan(state);

@@ -28,25 +28,30 @@ export function shown(unit, system) {
     return { unit: part.unit + plain.slice(part.of.length), factor: part.factor };
 }
 
+/** Instead of decimals: digits after the point, and a power of ten. */
+const POWERS = -3;
+
 /**
  * How many decimals show a value of this size, and all smaller ones beside it, with four digits.
  * @param {number} size the largest magnitude, in the shown unit
- * @returns {number}
+ * @returns {number} negative: with powers of ten
  */
 export function decimals(size) {
     if (!(size > 0) || !Number.isFinite(size)) return 1;
+    if (size < 1e-4 || size >= 1e7) return POWERS;
     return Math.min(6, Math.max(0, 3 - Math.floor(Math.log10(size) + 1e-9)));
 }
 
 /**
  * A number with a true minus sign, and without one before a zero.
  * @param {number} value
- * @param {number} digits after the point
+ * @param {number} digits after the point; negative: so many, and a power of ten
  * @returns {string} "–" where there is no number
  */
 export function fixed(value, digits) {
     if (!Number.isFinite(value)) return "–";
-    const text = Math.abs(value).toFixed(digits);
+    const size = Math.abs(value);
+    const text = digits >= 0 ? size.toFixed(digits) : size === 0 ? "0" : size.toExponential(-digits);
     return value < 0 && Number(text) !== 0 ? `−${text}` : text;
 }
 

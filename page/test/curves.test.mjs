@@ -37,6 +37,8 @@ test("an axis has room around the values, and goes out to a limit that is half r
     assert.ok(axisOf([-260, 0], [[-500, 500]])[0] < -500);
     const still = axisOf([3, 3], []);
     assert.ok(still[0] < 3 && still[1] > 3);
+    const noise = axisOf([-1e-16, 2e-16], [], 1);
+    assert.ok(noise[0] < -1e-3 && noise[1] > 1e-3, "what only rounding moves is drawn straight");
     assert.ok(axisOf([NaN, NaN], []).every(Number.isFinite));
 });
 
@@ -48,7 +50,7 @@ test("two runs with other times differ as their lines do", () => {
 
 test("lines with other times share one axis, with gaps where a line has no value", () => {
     const line = (/** @type {number[]} */ own, /** @type {number[]} */ values) =>
-        ({ key: "k", label: "", colour: "#000000", kind: /** @type {const} */ ("now"), time: own, values });
+        ({ key: "k", label: "", colour: "#000000", kind: /** @type {const} */ ("now"), time: own, values, scale: 1 });
     const [axis, a, b] = /** @type {any[]} */ (aligned([line([0, 1, 2], [0, 1, 2]), line([1, 1.5], [5, 6])]));
     assert.deepEqual([...axis], [0, 1, 1.5, 2]);
     assert.deepEqual([...a], [0, 1, 1.5, 2]);
@@ -73,9 +75,9 @@ test("many samples are drawn by the lowest and the highest of each column, so th
 });
 
 test("a group has one unit, and its labels lose the words that all begin with", () => {
-    const curve = (/** @type {string} */ group, /** @type {string} */ unit) => /** @type {any} */ ({ key: `${group}${unit}`, group, unit });
+    const curve = (/** @type {string} */ group, /** @type {string} */ unit) => /** @type {any} */ ({ key: `${group}${unit}`, label: `Value of ${unit}`, group, unit });
     const groups = groupsOf(/** @type {any} */ ({ curves: [curve("Pose", "m"), curve("Forces", "N"), curve("Pose", "rad")] }));
-    assert.deepEqual(groups.map(({ name, unit }) => [name, unit]), [["Pose", "m"], ["Forces", "N"], ["Pose, rad", "rad"]]);
+    assert.deepEqual(groups.map(({ name, unit }) => [name, unit]), [["Pose", "m"], ["Pose: rad", "rad"], ["Forces", "N"]]);
     assert.deepEqual(shortened(["Power A", "Power B", "Power, sum"]), ["A", "B", "sum"]);
     assert.deepEqual(shortened(["joint_1", "joint_2"]), ["joint_1", "joint_2"]);
     assert.deepEqual(shortened(["Velocity of y", "Velocity of z"]), ["y", "z"]);
@@ -103,9 +105,10 @@ test("units are converted where lengths and angles are, numbers have a true minu
     assert.deepEqual(shown("rad/s^2", "mm"), { unit: "°/s²", factor: 180 / Math.PI });
     assert.deepEqual(shown("m/s²", "SI"), { unit: "m/s²", factor: 1 });
     assert.deepEqual(["N", "N m", "W", "1", "mol"].map((unit) => shown(unit, "mm").factor), [1, 1, 1, 1, 1]);
+    assert.deepEqual([fixed(-1.5e-7, -3), fixed(0, -3), fixed(2e8, -1)], ["−1.500e-7", "0", "2.0e+8"]);
     assert.equal(titled("Forces", "N", "mm"), "Forces [N]");
     assert.deepEqual([fixed(-0.04, 1), fixed(-1.25, 2), fixed(NaN, 1)], ["0.0", "−1.25", "–"]);
-    assert.deepEqual([118.5, 1103, 0.02, 0, 1e9].map(decimals), [1, 0, 5, 1, 0]);
+    assert.deepEqual([118.5, 1103, 0.02, 0, 1e9, 1e-6].map(decimals), [1, 0, 5, 1, -3, -3]);
     assert.equal(clock(0.35, 1e-3), "0.350 s");
     assert.equal(clock(0.35, 1e-5), "0.35000 s");
 });

@@ -1,0 +1,58 @@
+"""Pages with the paper's run for the tests of a browser: opened once for a module, as new for each test."""
+
+from __future__ import annotations
+
+import contextlib
+
+from browser import opened
+
+import p3dof
+from p3dof.page.document import page_document
+from p3dof.page.html import page_html
+
+READY = "!!window.p3dof && p3dof.ready.then(() => true)"
+SETTLED = "() => new Promise((done) => setTimeout(() => requestAnimationFrame(done)))"
+"""Comes back when what was changed last is shown."""
+AS_NEW = """() => {
+    const {state} = p3dof;
+    if (!window.fresh) {
+        const {document, engine, stage, connection, solved, before, report, set, subscribe, refresh, version,
+            map, ...fields} = state;
+        window.fresh = JSON.stringify(fields);
+    }
+    document.activeElement?.blur();
+    history.replaceState(null, "", location.href.split("#")[0]);
+    state.set(JSON.parse(fresh));
+    state.refresh();
+}"""
+
+
+def slower(samples=501, stretch=1.2):
+    """The paper's motion in more time."""
+    motion = p3dof.paper_motion(samples)
+    velocity, acceleration = motion.velocity / stretch, motion.acceleration / stretch**2
+    return p3dof.Motion(stretch * motion.time, motion.pose, velocity, acceleration)
+
+
+def written(folder, result, **runs):
+    """Write a page with a result and further runs; returns its address."""
+    path = folder / "page.html"
+    document = page_document(p3dof.Manipulator(), result, runs=runs)
+    path.write_text(page_html(document), encoding="utf-8")
+    return path.as_uri()
+
+
+@contextlib.contextmanager
+def shared(browser, address, width=1400, height=860):
+    """A page for several tests, each of which begins with `as_new`."""
+    with opened(browser, address, width, height, ready=READY) as watched:
+        watched.page.evaluate(AS_NEW)
+        yield watched
+
+
+def as_new(watched):
+    """Bring the state of a page back to that in which it came."""
+    watched.page.mouse.move(5, 5)
+    watched.page.evaluate(AS_NEW)
+    watched.page.evaluate(SETTLED)
+    return watched
