@@ -388,3 +388,26 @@ def test_a_bad_catalogue_is_one_line(capsys, tmp_path, monkeypatch):
     assert code == 2
     assert "drives.yaml: catalogue: expected at least one of the motors" in err
     assert err.count("\n") == 1
+
+
+def test_the_figure_shows_the_cycle_within_the_curves(tmp_path, capsys):
+    from p3dof import plots
+
+    robot = p3dof.load()
+    result = robot.inverse_dynamics(p3dof.paper_motion(101))
+    (sizing,) = p3dof.size_drives(robot, result, [D1])
+    cycle = cycle_of(result, 0.0)
+    figure = plots.drives_figure(sizing, cycle)
+    for leg, axis in enumerate(figure.axes):
+        curve, point, *_ = axis.lines
+        speed, torque = curve.get_data()
+        assert np.abs(torque).max() == pytest.approx(abs(sizing.axes[leg].peak_torque), rel=1e-12)
+        assert np.abs(speed).max() == pytest.approx(sizing.axes[leg].top_speed * 30 / np.pi, rel=1e-12)
+        assert point.get_ydata()[0] == sizing.axes[leg].rms_torque
+    with pytest.raises(InputError, match="sizing: expected a Sizing, got 3"):
+        plots.drives_figure(3, cycle)
+    path = tmp_path / "task.yaml"
+    path.write_text("waypoints: [{pose: [0, 0, 0]}, {pose: [50 mm, 0, 0]}]\n", encoding="utf-8")
+    out = tmp_path / "drives.png"
+    assert run(capsys, "size", path, "--duration", 1, "--figure", out)[0] == 0
+    assert out.read_bytes().startswith(b"\x89PNG")

@@ -9,9 +9,17 @@ import click
 
 from p3dof.cli.app import app
 from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, source, write_results
-from p3dof.cli.options import METHOD, PARAMETERS, POSITIVE, Number, Whole, machine_of
+from p3dof.cli.options import FIGURE, METHOD, PARAMETERS, POSITIVE, Number, Whole, machine_of
 from p3dof.cli.output import print_plain, progress_bar, show
-from p3dof.drives import GENERIC, axes_table, ranking_table, ratings_table, read_catalogue, write_ranking
+from p3dof.drives import (
+    GENERIC,
+    axes_table,
+    cycle_of,
+    ranking_table,
+    ratings_table,
+    read_catalogue,
+    write_ranking,
+)
 from p3dof.drives.sizing import BRAKE_SAFETY
 from p3dof.manipulator.sizing import size_drives
 from p3dof.manipulator.tasks import forces_of_task
@@ -52,6 +60,7 @@ from p3dof.tasks import read_task
     type=OutputFile("table", stream=True),
     help="CSV file, - for the standard output, for all drives.",
 )
+@FIGURE
 def size(
     task_file: Path,
     parameters: Path | None,
@@ -63,13 +72,16 @@ def size(
     top: int,
     method: str,
     out: Path | None,
+    figure: Path | None,
 ) -> int:
     """Say which drives fit a task, the weakest that does first, and what the first of them is used for.
 
     Every motor of the catalogue is tried with every gear and every screw or belt, the same on all three axes.
     Exit code 1 when none fits, or the machine cannot do the task.
     """
-    protect((task_file, parameters, catalogue_file), (out,))
+    from p3dof import plots
+
+    protect((task_file, parameters, catalogue_file), (out, figure))
     task = read_task(source(task_file))
     catalogue = GENERIC if catalogue_file is None else read_catalogue(source(catalogue_file))
     robot = machine_of(parameters)
@@ -91,6 +103,12 @@ def size(
     show(console, axes_table(best), ratings_table(best, lambda time: found.piece_at(time).name), notes=True)
     if catalogue_file is None:
         print_plain(console, "generic sizes, for a first look only: give the makers' numbers with --drives")
-    for path in write_results(lambda to: write_ranking(ranked, to), out):
+    written = write_results(
+        lambda to: write_ranking(ranked, to),
+        out,
+        lambda: plots.drives_figure(best, cycle_of(found, rest)),
+        figure,
+    )
+    for path in written:
         print_plain(console, f"wrote {path}")
     return 0 if best.fits else 1

@@ -2,6 +2,7 @@
 
 from p3dof.plots.common import save, save_all
 from p3dof.plots.designs import designs_figure
+from p3dof.plots.drives import drives_figure
 from p3dof.plots.energy import energy_figure
 from p3dof.plots.forces import forces_figure
 from p3dof.plots.joints import joints_figure
@@ -15,6 +16,7 @@ from p3dof.plots.tracking import tracking_figure
 
 __all__ = [
     "designs_figure",
+    "drives_figure",
     "energy_figure",
     "forces_figure",
     "joints_figure",
