@@ -17,6 +17,7 @@ from test_blocks import environment
 
 import p3dof
 from p3dof import blocks
+from p3dof.cli import main
 
 distributed = pytest.importorskip("distributed", reason="dask not installed")
 
@@ -125,6 +126,25 @@ def test_a_cluster_makes_runs_to_the_same_bits(client, monkeypatch):
     for figure in ("pose", "peak_error", "rms_force", "energy"):
         np.testing.assert_array_equal(getattr(here, figure), getattr(there, figure))
     wait_until(lambda: not client.futures)  # the cluster keeps nothing
+
+
+@pytest.mark.parametrize("options", [(), ("--local-folder",)])
+def test_the_command_line_takes_a_cluster(client, tmp_path, monkeypatch, capsys, options):
+    monkeypatch.chdir(tmp_path)
+    Path("sweep.yaml").write_text("""
+motion: {paper: 11}
+variables: {R: {uniform: [240 mm, 280 mm]}}
+count: 30
+block_size: 10
+reductions: [{moments: peak_force}]
+""")
+    address = client.scheduler_info()["address"]
+    assert main(["sweep", "sweep.yaml", "--out", "there", "--scheduler", address, *options]) == 0
+    assert "30 of 30 items in 3 of 3 blocks" in capsys.readouterr().out
+    assert main(["sweep", "sweep.yaml", "--out", "here"]) == 0
+    assert files("there") == files("here")
+    with distributed.Client(address) as again:
+        assert len(again.scheduler_info()["workers"]) == 2  # the cluster goes on
 
 
 def test_ctrl_c_leaves_a_folder_that_a_cluster_goes_on_with(client, whole, tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 
 import closed_loop_robots as robots
 import numpy as np
@@ -12,6 +13,7 @@ import yaml
 from browser import find_chromium
 from PIL import Image
 from test_cli import run
+from test_loop_codegen import GALLERY
 
 import p3dof
 from p3dof.closed_loop import ClosedLoopModel, Closure, Coupling, Sidecar
@@ -200,6 +202,10 @@ def test_a_robot_without_joints_is_told_in_one_line(capsys, tmp_path):
     for arguments, words in (
         (("simulate", path), "loop: expected a robot with joints, this one has none"),
         (("forces", path, "--motion", tmp_path / "m.csv"), "the robot has no actuated joints"),
+        (
+            ("codegen", path, "--out", tmp_path / "c"),
+            "robot: expected one with joints, this one has none: nothing moves",
+        ),
     ):
         code, _, err = loop(capsys, *arguments)
         assert (code, err) == (2, f"p3dof: error: {words}\n")
@@ -242,6 +248,7 @@ def test_a_motion_that_the_robot_cannot_make(capsys, tmp_path):
     [
         ("t,left_joint\n0,1\n", "expected the columns t,left_joint,right_joint"),
         ("t,left_joint,other\n0,1,2\n", "column 3: expected right_joint, got 'other'"),
+        ("t,left_joint,other\n0,1,2\n", "(the columns t,left_joint,right_joint, the joints in any order)"),
         ("t,left_joint [mm],right_joint\n0,1,2\n", "expected a unit of rad, deg, got [mm]"),
         ("t,left_joint,right_joint\n0,1,x\n", "column right_joint: expected a number, got 'x'"),
         ("t,left_joint,right_joint\n0,1,1\n0,1,1\n", "column t: expected a time after 0, got 0"),
@@ -412,6 +419,14 @@ def test_runs_that_cannot_be(five_bar):
         (("simulate", "FILE", "--controller", "pd", "--force", "left_joint=1"), "exclude each other"),
         (("simulate", "FILE", "--motion", "FILE"), "--motion: needs a --controller that follows it"),
         (("simulate", "FILE", "--noise", "1", "1"), "--noise: needs a --controller"),
+        (("simulate", "FILE", "--kp", "5"), "--kp: needs a --controller"),
+        (("simulate", "FILE", "--kd", "5"), "--kd: needs a --controller"),
+        (("simulate", "FILE", "--rate", "500"), "--rate: needs a --controller"),
+        (("simulate", "FILE", "--frequency", "3"), "--frequency: needs a --controller"),
+        (
+            ("simulate", "FILE", "--time-limit", "1e-9"),
+            "fewer samples or --method compiled, or allow it by --time-limit",
+        ),
         (("simulate", "FILE", "--saturation", "-1"), "'--saturation': -1.0 is not in the range"),
         (("simulate", "FILE", "--multipliers"), "--multipliers needs --out"),
         (
@@ -462,6 +477,31 @@ def test_bad_input_is_one_line(capsys, tmp_path, monkeypatch, five_bar, argument
     assert words in err
     assert len(err.splitlines()) == ONE_LINE
     assert {path.name for path in tmp_path.iterdir()} == before
+
+
+def test_a_start_beyond_a_limit_names_the_options(capsys):
+    code, _, err = loop(capsys, "simulate", GALLERY / "five_bar.urdf", "--set", "left_motor=400 deg")
+    assert code == 2
+    assert err.startswith("p3dof: error: --set: the run would start beyond a limit: joint limit: ")
+    assert err.endswith("(see --limits)\n")
+
+
+def test_a_sidecar_of_another_robot_is_named(capsys, tmp_path, five_bar):
+    other = tmp_path / "other.yaml"
+    other.write_text(five_bar.with_suffix(".yaml").read_text().replace("left_tip", "left_toe"))
+    code, _, err = loop(capsys, "info", five_bar, other)
+    assert code == 2
+    assert "the frame 'left_toe' does not exist" in err
+    assert err.endswith("(five_bar.urdf with other.yaml)\n")
+
+
+def test_no_compiler_is_told_in_one_line(capsys, monkeypatch, five_bar, motion):
+    monkeypatch.setattr("p3dof.closed_loop.compiled.build.compiler", lambda: None)
+    with warnings.catch_warnings():
+        warnings.simplefilter("default")
+        code, _, err = loop(capsys, "forces", five_bar, "--motion", motion, "--method", "compiled")
+    assert code == 0
+    assert err == "p3dof: no C compiler (gcc or clang) on the path: NumPy computes what would be compiled\n"
 
 
 def test_a_doubtful_file_is_told_in_one_line(capsys, five_bar):

@@ -9,6 +9,7 @@ import pickle
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import jsonschema
@@ -401,6 +402,26 @@ def test_the_command_line_computes_and_goes_on(tmp_path, monkeypatch, capsys):
     assert main(["sweep", "sweep.yaml", "--out", "out", "--resume"]) == 0
     assert capsys.readouterr().out.endswith("computed 1 of 3 blocks, those that were missing, in out\n")
     assert main(["sweep", "sweep.yaml", "--out", "o", "--workers", "2", "--scheduler", "tcp://x"]) == 2
+    capsys.readouterr()
+    assert main(["sweep", "sweep.yaml", "--out", "o", "--local-folder"]) == 2
+    assert "--local-folder belongs to --scheduler" in capsys.readouterr().err
+    assert not Path("o").exists()
+
+
+@pytest.mark.parametrize(
+    "address", ["nowhere", "tcp://", "127.0.0.1:1", "tcp://127.0.0.1:1", "ftp://a:1", "a:99999"]
+)
+def test_a_cluster_that_is_not_there_is_told_in_one_line_at_once(address, tmp_path, monkeypatch, capsys):
+    pytest.importorskip("distributed", reason="dask not installed")
+    monkeypatch.chdir(tmp_path)
+    written(tmp_path, FILE)
+    begun = time.monotonic()
+    assert main(["sweep", "sweep.yaml", "--out", "o", "--scheduler", address]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"p3dof: error: --scheduler: {address}: cannot be reached (")
+    assert error.endswith("; expected an address such as tcp://127.0.0.1:8786\n")
+    assert error.count("\n") == 1
+    assert time.monotonic() - begun < 20  # Dask alone would take thirty seconds
 
 
 def test_ctrl_c_on_the_command_line_ends_in_one_line_and_goes_on_with_workers(tmp_path):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import sys
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib import import_module
@@ -15,7 +16,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from p3dof.cli.encoding import spelled, write_what_is_there
-from p3dof.errors import AssemblyError, DynamicsError, P3dofError, SampleError
+from p3dof.errors import AssemblyError, DynamicsError, ModelWarning, P3dofError, SampleError
 
 FAILED, BAD_INPUT, INTERRUPTED, READER_LEFT = 1, 2, 130, 141
 """Exit codes: a check failed or the machine cannot make a motion; bad input; the last two as a shell has them
@@ -146,6 +147,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: Sequence[str] | None) -> int:
+    with warnings.catch_warnings():
+        warnings.showwarning = _show_warning
+        return _called(arguments)
+
+
+def _show_warning(message: Warning | str, category: type[Warning], *place: Any, **others: Any) -> None:
+    """Show a warning about the input as one line; others, which are ours to mend, as Python does."""
+    if issubclass(category, ModelWarning):
+        from p3dof.checks import one_line
+
+        sys.stderr.write(f"p3dof: {one_line(str(message), LONGEST)}\n")
+    else:
+        sys.stderr.write(warnings.formatwarning(message, category, *place[:2], *place[3:4], **others))
+
+
+def _called(arguments: Sequence[str] | None) -> int:
     try:
         code = app(
             args=None if arguments is None else list(arguments), standalone_mode=False, prog_name="p3dof"

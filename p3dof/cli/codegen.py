@@ -16,7 +16,7 @@ from p3dof.cli.payloads import say_payloads
 from p3dof.codegen.batch import DIRECTORY, batch_files
 from p3dof.codegen.controller import MARK, controller_files, origin_of
 from p3dof.codegen.lanes import lane_files
-from p3dof.codegen.naming import PREFIX, checked_prefix, command_of
+from p3dof.codegen.naming import PREFIX, checked_prefix, command_of, of_another
 from p3dof.codegen.page_wasm import DIRECTORY as PAGE
 from p3dof.codegen.page_wasm import page_wasm
 from p3dof.codegen.printing import operation_counts
@@ -109,7 +109,10 @@ def codegen(
     if out is not None:
         say_payloads(console, machine, parameters, payload)
     with together():
-        written = [path for texts, folder, _ in jobs for path in write_generated(texts, folder, MARK, force)]
+        foreign = of_another(name if out is not None else PREFIX)
+        written = [
+            path for texts, folder, _ in jobs for path in write_generated(texts, folder, MARK, force, foreign)
+        ]
         if web and out:
             written.append(web.write(out, jobs[0][0], force))
     for path in written:

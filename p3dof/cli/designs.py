@@ -72,7 +72,7 @@ def designs(
     name, given = called(source(table)), source(table)
     bodies: Any = "solids" if solids else "kept"
     found = evaluated(read_designs(given, ROWS), problem, machine, bodies, name, any_size())
-    with in_options(bodies="'solids': --solids"), ExitStack() as stack:
+    with in_options({"bodies='solids'": "--solids"}), ExitStack() as stack:
         writer = _writer(stack, out)
         total = count_designs(given)
         progress = stack.enter_context(progress_bar("designs", total or 0)) if total else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -18,22 +18,21 @@ from p3dof.tables import NONE, Table
 
 
 @contextmanager
-def in_options(**options: str) -> Iterator[None]:
+def in_options(words: Mapping[str, str]) -> Iterator[None]:
     """Name arguments of Python as a command has them, in errors and on Ctrl-C.
 
     Parameters
     ----------
-    **options : str
-        By the name of an argument, what an error says of it and what to say instead, as ``"True: --resume"``.
+    words : mapping of str to str
+        What an error says, and what to say instead, such as ``{"resume=True": "--resume"}``.
     """
     try:
         yield
     except (P3dofError, KeyboardInterrupt) as error:
         if error.args and isinstance(error.args[0], str):
             told = error.args[0]
-            for name, both in options.items():
-                value, _, option = both.partition(": ")
-                told = told.replace(f"{name}={value}", option)
+            for python, option in words.items():
+                told = told.replace(python, option)
             error.args = (told, *error.args[1:])
         raise
 

@@ -12,7 +12,7 @@ from p3dof.cli.actuation import ActuationOptions, with_actuation
 from p3dof.cli.app import app
 from p3dof.cli.files import InputFile, OutputFile, protect, source
 from p3dof.cli.options import POSITIVE, Case, Number, Whole, with_load
-from p3dof.cli.output import print_plain, print_warnings, progress_bar, show
+from p3dof.cli.output import in_options, print_plain, print_warnings, progress_bar, show
 from p3dof.cli.payloads import print_payloads
 from p3dof.errors import InputError
 from p3dof.many_runs import failures, figures_table, read_runs, stops_table
@@ -86,7 +86,7 @@ def runs(
     gains = {"integral_time": np.inf if integral_time is None else integral_time}
     acting = CONTROLLERS[controller](case.robot.parameters, motion, frequency, damping, **gains)
     count = len(next(iter(columns.values())))
-    with progress_bar("runs", count) as progress:
+    with in_options({"time_limit of Integration": "--time-limit"}), progress_bar("runs", count) as progress:
         found = case.robot.simulate_many(
             motion.duration if duration is None else duration,
             columns,

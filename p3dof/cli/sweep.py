@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +20,18 @@ from p3dof.cli.output import in_options, print_plain, print_warnings, progress_b
 from p3dof.errors import InputError, MissingExtraError
 from p3dof.files import check_writable
 from p3dof.sweeps import read_sweep
+
+_OPTIONS = {
+    "resume=True": "--resume",
+    "shared=False": "--local-folder",
+    "bodies='solids'": "bodies: solids",
+}
+"""What arguments of Python are here."""
+
+_PATIENCE = 10.0
+"""How long to wait for a cluster [s]."""
+
+_PROTOCOLS = ("tcp", "tls", "ws", "wss", "ucx")
 
 ADDRESS = "tcp://127.0.0.1:8786"
 """What an address looks like."""
@@ -64,11 +77,11 @@ def sweep(
     """
     if workers is not None and scheduler is not None:
         raise click.UsageError("expected --workers or --scheduler, got both")
+    if local_folder and scheduler is None:
+        raise click.UsageError("--local-folder belongs to --scheduler: here, the folder is seen")
     if figure is not None:
         check_writable(figure)
-    with in_options(
-        resume="True: --resume", shared="False: --local-folder", bodies="'solids': bodies: solids"
-    ):
+    with in_options(_OPTIONS):
         plan = read_sweep(problem, any_size)
         with _client(workers, scheduler) as client, progress_bar("items", plan.problem.count) as progress:
             made = plan.run(out, client=client, resume=resume, shared=not local_folder, progress=progress)
@@ -87,18 +100,35 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
             from distributed import Client
         except ImportError as error:
             raise MissingExtraError("--scheduler needs Dask: pip install 'p3dof[cluster]'") from error
+        _require_reachable(scheduler)
         connect: Any = Client
         try:
-            client = connect(scheduler, set_as_default=False)
+            client = connect(scheduler, set_as_default=False, timeout=_PATIENCE)
         except (OSError, ValueError) as error:
-            told = f"cannot be reached ({str(error) or type(error).__name__})"
-            raise InputError(
-                f"--scheduler: {scheduler}: {told}; expected an address such as {ADDRESS}"
-            ) from error
+            raise _unreachable(scheduler, error) from error
         with client:
             yield client
     else:
         yield None
+
+
+def _require_reachable(address: str) -> None:
+    """Raise if nobody listens there: Dask would wait for a minute, and complain for long."""
+    protocol, found, place = address.rpartition("://")
+    host, _, port = place.rpartition(":")
+    if (found and protocol not in _PROTOCOLS) or not host or not port.isdecimal():
+        raise _unreachable(address, ValueError("no host and port"))
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), _PATIENCE).close()
+    except (OSError, OverflowError) as error:
+        raise _unreachable(address, error) from error
+
+
+def _unreachable(address: str, error: Exception) -> InputError:
+    reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
+    return InputError(
+        f"--scheduler: {address}: cannot be reached ({reason}); expected an address such as {ADDRESS}"
+    )
 
 
 def _tell(made: Sweep, figure: Path | None) -> None:

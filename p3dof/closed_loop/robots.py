@@ -107,7 +107,17 @@ def load_robot(
             raise InputError(f"reference: the name {shown(state)} needs an SRDF that has it: srdf_file")
     if reference is not None and not isinstance(reference, str):
         found = replace(found, reference=reference)
-    return ClosedLoopModel(tree, found)
+    return _closed(tree, found, path, given)
+
+
+def _closed(tree: pin.Model, found: Sidecar, path: str | None, given: SidecarLike) -> ClosedLoopModel:
+    """Return a robot with its loops; an error about both says of which files they are."""
+    try:
+        return ClosedLoopModel(tree, found)
+    except ModelError as error:
+        if path is None or not isinstance(given, str | os.PathLike) or is_text(given):
+            raise
+        raise ModelError(f"{error} ({Path(path).name} with {Path(given).name})") from error
 
 
 def file_of(source: str | os.PathLike[str]) -> str | None:

@@ -6,7 +6,7 @@ import hashlib
 import json
 import re
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any
 
@@ -28,6 +28,12 @@ _HEADERS = re.compile(
 
 _OURS = re.compile(rf"\b{PREFIX}(?=_|\.[ch]\b)|\b{PREFIX.upper()}(?=_)")
 _FOREIGN = re.compile(r"[^ -~]|[`\\]|\*/|/\*|\?\?")
+
+
+_SHARED = ("Makefile", "CMakeLists.txt", "README.md")
+"""Files that are called the same whatever the prefix is."""
+
+_BUILT = re.compile(r"\b([a-z][a-z0-9_]*)\.[ch]\b")
 
 
 def checked_prefix(prefix: Any) -> str:
@@ -53,6 +59,27 @@ def checked_prefix(prefix: Any) -> str:
     if _HEADERS.fullmatch(prefix):
         raise InputError(f"prefix: expected no header of C, got {prefix!r}: files would hide <{prefix}.h>")
     return prefix
+
+
+def of_another(prefix: str) -> Callable[[str, str], str | None]:
+    """Return what `write_generated` asks of files that are there: whether they build C of another prefix.
+
+    Parameters
+    ----------
+    prefix : str
+        What the new names and files begin with.
+
+    Returns
+    -------
+    callable
+        Of the name and the text of a file; the reason not to write over it, or None.
+    """
+
+    def reason(name: str, there: str) -> str | None:
+        built = _BUILT.search(there) if name in _SHARED else None
+        return None if built is None or built[1] == prefix else f"belongs to the C of {built[1]}"
+
+    return reason
 
 
 def renamed(texts: Mapping[str, str], prefix: str) -> dict[str, str]:

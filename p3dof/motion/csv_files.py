@@ -51,18 +51,21 @@ class Form:
         How many of them there may be.
     units : mapping of str to mapping, optional
         The units that a column may be in, by its name; by default the name tells the kind.
+    order : str
+        In which order they may be, in words.
     """
 
     what: str
     names: tuple[str, ...]
     counts: tuple[int, ...]
     units: Mapping[str, Mapping[str, tuple[float, float]]] | None = None
+    order: str = "in this order"
 
     @property
     def rule(self) -> str:
         """The columns, in words."""
         choices = " or ".join(",".join(self.names[:count]) for count in self.counts)
-        return f"the columns {choices}, in this order"
+        return f"the columns {choices}, {self.order}"
 
 
 MOTION = Form(

@@ -87,7 +87,7 @@ def read_joints(text: str, source: str, joints: Sequence[str], sliding: Sequence
         order, named = list(range(len(joints))), ["t", *joints]
     kinds = dict(zip(joints, sliding, strict=True))
     units = {name: LENGTHS if kinds[name] else ANGLES for name in named[1:]}
-    form = Form("a motion of joints", tuple(named), (len(named),), units)
+    form = Form("a motion of joints", tuple(named), (len(named),), units, "the joints in any order")
     time, values = parse(text, source, form)
     values = np.ascontiguousarray(values[:, order])
     curve = JointCurve(time, values)

@@ -14,7 +14,7 @@ from p3dof.cli.loop.group import loop, with_robot
 from p3dof.cli.output import print_plain, show
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.codegen.loops import MARK, loop_files
-from p3dof.codegen.naming import command_of
+from p3dof.codegen.naming import command_of, of_another
 from p3dof.codegen.wasm_files import WebFiles
 from p3dof.files import check_generated, together, write_generated
 from p3dof.tables import table_of
@@ -71,7 +71,7 @@ def codegen(
         return 1 if differences else 0
     protect(inputs, [out / name for name in (*texts, *(web.names if web else ()))])
     with together():
-        written = write_generated(texts, out, MARK, force)
+        written = write_generated(texts, out, MARK, force, of_another(code.web.prefix))
         written += [web.write(out, texts, force)] if web else []
     for path in written:
         print_plain(console, f"wrote {path}")

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import click
 import numpy as np
+from click.core import ParameterSource
 
 from p3dof.checks import FloatArray, shown
 from p3dof.cli.actuation import ActuationOptions, with_actuation
@@ -97,6 +98,8 @@ class Control(NamedTuple):
         Largest force, or those of the file.
     actuation : ActuationOptions
         What stands between the controller and the robot.
+    given : tuple of str
+        The options of controllers that were given.
     """
 
     controller: str
@@ -108,13 +111,14 @@ class Control(NamedTuple):
     rate: float
     saturation: float | bool | None
     actuation: ActuationOptions
+    given: tuple[str, ...] = ()
 
     @property
     def loop(self) -> ControlLoop:
         """How the controller acts."""
         cut = False if self.saturation is None else self.saturation
         if self.controller == NONE:
-            for option in self.actuation.measuring:
+            for option in (*self.given, *self.actuation.measuring):
                 raise InputError(f"{option}: needs a --controller")
             return self.actuation.loop(None, cut)
         return self.actuation.loop(self.rate, cut)
@@ -149,13 +153,18 @@ class Control(NamedTuple):
         return JointPD(robot, reference, kp, kd, gravity=True, compiled=compiled)
 
 
+_OF_CONTROLLERS = ("kp", "kd", "frequency", "damping", "rate")
+
+
 def with_control(command: Callable[..., Any]) -> Callable[..., Any]:
     """Give a command the options of a `Control`, and the control as `control`."""
 
     @functools.wraps(command)
     def taking(**given: Any) -> Any:
-        own = {name: given.pop(name) for name in Control._fields}
-        return command(control=Control(**own), **given)
+        own = {name: given.pop(name) for name in Control._fields if name != "given"}
+        asked = click.get_current_context().get_parameter_source
+        told = [name for name in _OF_CONTROLLERS if asked(name) == ParameterSource.COMMANDLINE]
+        return command(control=Control(**own, given=tuple(f"--{name}" for name in told)), **given)
 
     run = with_actuation(taking)
     for option in reversed(_OPTIONS):

@@ -15,7 +15,7 @@ from p3dof.cli.files import OutputFile, console_beside, protect, write_results
 from p3dof.cli.loop.control import EXTERNAL, METHOD, NONE, Control, externals, with_control
 from p3dof.cli.loop.group import AT, assembled, forces_of, loop, with_robot
 from p3dof.cli.options import POSITIVE, Whole
-from p3dof.cli.output import print_plain, print_warnings, progress_bar, show
+from p3dof.cli.output import in_options, print_plain, print_warnings, progress_bar, show
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.closed_loop.compiling_model import ROBOT_METHODS
 from p3dof.closed_loop.tables import joint_values
@@ -32,6 +32,15 @@ from p3dof.simulation.work import TIME_LIMIT
 from p3dof.tables import Table, number
 
 _LIMITS = {"stop": ROBOT_KINDS, "ignore": tuple(kind for kind in ROBOT_KINDS if kind != "joint limit")}
+
+_OPTIONS = {
+    "q: the run would start": "--set: the run would start",
+    "(see stop_at)": "(see --limits)",
+    "a longer max_step, ": "",
+    "the method 'compiled'": "--method compiled",
+    "allow it by time_limit": "allow it by --time-limit",
+}
+"""What arguments of Python are here."""
 
 _MOST = 8
 """Most exceeded limits that are listed."""
@@ -115,7 +124,7 @@ def simulate(
     if duration is None:
         duration = wanted.duration if wanted is not None and wanted.duration else 1.0
     settings = Integration(rtol=1e-9, atol=1e-11, time_limit=time_limit)
-    with progress_bar("run", samples) as progress:
+    with in_options(_OPTIONS), progress_bar("run", samples) as progress:
         run = simulate_robot(
             robot,
             duration,
