@@ -1,6 +1,7 @@
 // Builds p3dof/page/page.html: one file with all scripts and styles in it. `--check` only compares.
 import { createHash } from "node:crypto";
 import { readFile, readdir, writeFile } from "node:fs/promises";
+import { basename, dirname } from "node:path";
 import process from "node:process";
 import { fileURLToPath } from "node:url";
 import { build } from "esbuild";
@@ -13,16 +14,27 @@ const PLACES = ["@@TITLE@@", "@@ENGINE@@", "@@DOCUMENT@@"];
 const read = async (path) => (await readFile(new URL(path, import.meta.url), "utf8")).trim();
 
 const THREE = fileURLToPath(new URL("node_modules/three/src/", import.meta.url));
-/** What of three.js no material of the page needs: shaders by name, and virtual reality. */
+/** What of three.js no material of the page needs: shaders, and pieces of them for what is never switched on. */
 const UNUSED = /ShaderLib.(backgroundCube|cube|distance|equirect|linedashed|meshmatcap|meshphysical|meshtoon|shadow|vsm)\.glsl\.js$/;
-const NO_XR = `import { EventDispatcher } from "../../core/EventDispatcher.js";
-export class WebXRManager extends EventDispatcher {
-    enabled = false;
-    isPresenting = false;
-    setAnimationLoop() {}
-    getEnvironmentBlendMode() {}
-    dispose() {}
-}`;
+const NEVER = /^(shadowmap|tonemapping_pars|envmap|bumpmap|displacementmap|aomap|lightmap|lightprobes|morph|skin|batching|fog|alphahash|logdepthbuf)/;
+/** What stands in the place of virtual reality, shadows and mirrored surroundings. @type {Record<string, string>} */
+const LEFT_OUT = {
+    WebXRManager: `import { EventDispatcher } from "../../core/EventDispatcher.js";
+        export class WebXRManager extends EventDispatcher {
+            enabled = false;
+            isPresenting = false;
+            setAnimationLoop() {}
+            getEnvironmentBlendMode() {}
+            dispose() {}
+        }`,
+    WebGLShadowMap: `export class WebGLShadowMap {
+            enabled = false;
+            render() {}
+        }`,
+    PMREMGenerator: `export class PMREMGenerator {
+            dispose() {}
+        }`,
+};
 const SHADER = /\/\* glsl \*\/\s*`(.*?)`/gs;
 
 /** Text of a shader without comments and indentation. @param {string} text */
@@ -55,10 +67,11 @@ const small = {
     async setup(build) {
         const used = await piecesUsed();
         build.onResolve({ filter: /^three$/ }, () => ({ path: `${THREE}Three.js` }));
-        build.onLoad({ filter: /WebXRManager\.js$/ }, () => ({ contents: NO_XR, resolveDir: `${THREE}renderers/webxr` }));
+        build.onLoad({ filter: /(WebXRManager|WebGLShadowMap|PMREMGenerator)\.js$/ }, ({ path }) =>
+            ({ contents: LEFT_OUT[basename(path, ".js")], resolveDir: dirname(path) }));
         build.onLoad({ filter: /\.glsl\.js$/ }, async ({ path }) => {
             const [, piece] = /ShaderChunk.(\w+)\.glsl\.js$/.exec(path) ?? [];
-            const left = UNUSED.test(path) || (piece && !used.has(piece));
+            const left = UNUSED.test(path) || (piece && (NEVER.test(piece) || !used.has(piece)));
             const text = await readFile(path, "utf8");
             return { contents: text.replace(SHADER, (_, shader) => JSON.stringify(left ? "" : short(shader))) };
         });
