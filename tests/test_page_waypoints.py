@@ -170,6 +170,10 @@ def test_waypoints_are_moved_changed_and_deleted_by_keys_and_pointer(watched):
     watched.page.mouse.up()
     refreshed(watched)
     assert watched.page.evaluate(poses) == [[0, 100, 175], [100, 0, 0], [0, 0, 0]]
+    dots = watched.page.evaluate("""p3dof.state.stage.guests.children.filter(
+        ({isMesh, visible}) => isMesh && visible).map(({position}) => position.toArray())""")
+    h = MACHINE.parameters.geometry.h
+    assert_allclose(dots, [[0, 0, 0.1 - h], [0, 0.1, -h], [0, 0, -h]], rtol=0, atol=1e-12)
     write(watched, "z of waypoint 2", "-60")
     assert watched.page.evaluate(poses)[1] == [100, -60, 0]
     write(watched, "Time in all", "4")

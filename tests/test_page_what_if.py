@@ -54,6 +54,8 @@ def watched(opened_once):
     """The page as it is at first."""
     opened_once.page.evaluate("""() => {
         const {layers} = p3dof.state;
+        const {document} = p3dof.state, [first] = document.runs;
+        p3dof.state.set({document: {...document, runs: [first]}, run: 0, compare: null, difference: false});
         p3dof.state.set({whatIf: {}, case: "total", layers: {...layers, map: false}, hand: null});
         p3dof.seek(0.35);
     }""")
@@ -188,6 +190,40 @@ def test_a_machine_that_cannot_be_is_refused_and_the_one_before_stays(watched):
     alarm = watched.page.locator("#what-if [role=alert]").inner_text()
     assert "base R larger than the platform r" in alarm
     assert (shown(watched) == known).all()
+
+
+def test_a_machine_is_kept_and_compared_as_a_ghost_and_by_differences(watched):
+    write(watched, "Payload, number", "2")
+    write(watched, "Legs L, number", "430")
+    longer = replace(MACHINE.parameters, geometry=p3dof.Geometry(r=0.1, R=0.25, L=0.43, b=0.05))
+    other = longer.carrying(p3dof.Body(2.0, [0, 0, 0], np.zeros((3, 3))))
+    watched.page.get_by_role("button", name="Keep and compare").click()
+    refreshed(watched)
+    agrees(watched, MACHINE.parameters)
+    names = "p3dof.state.document.runs.map(({name}) => name)"
+    assert watched.page.evaluate(names)[1] == "Payload 2.0 kg, Legs L 430 mm"
+    ghost = "(({ghost, ghostOf, of}) => [ghost.group.visible, ghostOf !== of])(p3dof.state.stage.contents)"
+    assert watched.page.evaluate(ghost) == [True, True]
+    watched.page.get_by_label("Difference as curves").check()
+    refreshed(watched)
+    lines = watched.page.evaluate("""p3dof.charts[0].drawing.lines.map(
+        ({kind, values}) => [kind, Array.from(values)])""")
+    assert {kind for kind, _ in lines} == {"difference"}
+    result = p3dof.Manipulator(other).inverse_dynamics(MOTION, method="pinocchio")
+    mine = MACHINE.inverse_dynamics(MOTION, method="pinocchio")
+    found = np.array([values for _, values in lines]).T
+    assert_allclose(found, mine.forces - result.forces, rtol=0, atol=1e-12 * np.abs(result.forces).max())
+    watched.page.get_by_label("Difference as curves").uncheck()
+    watched.page.locator("#run").select_option("1")
+    refreshed(watched)
+    agrees(watched, other)
+    assert watched.page.get_by_label("Payload, number").input_value() == "2"
+    write(watched, "Payload, number", "0")
+    agrees(watched, longer)
+    assert watched.page.evaluate("p3dof.state.engine.lengths.L") == 0.43
+    watched.page.locator("#run").select_option("0")
+    refreshed(watched)
+    agrees(watched, MACHINE.parameters)
 
 
 @pytest.mark.parametrize("part", ["Static", "Dynamic"])

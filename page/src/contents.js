@@ -3,7 +3,7 @@ import { Group, Plane, Scene, Vector3 } from "three";
 import { Arrows, largest } from "./arrows.js";
 import { Closures } from "./closures.js";
 import { Handles } from "./handles.js";
-import { closuresOf, instant, instantOf, runOf, sceneOf, treeOf } from "./instant.js";
+import { closuresOf, instant, instantOf, runOf, sceneOf, treeOf, sceneOfRun } from "./instant.js";
 import { Ghost, Solids } from "./solids.js";
 import { Labels, MapPicture, floorOf, lighten, lineOf } from "./surroundings.js";
 import { pointOf } from "./tree.js";
@@ -47,6 +47,8 @@ export class Contents {
         this.cut = false;
         /** @type {Ghost | null} */
         this.ghost = null;
+        /** @type {import("./types").Scene | null} */
+        this.ghostOf = null;
         /** @type {{run: object, line: ReturnType<typeof lineOf>} | null} */
         this.trace = null;
         /** @type {{run: object, points: Vector3[]} | null} */
@@ -160,15 +162,21 @@ export class Contents {
 
     _ghost() {
         const { document, compare, time } = this.state;
-        const own = document.scene === this.of ? undefined : document.runs[this.state.run]; // as long as it was
-        const run = compare === null ? own : document.runs[compare];
-        if (run && !this.ghost) {
-            this.ghost = new Ghost(document.scene === this.of ? this.solids : new Solids(document.scene));
+        const shown = document.runs[this.state.run];
+        const own = sceneOfRun(document, shown) === this.of ? undefined : shown; // as long as it was
+        const run = compare === null ? own : document.runs[compare], scene = run && sceneOfRun(document, run);
+        if (this.ghost && scene && scene !== this.ghostOf) {
+            this.world.remove(this.ghost.group);
+            this.ghost = null;
+        }
+        if (scene && !this.ghost) {
+            this.ghost = new Ghost(scene === this.of ? this.solids : new Solids(scene));
+            this.ghostOf = scene;
             this.world.add(this.ghost.group);
         }
         if (!this.ghost) return;
         this.ghost.group.visible = run !== undefined;
-        if (run) this.ghost.place(instantOf(document.scene, run, time).placements);
+        if (run && scene) this.ghost.place(instantOf(scene, run, time).placements);
     }
 
     /** @param {import("./types").Instant} now */

@@ -10,8 +10,9 @@ import { Tree, directionOf, pointOf } from "./tree.js";
 
 /** @type {WeakMap<object, Tree>} */
 const trees = new WeakMap();
-/** @type {WeakMap<object, {key: string, scene: Scene}>} */
+/** Scenes with other lengths, by these. @type {WeakMap<object, Map<string, Scene>>} */
 const others = new WeakMap();
+const KEPT = 8;
 /** @type {WeakMap<State, {version: number, instant: Instant}>} */
 const known = new WeakMap();
 
@@ -45,14 +46,26 @@ export function closuresOf({ document: { closures, engine: given }, engine }) {
 /** @param {State} state @returns {Scene} */
 export function sceneOf({ document: { scene, engine: given }, engine }) {
     const to = engine?.lengths;
-    if (!to || given.kind !== "p3dof") return scene;
+    return to && given.kind === "p3dof" ? lengthened(scene, given.parameters.data, to) : scene;
+}
+
+/** The scene of a run: with the lengths of its machine. @param {State["document"]} document @param {Run} run @returns {Scene} */
+export function sceneOfRun({ scene, engine: given }, { machine }) {
+    if (!machine || given.kind !== "p3dof") return scene;
     const [r, R, L] = given.parameters.data;
+    return lengthened(scene, given.parameters.data, { r, R, L, ...machine });
+}
+
+/** @param {Scene} scene @param {ArrayLike<number>} from @param {{r: number, R: number, L: number}} to @returns {Scene} */
+function lengthened(scene, from, to) {
+    const [r, R, L] = [from[0], from[1], from[2]];
     if (to.r === r && to.R === R && to.L === L) return scene;
-    const key = `${to.r} ${to.R} ${to.L}`;
-    const last = others.get(scene);
-    if (last?.key === key) return last.scene;
-    const other = withLengths(scene, { r, R, L }, to);
-    others.set(scene, { key, scene: other });
+    const key = `${to.r} ${to.R} ${to.L}`, made = others.get(scene) ?? new Map();
+    const other = made.get(key) ?? withLengths(scene, { r, R, L }, to);
+    made.delete(key);
+    made.set(key, other); // the latest last
+    if (made.size > KEPT) made.delete(made.keys().next().value);
+    others.set(scene, made);
     return other;
 }
 

@@ -12,6 +12,7 @@ import { instant } from "./instant.js";
 import * as keys from "./keys.js";
 import * as links from "./links.js";
 import * as map from "./map.js";
+import * as markers from "./markers.js";
 import * as panel from "./panel.js";
 import * as planning from "./planning.js";
 import * as print from "./print.js";
@@ -33,6 +34,7 @@ const PARTS = [
     ["colours", "page", themes.mount],
     ["3D picture", "stage", scene.mount],
     ["workspace map", "stage", map.mount],
+    ["waypoints in 3D", "stage", markers.mount],
     ["guests", "stage", guest.mount],
     ["time bar", "time-bar", time_bar.mount],
     ["charts", "charts", charts.mount],

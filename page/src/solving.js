@@ -27,13 +27,13 @@ export const isChanged = (whatIf) => Object.values(whatIf).some((value) => value
 
 /** Computes `solved`, `before` and `report`. @param {State} state @param {Engine} engine */
 export function solve(state, engine) {
-    const { document, whatIf, case: part } = state, run = document.runs[state.run];
+    const { document, whatIf, case: part } = state, run = document.runs[state.run], own = run?.machine ?? {};
     state.solved = state.before = state.report = null;
-    const fault = changedTo(engine, whatIf);
+    const fault = changedTo(engine, { ...own, ...whatIf });
     if (!run?.pose || !run.velocity || !run.acceleration) return;
-    const start = performance.now(), changed = isChanged(engine.whatIf);
+    const start = performance.now(), changed = !fault ? isChanged(whatIf) : JSON.stringify(engine.whatIf) !== JSON.stringify(own);
     if (changed || part !== "total") state.solved = resolved(engine, document, run, part);
-    if (changed) state.before = part === "total" ? run : original(engine, () => resolved(engine, document, run, part));
+    if (changed) state.before = part === "total" ? run : withMachine(engine, own, () => resolved(engine, document, run, part));
     const after = !changed ? run : part === "total" && state.solved ? state.solved : resolved(engine, document, run, "total");
     state.report = {
         changed, fault,
@@ -55,10 +55,10 @@ export function changedTo(engine, whatIf) {
     }
 }
 
-/** What is computed with the document's machine. @template T @param {Engine} engine @param {() => T} compute @returns {T} */
-function original(engine, compute) {
+/** What is computed with another machine. @template T @param {Engine} engine @param {import("./types").WhatIf} machine @param {() => T} compute @returns {T} */
+function withMachine(engine, machine, compute) {
     const { whatIf } = engine;
-    engine.set({});
+    engine.set(machine);
     try {
         return compute();
     } finally {

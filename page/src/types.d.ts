@@ -44,6 +44,8 @@ export interface Run {
     curves: Curve[]; loads: Load[]; notes: string[]; placed?: Record<string, Table>;
     /** Made in this page, with this machine: waypoints, or a run that was kept. */
     computed?: "waypoints" | "kept";
+    /** How its machine differs from the document's. */
+    machine?: WhatIf;
 }
 export interface Closure {
     name: string; kind: string; joint1: number; placement1: Placement; joint2: number; placement2: Placement;

@@ -218,35 +218,17 @@ function settings(state) {
     };
 }
 
-/** What makes waypoints, and takes all away. @param {State} state */
+/** What makes waypoints, one by one or from a file, and takes all away. @param {State} state */
 function adding(state) {
-    const add = make("button", { type: "button" }, "Add this pose"), said = make("p", { className: "note", role: "status" });
+    const add = make("button", { type: "button" }, "Add this pose"), hint = make("p", { className: "note", role: "status" });
     add.addEventListener("click", () => {
         const { pose } = instant(state), last = state.task.waypoints.at(-1)?.pose;
         if (!pose || !pose.every(Number.isFinite)) return;
         const same = last?.every((value, k) => value === pose[k]);
-        write(said, same ? "This pose is the last waypoint already: move the platform first." : "");
+        write(hint, same ? "This pose is the last waypoint already: move the platform first." : "");
         if (!same) setWaypoints(state, [...state.task.waypoints, { name: "", pose: [...pose], blend: 0, dwell: 0, duration: null, wrench: null }]);
     });
     const clear = make("button", { type: "button", onclick: () => state.set({ task: NO_TASK, pace: ANY_PACE, hand: null }) }, "Clear");
-    return {
-        part: make("div", {}, make("div", { className: "buttons" }, add, clear), said),
-        show() {
-            clear.hidden = !state.task.waypoints.length;
-            if (!state.task.waypoints.length) write(said, "");
-        },
-    };
-}
-
-/** Files in and out. @param {State} state */
-function files(state) {
-    const task = make("button", { type: "button", title: "Task file (YAML), for p3dof plan" }, "Save task");
-    task.addEventListener("click", () => save("task.yaml", writeTask(state.task, durationsTo(state.task, state.planned)), "text/yaml"));
-    const motion = make("button", { type: "button", title: "Motion file (CSV), for --motion" }, "Save motion");
-    motion.addEventListener("click", () => {
-        const run = state.document.runs.find(({ computed }) => computed === "waypoints");
-        if (run) save("motion.csv", motionCsv(state.document, run) ?? "", "text/csv");
-    });
     const file = make("input", { type: "file", accept: ".yaml,.yml,.csv,.json,text/csv,text/yaml", hidden: true, "aria-label": "Task or motion file" });
     const load = make("button", { type: "button", title: "A task (YAML) or a motion (CSV) of p3dof", onclick: () => file.click() }, "Load …");
     const said = make("p", { className: "alarm", role: "alert" });
@@ -267,7 +249,25 @@ function files(state) {
         }
         file.value = "";
     });
-    const part = make("div", {}, make("div", { className: "buttons" }, task, motion, load, file), said);
+    return {
+        part: make("div", {}, make("div", { className: "buttons" }, add, load, clear, file), hint, said),
+        show() {
+            clear.hidden = !state.task.waypoints.length;
+            if (!state.task.waypoints.length) write(hint, "");
+        },
+    };
+}
+
+/** Files out. @param {State} state */
+function files(state) {
+    const task = make("button", { type: "button", title: "Task file (YAML), for p3dof plan" }, "Save task");
+    task.addEventListener("click", () => save("task.yaml", writeTask(state.task, durationsTo(state.task, state.planned)), "text/yaml"));
+    const motion = make("button", { type: "button", title: "Motion file (CSV), for --motion" }, "Save motion");
+    motion.addEventListener("click", () => {
+        const run = state.document.runs.find(({ computed }) => computed === "waypoints");
+        if (run) save("motion.csv", motionCsv(state.document, run) ?? "", "text/csv");
+    });
+    const part = make("div", {}, make("div", { className: "buttons" }, task, motion));
     return {
         part,
         show() {

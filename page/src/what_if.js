@@ -31,8 +31,35 @@ function around(base) {
     return [0.5 * base, 1.75 * base];
 }
 
-/** What a number is in the document. @param {Engine} engine @param {Key} key */
-const baseOf = (engine, key) => (key === "L" || key === "R" || key === "r" ? engine.original[PLACES[key]] : 0);
+/** How the machine of the run that is shown differs from the document's. @param {State} state @returns {WhatIf} */
+const ownOf = (state) => state.document.runs[state.run]?.machine ?? {};
+
+/** What a number is in the run that is shown. @param {State} state @param {Engine} engine @param {Key} key */
+const baseOf = (state, engine, key) => ownOf(state)[key] ?? (key === "L" || key === "R" || key === "r" ? engine.original[PLACES[key]] : 0);
+
+/** What is changed, in few words. @param {State} state @returns {string} */
+export function nameOf({ whatIf, units }) {
+    const texts = NUMBERS.flatMap(({ key, label, unit, digits }) => {
+        const value = whatIf[key];
+        if (value === undefined) return [];
+        const { factor, unit: name } = shown(unit, units);
+        return `${label.replace(/^… /, "")} ${fixed(value * factor, factor === 1 && unit === "m" ? 3 : digits)} ${name}`;
+    });
+    if (whatIf.bodies) texts.push("steel solids");
+    if (whatIf.gravity) texts.push("other gravity");
+    if (whatIf.wrench) texts.push("external load");
+    return texts.join(", ");
+}
+
+/** Keep the run as it is now, to be compared with the one before. @param {State} state */
+function keep(state) {
+    const { document, solved, run, whatIf } = state;
+    if (!solved || !isChanged(whatIf)) return;
+    const machine = { ...ownOf(state), ...whatIf };
+    /** @type {import("./types").Run} */
+    const kept = { ...solved, name: nameOf(state), computed: "kept", machine };
+    state.set({ document: { ...document, runs: [...document.runs, kept] }, run, whatIf: {}, case: "total", compare: document.runs.length });
+}
 
 /** Change one thing; as in the document, it is not changed at all. @param {State} state @param {WhatIf} changes */
 export function change(state, changes) {
@@ -47,16 +74,18 @@ export function mount(element, state) {
     const engine = engineOf(state);
     if (!engine || !state.document.runs.some(({ pose }) => pose)) return;
     const reset = make("button", { type: "button", id: "reset", onclick: () => state.set({ whatIf: {} }) }, "Reset");
+    const kept = make("button", { type: "button", title: "Keep this run, and compare it with the one before", onclick: () => keep(state) }, "Keep and compare");
     const parts = [numbers(state), bodies(state), gravity(state), wrench(state)];
     const result = peaks(state);
     element.append(
-        make("div", { className: "title" }, make("h2", {}, "What if?"), reset),
+        make("div", { className: "title" }, make("h2", {}, "What if?"), make("span", {}, kept, " ", reset)),
         ...parts.map(({ row }) => row), ...result.rows, agreed(state),
     );
     state.subscribe(() => {
         const now = engineOf(state);
         if (!now) return;
         reset.disabled = !isChanged(state.whatIf);
+        kept.hidden = !state.solved || state.case !== "total" || !isChanged(state.whatIf);
         parts.forEach((part) => part.show(now));
         result.show();
     });
@@ -73,13 +102,13 @@ function numbers(state) {
         const take = (text, factor) => {
             const engine = engineOf(state), value = Number(text) / factor;
             if (!engine || text.trim() === "" || !Number.isFinite(value)) return;
-            const base = baseOf(engine, number.key), near = Math.abs(value - base) < 1e-12;
+            const base = baseOf(state, engine, number.key), near = Math.abs(value - base) < 1e-12;
             change(state, { [number.key]: near ? undefined : value });
         };
         bar.addEventListener("input", () => {
             const engine = engineOf(state);
             if (!engine) return;
-            const base = baseOf(engine, number.key), value = Number(bar.value);
+            const base = baseOf(state, engine, number.key), value = Number(bar.value);
             const stepped = base + Math.round((value - base) / number.step) * number.step; // the document's own value is a step
             take(String(Number(stepped.toPrecision(12))), 1);
         });
@@ -91,7 +120,7 @@ function numbers(state) {
         /** @param {Engine} engine */
         show(engine) {
             for (const { row, bar, box, unit, number } of rows) {
-                const { factor, unit: name } = shown(number.unit, state.units), base = baseOf(engine, number.key);
+                const { factor, unit: name } = shown(number.unit, state.units), base = baseOf(state, engine, number.key);
                 const [low, high] = number.range(base), value = state.whatIf[number.key] ?? base;
                 if (bar.min !== String(low) || bar.max !== String(high)) Object.assign(bar, { min: low, max: high });
                 if (Number(bar.value) !== value) bar.value = String(value);
@@ -109,17 +138,17 @@ function numbers(state) {
 /** Which bodies a machine of other lengths has. @param {State} state */
 function bodies(state) {
     const select = make("select", { name: "bodies" });
-    select.addEventListener("change", () => change(state, { bodies: select.value === "solids" ? "solids" : undefined }));
+    select.addEventListener("change", () => change(state, { bodies: select.value === (ownOf(state).bodies ?? "kept") ? undefined : select.value === "solids" ? "solids" : "kept" }));
     const told = make("span", { className: "note" });
     const row = make("label", { className: "field" }, "Bodies ", select, told);
     return {
         row,
         show() {
-            choose(select, [["kept", "as in the file"], ["solids", "steel solids of these lengths"]], state.whatIf.bodies ?? "kept");
-            const longer = (["L", "R", "r"]).some((key) => /** @type {any} */ (state.whatIf)[key] !== undefined);
-            row.hidden = !longer && state.whatIf.bodies === undefined;
+            choose(select, [["kept", "as in the file"], ["solids", "steel solids of these lengths"]], state.whatIf.bodies ?? ownOf(state).bodies ?? "kept");
+            const now = { ...ownOf(state), ...state.whatIf }, longer = now.L !== undefined || now.R !== undefined || now.r !== undefined;
+            row.hidden = !longer && now.bodies === undefined;
             row.classList.toggle("changed", state.whatIf.bodies !== undefined);
-            write(told, state.whatIf.bodies === "solids"
+            write(told, now.bodies === "solids"
                 ? "cubes, round rods and the rounded plate, cut to the lengths; other sizes by the least ratio to the paper's"
                 : longer ? "each body keeps its mass, mass centre and inertia, whatever the lengths" : "");
         },
@@ -166,7 +195,7 @@ function gravity(state) {
     return {
         row,
         show() {
-            if (!state.whatIf.gravity) chosen = "file";
+            if (!state.whatIf.gravity) chosen = "file"; // or of the run that was kept
             else if (chosen === "file") chosen = "set"; // not by this list
             /** @type {[string, string][]} */
             const choices = Object.entries(GRAVITIES).map(([key, [label]]) => [key, label]);
@@ -186,7 +215,7 @@ function wrench(state) {
         const box = make("input", { type: "number", step: "any", value: "0", "aria-label": `${name} [${k < 3 ? "N" : "N m"}]` });
         box.addEventListener("input", () => {
             const rows = boxes.map((one) => (Number.isFinite(one.valueAsNumber) ? one.valueAsNumber : 0));
-            change(state, { wrench: rows.some((value) => value !== 0) ? rows : undefined });
+            change(state, { wrench: rows.some((value) => value !== 0) || ownOf(state).wrench ? rows : undefined });
         });
         return box;
     });
@@ -196,7 +225,7 @@ function wrench(state) {
         row,
         show() {
             boxes.forEach((box, k) => {
-                const value = state.whatIf.wrench?.[k] ?? 0;
+                const value = (state.whatIf.wrench ?? ownOf(state).wrench)?.[k] ?? 0;
                 if (box !== document.activeElement && box.valueAsNumber !== value) box.value = String(value);
             });
             row.classList.toggle("changed", state.whatIf.wrench !== undefined);
@@ -208,7 +237,7 @@ function wrench(state) {
 function peaks(state) {
     const cells = ["A", "B", "C"].map((leg) => [make("td"), make("td"), make("td")].map((td) => Object.assign(td, { leg })));
     const rows = cells.map((row, k) => make("tr", {}, make("th", { scope: "row" }, "ABC"[k]), ...row));
-    const heads = ["file", "now", "change"].map((text) => make("th", { scope: "col" }, text));
+    const heads = ["before", "now", "change"].map((text) => make("th", { scope: "col" }, text));
     const table = make("table", { className: "peaks" }, make("caption", {}, "Largest forces [N]"),
         make("thead", {}, make("tr", {}, make("td"), ...heads)), make("tbody", {}, ...rows));
     const sentence = make("p", { className: "note result", role: "status" });
@@ -224,12 +253,18 @@ function peaks(state) {
             if (!report?.changed) return void write(sentence, "");
             report.before.forEach((before, k) => {
                 const now = report.after[k], [size, then] = [Math.abs(now.value), Math.abs(before.value)];
-                const texts = [fixed(before.value, 1), fixed(now.value, 1), then > 0 ? `${size >= then ? "+" : "−"}${fixed(Math.abs(size / then - 1) * 100, 0)} %` : ""];
+                const texts = [fixed(before.value, 1), fixed(now.value, 1), then > 0 ? percent(size / then - 1) : ""];
                 texts.forEach((text, i) => write(cells[k][i], text));
             });
             write(sentence, told(state, report));
         },
     };
+}
+
+/** A change with its sign; without one where nothing is seen of it. @param {number} share */
+function percent(share) {
+    const text = fixed(100 * share, 0);
+    return `${share > 0 && text !== "0" ? "+" : ""}${text} %`;
 }
 
 /** What a change does, in a sentence. @param {State} state @param {import("./resolve.js").Report} report */
@@ -249,7 +284,7 @@ function told(state, report) {
         const spans = report.gaps.slice(0, 3).map(({ from, to, reason }) => `${from === to ? `at ${fixed(from, 3)} s` : `${fixed(from, 3)} to ${fixed(to, 3)} s`}${reason === "singular" ? " (singular)" : ""}`);
         texts.push(`${count} of ${report.samples} samples cannot be reached, gaps in the curves: ${spans.join(", ")}${report.gaps.length > 3 ? ", …" : ""}.`);
     }
-    texts.push(`Dashed: as in the file. ${report.samples} samples in ${fixed(report.milliseconds, 1)} ms.`);
+    texts.push(`Dashed: as before. ${report.samples} samples in ${fixed(report.milliseconds, 1)} ms.`);
     return texts.join(" ");
 }
 
