@@ -40,6 +40,7 @@ def _check_references(document):
         assert all(values_of(run, curve).shape == (count,) for curve in run["curves"])
         for load in run["loads"]:
             assert load["joint"] < len(joints)
+            assert load.get("layer", next(iter(layers))) in layers
             assert load["curve"] in keys if "curve" in load else decoded(load["values"]).shape == (count, 3)
 
 

@@ -187,6 +187,31 @@ def test_a_run_in_time_has_what_it_followed():
     assert found["name"] == "Run in time, compiled"
 
 
+def test_reactions_of_joints_are_curves_and_arrows_that_can_be_shown():
+    reactions = ROBOT.reactions(MOTION)
+    document = read(page_document(ROBOT, MOTION, reactions=reactions))
+    (run,) = document["runs"]
+    forces, moments = reactions.elastic.in_base()
+    loads = {load["key"]: load for load in run["loads"]}
+    assert {load["layer"] for load in loads.values() if load["group"] == "reaction"} == {"reactions"}
+    (layer,) = (layer for layer in document["scene"]["layers"] if layer["name"] == "reactions")
+    assert not layer["shown"]
+    for i, name in enumerate(reactions.elastic.joints):
+        np.testing.assert_allclose(curve_of(run, f"force {name}"), np.linalg.norm(forces[:, i], axis=1))
+        size = np.abs(moments[:, i]).max()
+        np.testing.assert_allclose(
+            decoded(loads[f"moment {name}"]["values"]), moments[:, i], atol=1e-6 * size
+        )
+        for sample in (0, 25):
+            load = loads[f"force {name}"]
+            at = placements(document, run, sample)[load["joint"]] @ [*load["point"], 1.0]
+            np.testing.assert_allclose(at[:3], reactions.elastic.positions[sample, i], atol=1e-9)
+    with pytest.raises(InputError, match="the motion that is shown first"):
+        page_document(ROBOT, MOTION[:9], reactions=reactions)
+    with pytest.raises(InputError, match="reactions: expected Reactions"):
+        page_document(ROBOT, MOTION, reactions=3)
+
+
 def test_samples_out_of_reach_are_gaps_and_a_note():
     motion = p3dof.Motion.rest_to_rest([0.0, 0.0, 0.0], [0.52, 0.0, 0.0], 1.0, samples=21)
     (run,) = read(page_document(ROBOT, motion))["runs"]

@@ -79,6 +79,7 @@ def test_a_run_has_the_forces_of_actuators_and_closures():
         assert one == pytest.approx(np.linalg.norm(expected.forces[0]), rel=1e-9)
     assert loads[f"force {motors[0]}"]["kind"] == "moment"
     assert {load["group"] for load in found["loads"]} == {"actuator", "multiplier"}
+    assert {load.get("layer") for load in found["loads"]} == {None, "multipliers"}
 
 
 def test_a_robot_that_stands_is_held_and_loaded():

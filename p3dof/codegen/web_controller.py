@@ -36,6 +36,7 @@ _MAP = """
         for (const [size, values] of [...given, [3 * y.length], [y.length]]) {
             const view = new Float64Array(buffer, place, size);
             if (values) view.set(values);
+            else view.fill(NaN);
             views.push(view);
             places.push(place);
             place += view.byteLength;

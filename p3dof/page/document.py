@@ -20,9 +20,11 @@ from p3dof.motion import Motion
 from p3dof.page.closures import closures_of
 from p3dof.page.encoding import encoded
 from p3dof.page.machine import Machine, require_machine
+from p3dof.page.machine_reactions import with_reactions
 from p3dof.page.machine_runs import Runnable, Samples, run_of
 from p3dof.page.machine_scene import machine_scene
 from p3dof.parameters import Parameters
+from p3dof.reactions import AnyReactions
 from p3dof.version import __version__
 
 FORMAT = 1
@@ -35,6 +37,7 @@ def page_document(
     result: Runnable | None = None,
     *,
     runs: Mapping[str, Runnable] | None = None,
+    reactions: AnyReactions | None = None,
     title: str = TITLE,
 ) -> dict[str, Any]:
     """Return the document of the manipulator: its scene, and runs with their curves and loads.
@@ -48,6 +51,8 @@ def page_document(
         the machine is held at home.
     runs : mapping of str to Motion, InverseDynamics or Simulation, optional
         Further runs by name, to be compared with it.
+    reactions : Reactions or ReactionsComparison, optional
+        Of the joints, over the motion of `result`: curves of their sizes, and arrows that can be shown.
     title : str
         Heading of the page.
 
@@ -72,7 +77,7 @@ def page_document(
         found = [Samples.of(robot, Motion(np.zeros(1), *np.zeros((3, 1, 3))), "Held at home")]
     row = engine_row(robot.parameters)
     limits = robot.parameters.limits
-    return {
+    document: dict[str, Any] = {
         "format": FORMAT,
         "title": title,
         "generator": {"p3dof": __version__, "pinocchio": str(pin.__version__)},
@@ -89,6 +94,7 @@ def page_document(
         },
         "engine": {"kind": "p3dof", "parameters": encoded(row)},
     }
+    return document if reactions is None else with_reactions(robot, document, found[0], reactions)
 
 
 def engine_row(parameters: Parameters) -> list[float]:

@@ -28,13 +28,18 @@ function free(box, others, height) {
     return inside(wanted);
 }
 
-/** The largest load of each unit over runs. @param {import("./types").Run[]} runs */
-export function largest(runs) {
+/**
+ * The largest load of each unit over runs, of those that are to be seen.
+ * @param {import("./types").Run[]} runs @param {Record<string, boolean>} [layers]
+ */
+export function largest(runs, layers = {}) {
     /** @type {Record<string, number>} */
     const found = {};
     for (const run of runs) {
         const curves = new Map(run.curves.map((curve) => [curve.key, curve.values.data]));
-        for (const { curve, values, unit } of run.loads) {
+        for (const load of run.loads) {
+            if (!seen(load, layers)) continue;
+            const { curve, values, unit } = load;
             const data = curve ? curves.get(curve) : values?.data;
             const step = curve ? 1 : 3;
             for (let i = 0; data && i < data.length; i += step) {
@@ -45,6 +50,9 @@ export function largest(runs) {
     }
     return found;
 }
+
+/** Whether a load is to be seen. @param {{layer?: string}} load @param {Record<string, boolean>} layers */
+export const seen = ({ layer }, layers) => layer === undefined || layers[layer] !== false;
 
 /** One arrow: a shaft and a head, of a moment two heads. */
 class Arrow {

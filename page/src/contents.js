@@ -1,6 +1,6 @@
 // Everything that is drawn of a document's scene, at the instant of the state.
 import { Group, Plane, Scene, Vector3 } from "three";
-import { Arrows, largest } from "./arrows.js";
+import { Arrows, largest, seen } from "./arrows.js";
 import { Closures } from "./closures.js";
 import { Handles } from "./handles.js";
 import { closuresOf, instant, instantOf, runOf, sceneOf, treeOf, sceneOfRun } from "./instant.js";
@@ -96,7 +96,8 @@ export class Contents {
     /** Corners of what is shown at an instant. @param {import("./types").Instant} now @param {boolean} solid whether solids are among them */
     _at(now, solid) {
         if (!there(now)) return [];
-        const points = now.loads.flatMap((load) => this._ends(load));
+        const loads = now.loads.filter(({ load }) => seen(load, this.state.layers));
+        const points = loads.flatMap((load) => this._ends(load));
         if (solid) {
             this.solids.place(now.placements);
             points.push(...corners(this.solids));
@@ -120,7 +121,7 @@ export class Contents {
 
     /** Scale the arrows for the largest load of the document's runs: what is recomputed is drawn in the same scale. */
     measure() {
-        this.arrows.scales = largest(this.state.document.runs);
+        this.arrows.scales = largest(this.state.document.runs, this.state.layers);
     }
 
     /** Put everything where it is at the instant of the state. */
@@ -201,7 +202,10 @@ export class Contents {
     face(eye, look, target) {
         const { state, handles } = this;
         const now = instant(state);
-        if (state.layers.forces) this.arrows.show(now.loads, eye, look, !now.byHand || state.engine !== null);
+        if (state.layers.forces) {
+            const loads = now.loads.filter(({ load }) => seen(load, state.layers));
+            this.arrows.show(loads, eye, look, !now.byHand || state.engine !== null);
+        }
         this.labels.show((joint, at) => pointOf(now.placements, joint, at), eye, state.layers, look, this.radius);
         if (handles && now.pose) {
             const [x, y, z] = pointOf(now.placements, handles.traced.joint, handles.traced.point);

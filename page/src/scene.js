@@ -168,7 +168,7 @@ export class Stage {
             this.controls.object = this.cameras.used;
             this.controls.update();
         }
-        if (changed.has("document")) this.contents.measure();
+        if (changed.has("document") || changed.has("layers")) this.contents.measure();
         this.contents.place();
         if (changed.has("run") || changed.has("document")) this.contents.tint(this.style);
         this.render();

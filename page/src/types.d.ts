@@ -37,7 +37,7 @@ export interface Curve {
 export interface Load {
     key: string; label: string; kind: "force" | "moment"; joint: number; point: number[]; frame: "world" | "joint";
     direction?: number[]; curve?: string; values?: Table; colour?: string;
-    group: "actuator" | "multiplier" | "reaction" | "wrench"; unit: string;
+    group: "actuator" | "multiplier" | "reaction" | "wrench"; unit: string; layer?: string;
 }
 export interface Run {
     name: string; time: Table; q: Table; pose?: Table; velocity?: Table; acceleration?: Table; wrench?: Table;

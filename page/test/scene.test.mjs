@@ -93,6 +93,9 @@ test("a line is cut where it leaves the picture", () => {
 test("arrows are as long as their loads are large, over all runs", () => {
     const document = read(carriage());
     assert.deepEqual(largest(document.runs), { N: 20 });
+    document.runs[0].loads[0].layer = "reactions";
+    assert.deepEqual(largest(document.runs, { reactions: true }), { N: 20 });
+    assert.deepEqual(largest(document.runs, { reactions: false }), {}, "what is hidden takes no part");
 });
 
 test("values are written in three digits or a few more", () => {

@@ -20,7 +20,7 @@ from p3dof.page.drawable import Drawable
 from p3dof.page.robots.motion import JointMotion, Run, spread
 from p3dof.page.robots.ranges import slider_ranges, values_of
 from p3dof.page.robots.room import room_of
-from p3dof.page.robots.runs import robot_run
+from p3dof.page.robots.runs import LAYER, robot_run
 from p3dof.page.robots.solids import BUDGET, robot_solids
 from p3dof.page.robots.sticks import StickFigure
 from p3dof.page.trees import tree_of
@@ -29,6 +29,8 @@ from p3dof.version import __version__
 FORMAT = 1
 Shown = JointMotion | Run
 """What can be a run of a document."""
+_FEW = 4
+"""What so many closures transmit is shown at first."""
 _LAYERS = {"shapes": "Shapes", "sticks": "Rods"}
 
 
@@ -104,7 +106,7 @@ def robot_document(
             "solids": solids,
             "labels": [],
             "lines": [],
-            "layers": _layers(figure, solids),
+            "layers": _layers(loop, figure, solids),
         },
         "runs": [robot_run(loop, motion, v, name, notes + told) for name, motion, v, told in found],
         "closures": closures_of(loop),
@@ -183,14 +185,16 @@ def _samples(
     return motion, run.v[spread(len(run.time))], [] if stop is None else [f"The run ended early: {stop}."]
 
 
-def _layers(figure: Drawable, solids: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def _layers(loop: ClosedLoopModel, figure: Drawable, solids: list[dict[str, Any]]) -> list[dict[str, Any]]:
     usual: Mapping[str, bool] = getattr(figure, "usual", {})
     there = {solid["layer"] for solid in solids}
-    return [
+    found: list[dict[str, Any]] = [
         {"name": name, "label": label, "shown": bool(usual.get(name, True))}
         for name, label in _LAYERS.items()
         if name in there
     ]
+    closures = len(loop.sidecar.closures)
+    return [*found, *([LAYER | {"shown": closures <= _FEW}] if closures else [])]
 
 
 def _inputs(loop: ClosedLoopModel, q: FloatArray, half: float) -> list[dict[str, Any]]:

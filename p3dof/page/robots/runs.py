@@ -20,6 +20,8 @@ _UNLIMITED = 1e3
 """Limits that are farther from zero are none [m, rad, m/s, rad/s]."""
 _MOST_FORCE = 1e9
 """Likewise of forces [N, N m]."""
+LAYER = {"name": "multipliers", "label": "Forces in closures"}
+"""What closures transmit can be hidden."""
 CLOSURES = "#6b299e"
 """Colour of what closures transmit."""
 _SMALLEST = "Other actuator forces would do too: these are the smallest, and those in closures go with them."
@@ -173,7 +175,7 @@ def _load(
         "colour": CLOSURES if group == "multiplier" else GREY,
         "group": group,
         "unit": "N" if kind == "force" else "N m",
-    }
+    } | ({"layer": LAYER["name"]} if group == "multiplier" else {})
 
 
 class _Transmitted:
