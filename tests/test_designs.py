@@ -26,6 +26,7 @@ from p3dof import (
     forces_of_designs,
 )
 from p3dof.compiled import designs as compiled_designs
+from p3dof.compiled.design_kernels import design_kernel
 from p3dof.compiled.kernels import levels
 from p3dof.compiled.tangents import forces_tangent, sliders_tangent
 from p3dof.designs.figures import given, sampled
@@ -182,7 +183,7 @@ def test_a_wrong_constant_is_seen():
     """The agreement above is worth something: one constant in a billion parts wrong shows."""
     designs = Designs(columns("lengths"))
     right = forces_of_designs(designs, MOTION)
-    original = compiled_designs.kernel("inverse_dynamics", True).of_columns
+    original = compiled_designs.design_kernel("design_forces_symmetric").of_columns
 
     class Wrong:
         def of_columns(self, model, count):
@@ -650,15 +651,16 @@ def test_the_compiled_loop_refuses_what_does_not_fit():
     from p3dof.compiled.extension import _compiled
 
     samples = samples_of(MOTION)
-    good = ("inverse_dynamics", levels()[-1], 7, len(samples), 6, samples.packed(9))
+    good = ("design_motion", levels()[-1], 7, len(samples), 6, samples.packed())
     loop = _compiled.DesignLoop(*good)
-    constants, turning, sizes, results = (np.zeros((2, width)) for width in (43, 8, 3, 34))
-    loop(constants, turning, sizes, None, results)
+    count = len(design_kernel("design_motion").constants)
+    constants, sizes, results = (np.zeros((2, width)) for width in (count, 3, 34))
+    loop(constants, sizes, None, results)
     for place, value, error in (
-        (0, "kinematics", ValueError), (0, "statics", ValueError),
+        (0, "kinematics", ValueError), (0, "statics", ValueError), (0, "design_forces", ValueError),
         (1, "avx9", ValueError), (3, 0, ValueError),
-        (3, 102, ValueError), (4, 7, ValueError), (4, 0, ValueError), (5, samples.packed(9)[1:], ValueError),
-        (5, samples.packed(9).astype(np.float32), TypeError), (5, "text", TypeError),
+        (3, 102, ValueError), (4, 7, ValueError), (4, 0, ValueError), (5, samples.packed()[1:], ValueError),
+        (5, samples.packed().astype(np.float32), TypeError), (5, "text", TypeError),
         (3, 2**62, (ValueError, OverflowError)),
     ):  # fmt: skip
         arguments = list(good)
@@ -669,12 +671,12 @@ def test_the_compiled_loop_refuses_what_does_not_fit():
     frozen.setflags(write=False)
     for place, value, error in (
         (0, constants[:, :-1].copy(), ValueError), (0, constants[:1], ValueError), (1, None, TypeError),
-        (2, sizes.astype(np.float32), TypeError), (3, np.zeros((3, 3)), ValueError), (4, frozen, BufferError),
-        (0, constants.T, (ValueError, BufferError)), (4, [1.0], TypeError), (4, np.zeros(67), ValueError),
+        (1, sizes.astype(np.float32), TypeError), (2, np.zeros((3, 3)), ValueError), (3, frozen, BufferError),
+        (0, constants.T, (ValueError, BufferError)), (3, [1.0], TypeError), (3, np.zeros(67), ValueError),
     ):  # fmt: skip
-        arguments = [constants, turning, sizes, None, results]
+        arguments = [constants, sizes, None, results]
         arguments[place] = value
-        with pytest.raises(error if place != 4 or value is not frozen else (BufferError, ValueError)):
+        with pytest.raises(error if place != 3 or value is not frozen else (BufferError, ValueError)):
             loop(*arguments)
     with pytest.raises(TypeError, match="by position"):
         loop(constants)
@@ -692,7 +694,7 @@ def test_the_compiled_loop_refuses_what_does_not_fit():
             loop.tangent(*arguments)
     with pytest.raises(TypeError, match="by position"):
         loop.tangent(False)
-    rough = _compiled.DesignLoop("inverse_dynamics_with_friction", *good[1:5], samples.packed(12))
+    rough = _compiled.DesignLoop("design_motion_with_friction", *good[1:5], samples.packed())
     with pytest.raises(ValueError, match="no form for symmetric bodies"):
         rough.tangent(True, *tangents, sizes, None, results)
 
@@ -705,6 +707,7 @@ spec = importlib.util.spec_from_file_location("p3dof.compiled.extension._compile
 room._compiled = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(room._compiled)
 import p3dof
+from p3dof.compiled.design_kernels import design_kernel
 from p3dof.compiled.kernels import levels
 rng, paper, D = np.random.default_rng(0), p3dof.paper_motion(101), 20
 for count in (1, 2, 3, 6, 7, 8, 9, 101, 159, 160, 161, 321):

@@ -592,6 +592,12 @@ P3DOF_TARGET void tangents(ptrdiff_t n, const double *restrict x, double *restri
     for (ptrdiff_t i = 0; i < n; ++i)
         t[i] = tanh_here(x[i]);
 }}
+P3DOF_TARGET void roots(ptrdiff_t n, const double *restrict x, double *restrict y)
+{{
+    _Pragma("omp simd")
+    for (ptrdiff_t i = 0; i < n; ++i)
+        y[i] = rsqrt_here(x[i]);
+}}
 P3DOF_TARGET void angles(ptrdiff_t n, const double *restrict y, const double *restrict x, double *restrict a)
 {{
     _Pragma("omp simd")
@@ -689,6 +695,16 @@ def test_the_hyperbolic_tangent_is_right_to_the_last_bits(functions):
     assert np.all(np.abs(found - exact) <= 4e-16 * np.abs(exact))
     assert np.array_equal(np.signbit(found), np.signbit(x))
     assert np.isnan(computed(functions.tangents, 1, np.array([np.nan, np.nan]))).all()
+
+
+def test_one_over_a_root_is_right_to_the_last_bits(functions):
+    rng = np.random.default_rng(7)
+    x = np.concatenate([rng.uniform(0, 4, 400_000), 10 ** rng.uniform(-300, 300, 200_000), [1.0, 4.0, 0.25]])
+    (found,) = computed(functions.roots, 1, x)
+    wide = np.longdouble if np.finfo(np.longdouble).eps < 1e-18 else float
+    exact = 1 / np.sqrt(x.astype(wide))
+    assert np.all(np.abs(found - exact) <= 2.5e-16 * exact)
+    assert np.isnan(computed(functions.roots, 1, np.array([np.nan, np.nan]))).all()
 
 
 def test_the_angle_of_a_point_is_right_to_the_last_bits(functions):

@@ -10,25 +10,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray
-from p3dof.compiled.formulas import MODEL, kernel
+from p3dof.compiled.design_kernels import design_kernel, symmetric_form
+from p3dof.compiled.formulas import MODEL
 from p3dof.compiled.kernels import NUMPY, MachineKernels, _extension
 from p3dof.compiled.reduced import SYMMETRIC_ZEROS
 from p3dof.compiled.tangents import forces_tangent, sliders_tangent
 
-WIDTH = 34
-"""Numbers in a row of results; `DesignLoop` tells which."""
-
 _ZEROS = tuple(MODEL.index(name) for name in ("gx", "gy", *SYMMETRIC_ZEROS))
 _LENGTHS = 3
 """r, R, L; as many numbers as a pose has."""
-_SLIDERS = 2 | 4
+_SLIDERS, _POWER = 2 | 4, 4
+
+
+def width_of(asked: int) -> int:
+    """Return how many numbers a row of results has; `DesignLoop` tells which.
+
+    Parameters
+    ----------
+    asked : int
+        Which figures.
+
+    Returns
+    -------
+    int
+    """
+    return 34 if asked & _POWER else 22 if asked & _SLIDERS else 13
 
 
 class DesignLoops:
     """Figures of many designs over one motion; any number of threads may ask at once.
 
-    Each design is computed by the kernel that serves it as a machine of its own, so that its figures do not
-    depend on the designs beside it.
+    Which kernel computes a design does not depend on the designs beside it, so that its figures do not.
 
     Parameters
     ----------
@@ -47,9 +59,13 @@ class DesignLoops:
     def __init__(
         self, packed: FloatArray, samples: int, points: int, kind: str, asked: int, level: str
     ) -> None:
-        name = f"inverse_dynamics_{kind}" if kind else "inverse_dynamics"
-        self._kernels = {symmetric: kernel(name, symmetric) for symmetric in (False, True)}
+        moving = "with_friction" if kind == "with_friction" else "motion" if kind or asked & _SLIDERS else ""
+        general = {"with_friction": "design_motion_with_friction", "motion": "design_motion"}
+        name = general.get(moving, "design_forces")
+        names = {True: symmetric_form(name) or name, False: name}
+        self._kernels = {symmetric: design_kernel(each) for symmetric, each in names.items()}
         self._asked, self._friction = asked, kind == "with_friction"
+        self._width = width_of(asked)
         self._memory = threading.local()
         self._loops = {
             symmetric: _extension().DesignLoop(used.name, level, asked, samples, points, packed)
@@ -70,7 +86,7 @@ class DesignLoops:
 
         Returns
         -------
-        ndarray, shape (D, 34)
+        ndarray, shape (D, width_of(asked))
             As `DesignLoop` says; overwritten by the next call of the same thread.
         """
         symmetric = _symmetric(model, count)
@@ -80,7 +96,7 @@ class DesignLoops:
             if len(members) == count:
                 self._run(form, model, offsets, found)
             elif len(members):
-                part = np.empty((len(members), WIDTH))
+                part = np.empty((len(members), self._width))
                 some = [number[members] if _is_column(number) else number for number in model]
                 self._run(form, some, None if offsets is None else offsets[members], part)
                 found[members] = part
@@ -107,18 +123,18 @@ class DesignLoops:
 
         Returns
         -------
-        ndarray, shape (D, 34)
+        ndarray, shape (D, width_of(asked))
             As of `rows`, without status and times.
         """
         symmetric = _symmetric(model, count) & _symmetric(by_numbers, count) & (not self._friction)
-        found = np.empty((count, WIDTH))
+        found = np.empty((count, self._width))
         moved = (*model, *by_numbers, *by_pose)
         for form in (True, False):
             members: Any = np.flatnonzero(symmetric == form)
             if len(members) == count:
                 self._run_rates(form, moved, offsets, found)
             elif len(members):
-                part = np.empty((len(members), WIDTH))
+                part = np.empty((len(members), self._width))
                 some = [number[members] if _is_column(number) else number for number in moved]
                 self._run_rates(form, some, None if offsets is None else offsets[members], part)
                 found[members] = part
@@ -144,7 +160,7 @@ class DesignLoops:
         """Return a table of this thread: new memory at each call would cost a tenth of the work."""
         known = getattr(self._memory, "table", None)
         if known is None or len(known) < count:
-            known = self._memory.table = np.empty((count, WIDTH))
+            known = self._memory.table = np.empty((count, self._width))
         table: FloatArray = known[:count]
         return table
 
@@ -155,10 +171,8 @@ class DesignLoops:
             column[:] = number
         with np.errstate(all="ignore"):
             constants = self._kernels[form].of_columns(numbers, count)
-            model, sliding = numbers[: len(MODEL)], self._asked & _SLIDERS
-            turning = kernel("kinematics").of_columns(model, count) if sliding else None
         moved = None if offsets is None else np.ascontiguousarray(offsets)
-        self._loops[form](constants, turning, lengths, moved, found)
+        self._loops[form](constants, lengths, moved, found)
 
 
 def compiled_level(level: str | None, threads: int | None) -> tuple[str | None, int]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray, Progress
-from p3dof.compiled.designs import DesignLoops, compiled_level
+from p3dof.compiled.designs import DesignLoops, compiled_level, width_of
 from p3dof.compiled.kernels import NUMPY
 from p3dof.designs.columns import Designs
 from p3dof.designs.figures import (
@@ -19,7 +19,6 @@ from p3dof.designs.figures import (
     FIGURES,
     SAMPLE,
     STATUS,
-    WIDTH,
     Figure,
     FigureGroup,
     asked_figures,
@@ -97,9 +96,8 @@ class DesignProblem:
             return None
         if friction not in self._made:
             kind = "with_friction" if friction else "loaded" if len(self.samples.rows) > 9 else ""
-            samples, inputs = self.samples, 12 if kind else 9
-            packed = samples.packed(inputs)
-            made = DesignLoops(packed, len(samples), samples.points, kind, self.asked, self._level)
+            samples = self.samples
+            made = DesignLoops(samples.packed(), len(samples), samples.points, kind, self.asked, self._level)
             self._made[friction] = made
         return self._made[friction]
 
@@ -170,9 +168,8 @@ class DesignProblem:
         folded, offsets = folding.fold(columns), _offsets(columns, count)
         possible = status[part] == DesignStatus.FEASIBLE
         loops = self._loops(folding.friction)
-        loops = self._loops(folding.friction)
         if loops is None:
-            rows: FloatArray = np.full((count, WIDTH), np.nan)
+            rows: FloatArray = np.full((count, width_of(self.asked)), np.nan)
             self._by_numpy(folded, offsets, rows, np.flatnonzero(possible))
         else:
             rows = loops.rows(folded.numbers, offsets, count)
@@ -199,7 +196,7 @@ class DesignProblem:
         for block in blocks_of(len(some), len(self.samples)):
             members = some[block]
             state = sampled(_some(folded, members), self.samples, _moved(offsets, members))
-            rows[members] = rows_of(state, self.samples, self.asked)
+            rows[members] = rows_of(state, self.samples, self.asked)[:, : rows.shape[1]]
 
     def _gradients(
         self,

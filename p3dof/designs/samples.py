@@ -85,13 +85,8 @@ class Samples:
         """The first of the samples that these are for (N - 1,)."""
         return first_points(len(self), self.points)
 
-    def packed(self, inputs: int) -> FloatArray:
+    def packed(self) -> FloatArray:
         """Return all of it in a row, as the compiled loop takes it; see `DesignLoop`.
-
-        Parameters
-        ----------
-        inputs : int
-            9, or 12 for a wrench, which is zero if there is none.
 
         Returns
         -------
@@ -99,13 +94,13 @@ class Samples:
         """
         count, points = len(self), self.points
         padded = -(-count // LANES) * LANES
-        theta = self.rows[2]
         steps = np.zeros((points, padded))
         steps[:, : count - 1] = self.partial.sum(axis=1).T
         partial = np.zeros((count, points, points))
         partial[: count - 1] = self.partial
-        still = np.zeros((inputs - len(self.rows), count))
-        rows = np.stack([*self.rows, *still, np.sin(theta), np.cos(theta)])
+        y, z, theta, *moving = self.rows
+        load = [np.zeros(count)] * (12 - len(self.rows))
+        rows = np.stack([y, z, np.sin(theta), np.cos(theta), *moving, *load, theta])
         edge = np.pad(rows, ((0, 0), (0, padded - count)), "edge")
         weights = np.pad(np.stack([self.mean, self.work]), ((0, 0), (0, padded - count)))
         return np.concatenate([edge.ravel(), weights.ravel(), steps.ravel(), partial.ravel()])

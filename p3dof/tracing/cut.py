@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeAlias
 
 from p3dof.tracing.tape import Symbol, Tape
 
-LATENCY = {"div": 24, "sqrt": 30, "sin": 48, "cos": 48, "tanh": 110, "atan2": 120, "neg": 1}
+LATENCY = {"div": 24, "sqrt": 30, "rsqrt": 50, "sin": 48, "cos": 48, "tanh": 110, "atan2": 120, "neg": 1}
 """About how many cycles the result of an operation on vectors takes; all others take 4."""
 
 MIDDLE = 0.4, 0.6

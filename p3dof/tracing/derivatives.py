@@ -43,7 +43,7 @@ def tangent(results: Sequence[Number], seeds: Mapping[int, Number]) -> list[Numb
     Parameters
     ----------
     results : sequence of Symbol or float
-        What to differentiate; ``minimum`` and ``floor`` must not be in it.
+        What to differentiate; ``minimum``, ``floor`` and ``fabs`` must not be in it.
     seeds : mapping of int to Symbol or float
         How inputs change, by their place on the tape; they may be values on the tape, too. Results may be
         seeded as well: what they are made from is not looked at then.
@@ -93,6 +93,9 @@ _RULES: dict[str, Callable[[Tape, Symbol, Operation, list[Number]], Number]] = {
     "div": _quotient,
     "neg": lambda _t, _v, _o, d: -d[0],
     "sqrt": lambda tape, v, _o, d: tape.multiply(tape.multiply(0.5, tape.divide(1, v)), d[0]),
+    "rsqrt": lambda tape, v, _o, d: tape.multiply(
+        tape.multiply(-0.5, tape.multiply(v, tape.multiply(v, v))), d[0]
+    ),
     "sin": lambda tape, _v, o, d: tape.multiply(tape.cos(o.operands[0]), d[0]),
     "cos": lambda tape, _v, o, d: -tape.multiply(tape.sin(o.operands[0]), d[0]),
     "atan2": _angle,

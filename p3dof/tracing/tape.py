@@ -9,7 +9,7 @@ from typing import NamedTuple, TypeAlias
 Number: TypeAlias = "float | Symbol"
 
 COMMUTATIVE = ("add", "mul")
-FUNCTIONS = ("sqrt", "sin", "cos", "tanh", "floor", "atan2")
+FUNCTIONS = ("sqrt", "rsqrt", "sin", "cos", "tanh", "floor", "fabs", "atan2")
 SIGNS = {"add": "{} + {}", "sub": "{} - {}", "mul": "{} * {}", "div": "{} / {}", "neg": "-{}"}
 """How Python and C write the arithmetic."""
 
@@ -162,6 +162,10 @@ class Tape:
         """Square root."""
         return self._function("sqrt", x)
 
+    def rsqrt(self, x: Number) -> Number:
+        """One over the square root."""
+        return self._record("rsqrt", x) if isinstance(x, Symbol) else 1 / math.sqrt(x)
+
     def sin(self, x: Number) -> Number:
         """Sine."""
         return self._function("sin", x)
@@ -173,6 +177,10 @@ class Tape:
     def tanh(self, x: Number) -> Number:
         """Hyperbolic tangent."""
         return self._function("tanh", x)
+
+    def fabs(self, x: Number) -> Number:
+        """Size without the sign."""
+        return self._function("fabs", x)
 
     def floor(self, x: Number) -> Number:
         """Return the largest whole number that is not above x."""

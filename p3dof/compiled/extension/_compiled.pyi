@@ -68,7 +68,6 @@ class DesignLoop:
     def __call__(
         self,
         constants: _Doubles,
-        turning: _Doubles | None,
         lengths: _Doubles,
         offsets: _Doubles | None,
         results: _Doubles,

@@ -4,12 +4,13 @@
 typedef struct {
     const double *constants, *turning, *lengths, *offset;
     double *scratch;      /* lines of `DESIGN_LINE` */
-    double *power, *rate; /* 3 × padded each, then one line of steps */
+    double *power, *rate; /* 3 × padded each, then two lines of steps */
+    ptrdiff_t *turns;
     DesignTrack peak[3], low[3], high[3], speed[3], demand, angle;
     double square[3][DESIGN_LANES], product[3][DESIGN_LANES];
 } Tangent;
 
-enum { LENGTH_NUMBERS = 9, LINES_OF_TANGENT = 3 + 7 + 13 + 2 + 1 }; /* poses, forces, sliders, margins, zeros */
+enum { LENGTH_NUMBERS = 9, LINES_OF_TANGENT = 4 + 6 + 12 + 2 + 1 }; /* poses, forces, sliders, margins, zeros */
 
 static void start_track(DesignTrack *track)
 {
@@ -65,7 +66,7 @@ static double reach_rate(const DesignLoop *self, const Tangent *tangent)
     const double sideways = (R - r) + (high > -low ? high : -low);
     const ptrdiff_t at = sample_of(&tangent->demand);
     const double y = motion->rows[at] + tangent->offset[0];
-    const double theta = motion->rows[2 * motion->padded + at] + tangent->offset[2];
+    const double theta = motion->theta[at] + tangent->offset[2];
     const double across = R - r * cos(theta), distance = hypot(y, across);
 
     if (distance > sideways) {
@@ -83,7 +84,7 @@ static double angle_rate(const DesignLoop *self, const Tangent *tangent)
     const double *n = tangent->lengths, r = n[0], R = n[1], L = n[2], dr = n[3], dR = n[4], dL = n[5];
     const ptrdiff_t at = sample_of(&tangent->angle);
     const double y = motion->rows[at] + tangent->offset[0], dy = n[6], dt = n[8];
-    const double theta = motion->rows[2 * motion->padded + at] + tangent->offset[2];
+    const double theta = motion->theta[at] + tangent->offset[2];
     const double sine = sin(theta), cosine = cos(theta), wc = R - r * cosine, u = sqrt((L - y) * (L + y));
     const double Sc = sqrt((u - wc) * (u + wc)), s = (cosine * Sc - sine * wc) / u;
     const double du = (L * dL - y * dy) / u, dw = dR - dr * cosine + r * sine * dt, dS = (u * du - wc * dw) / Sc;
@@ -115,21 +116,22 @@ static void tangent_samples(const DesignLoop *self, Tangent *tangent, Run *force
 {
     const DesignMotion *motion = &self->motion;
     const DesignReductions *reduce = self->level->reductions;
-    const double *offset = tangent->offset, *in[MOST_INPUTS];
+    const double *offset = tangent->offset, *in[DESIGN_INPUTS];
     const int shifted = offset[0] != 0.0 || offset[1] != 0.0 || offset[2] != 0.0;
     double *line[LINES_OF_TANGENT];
 
     for (int k = 0; k < LINES_OF_TANGENT; ++k)
         line[k] = tangent->scratch + k * DESIGN_LINE;
-    double *const *force = line + 3, *const *slide = line + 10, *const *margin = line + 23, *zeros = line[25];
+    double *const *force = line + 4, *const *slide = line + 10, *const *margin = line + 22, *zeros = line[24];
     memset(zeros, 0, DESIGN_LINE * sizeof(double));
     for (ptrdiff_t start = 0, now; start < motion->padded; start += now) {
         now = motion->padded - start < DESIGN_BLOCK ? motion->padded - start : DESIGN_BLOCK;
-        for (int k = 0; k < 12; ++k) /* of a wrench there may be none */
-            in[k] = k < self->kernel->inputs ? motion->rows + k * motion->padded + start : zeros;
-        for (int k = 0; shifted && k < 3; ++k) {
-            reduce->shift(now, in[k], offset[k], line[k]);
-            in[k] = line[k];
+        for (int k = 0; k < DESIGN_INPUTS; ++k)
+            in[k] = motion->rows + k * motion->padded + start;
+        if (shifted) {
+            reduce->place(motion, offset, start, now, line);
+            for (int k = 0; k < 4; ++k)
+                in[k] = line[k];
         }
         forces(now, tangent->constants, in, force);
         for (int leg = 0; leg < 3; ++leg) {
@@ -137,7 +139,7 @@ static void tangent_samples(const DesignLoop *self, Tangent *tangent, Run *force
             reduce->products(now, motion->mean + start, force[leg], force[3 + leg], tangent->square[leg],
                              tangent->product[leg]);
         }
-        reduce->margins(motion, tangent->lengths, offset, start, now, margin[0], margin[1]);
+        reduce->margins(tangent->lengths, now, in, margin[0], margin[1]);
         reduce->track(now, margin[0], zeros, 1.0, start, &tangent->demand);
         reduce->track(now, margin[1], zeros, -1.0, start, &tangent->angle);
         if (self->asked & (ASK_SLIDERS | ASK_POWER))
@@ -170,7 +172,8 @@ static double rate_of_turn(const DesignMotion *motion, const double *power, cons
     return (part > 0.0 ? part_rate : 0.0) + (rest > 0.0 ? rest_rate : 0.0) - (step > 0.0 ? step_rate : 0.0);
 }
 
-static double given_rate(const DesignLoop *self, const double *power, const double *rate, double *step)
+static double given_rate(const DesignLoop *self, const double *power, const double *rate, double *step,
+                         ptrdiff_t *turns)
 {
     const DesignMotion *motion = &self->motion;
     double *step_rate = step + motion->padded, sums[DESIGN_LANES] = {0.0};
@@ -179,9 +182,9 @@ static double given_rate(const DesignLoop *self, const double *power, const doub
     self->level->reductions->steps(motion, rate, step_rate);
     self->level->reductions->positive_rates(motion->padded, step, step_rate, sums);
     double found = sum_of(sums);
-    for (ptrdiff_t i = 0; i + 1 < motion->samples; ++i)
-        if (power[i] * power[i + 1] < 0.0)
-            found += rate_of_turn(motion, power, rate, i, step[i], step_rate[i]);
+    const ptrdiff_t count = self->level->reductions->turns(motion->samples, power, turns);
+    for (ptrdiff_t k = 0; k < count; ++k)
+        found += rate_of_turn(motion, power, rate, turns[k], step[turns[k]], step_rate[turns[k]]);
     return found;
 }
 
@@ -203,13 +206,13 @@ static void write_power_rates(const DesignLoop *self, Tangent *tangent, double *
         out[AT_POWER + leg] = most.top[first_lane(&most)] > 0.0 ? rate_of(&most) : 0.0;
         out[AT_BRAKING + leg] = least.top[first_lane(&least)] > 0.0 ? rate_of(&least) : 0.0;
         out[AT_WORK + leg] = sum_of(work);
-        out[AT_GIVEN + leg] = given_rate(self, power, rate, step);
+        out[AT_GIVEN + leg] = given_rate(self, power, rate, step, tangent->turns);
     }
 }
 
 static void run_tangent(const DesignLoop *self, Tangent *tangent, Run *forces, double *out)
 {
-    for (int k = 0; k < DESIGN_RESULTS; ++k)
+    for (int k = 0; k < self->width; ++k)
         out[k] = NAN;
     start_tangent(tangent);
     tangent_samples(self, tangent, forces);
@@ -233,22 +236,28 @@ static int run_tangents(const DesignLoop *self, const DesignTables *tables, int 
 {
     const size_t scratch = LINES_OF_TANGENT * DESIGN_LINE, padded = (size_t)self->motion.padded;
     double *room = PyMem_RawMalloc((scratch + 8 * padded + CACHE_LINE) * sizeof(double));
+    ptrdiff_t *turns = PyMem_RawMalloc(padded * sizeof(ptrdiff_t));
     Tangent tangent;
 
-    if (!room)
+    if (!room || !turns) {
+        PyMem_RawFree(room);
+        PyMem_RawFree(turns);
         return -1;
+    }
     memset(&tangent, 0, sizeof tangent);
     tangent.scratch = room + CACHE_LINE - (uintptr_t)room / sizeof(double) % CACHE_LINE;
     tangent.power = tangent.scratch + scratch;
     tangent.rate = tangent.power + 3 * padded;
+    tangent.turns = turns;
     for (Py_ssize_t k = 0; k < tables->designs; ++k) {
         tangent.constants = tables->constants + k * self->tangent_constants[symmetric];
         tangent.turning = tables->turning ? tables->turning + k * self->sliding_constants : NULL;
         tangent.lengths = tables->lengths + LENGTH_NUMBERS * k;
         tangent.offset = tables->offsets ? tables->offsets + 3 * k : NOWHERE;
-        run_tangent(self, &tangent, self->tangents[symmetric], tables->out + k * DESIGN_RESULTS);
+        run_tangent(self, &tangent, self->tangents[symmetric], tables->out + k * self->width);
     }
     PyMem_RawFree(room);
+    PyMem_RawFree(turns);
     return 0;
 }
 
@@ -270,9 +279,14 @@ static PyObject *DesignLoop_tangent(PyObject *object, PyObject *const *args, Py_
         PyErr_SetString(PyExc_ValueError, "with friction there is no form for symmetric bodies");
         return NULL;
     }
-    const TableWidths widths = {self->tangent_constants[symmetric], self->sliding_constants, LENGTH_NUMBERS};
+    const TableWidths widths = {self->tangent_constants[symmetric], self->sliding_constants, LENGTH_NUMBERS,
+                                self->width};
+    if (args[2] == Py_None && self->asked & (ASK_SLIDERS | ASK_POWER)) {
+        PyErr_SetString(PyExc_TypeError, "sliders are asked for: their constants must be a buffer of doubles");
+        return NULL;
+    }
     memset(&tables, 0, sizeof tables);
-    if (take_tables(self, args + 1, widths, &tables) == 0) {
+    if (take_tables(widths, args + 1, &tables) == 0) {
         Py_BEGIN_ALLOW_THREADS
         done = run_tangents(self, &tables, symmetric);
         Py_END_ALLOW_THREADS

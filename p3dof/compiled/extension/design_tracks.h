@@ -71,23 +71,17 @@ static P3DOF_TARGET void P3DOF_NAME(add_rates)(ptrdiff_t n, const double *restri
 }
 
 /* The squared demand on leg C across its guide-way, and s |s| of the sine s of the angle from the actuation
- * singularity, of samples from `start` on. */
-static P3DOF_TARGET void P3DOF_NAME(margins_at)(const DesignMotion *motion, const double *lengths,
-                                                const double *offset, ptrdiff_t start, ptrdiff_t n,
+ * singularity. */
+static P3DOF_TARGET void P3DOF_NAME(margins_at)(const double *lengths, ptrdiff_t n, const double *const *in,
                                                 double *restrict demand, double *restrict sized)
 {
-    const double r = lengths[0], R = lengths[1], L = lengths[2], by = offset[0];
-    const double *restrict y_row = motion->rows + start, *restrict sines = motion->sines + start;
-    const double *restrict cosines = motion->cosines + start;
-    const double turned_sin = offset[2] == 0.0 ? 0.0 : sin(offset[2]), turned_cos = cos(offset[2]);
+    const double r = lengths[0], R = lengths[1], L = lengths[2];
+    const double *restrict y = in[0], *restrict sine = in[ROW_SINE], *restrict cosine = in[ROW_COSINE];
     P3DOF_SIMD
     for (ptrdiff_t i = 0; i < n; ++i) {
-        const double y = y_row[i] + by;
-        const double cosine = cosines[i] * turned_cos - sines[i] * turned_sin;
-        const double sine = sines[i] * turned_cos + cosines[i] * turned_sin;
-        const double wc = R - r * cosine, u2 = (L - y) * (L + y);
-        const double s = cosine * sqrt(u2 - wc * wc) - sine * wc;
-        demand[i] = y * y + wc * wc;
+        const double wc = R - r * cosine[i], u2 = (L - y[i]) * (L + y[i]);
+        const double s = cosine[i] * sqrt(u2 - wc * wc) - sine[i] * wc;
+        demand[i] = y[i] * y[i] + wc * wc;
         sized[i] = s * fabs(s) / u2;
     }
 }

@@ -17,7 +17,9 @@ enum {
     AT_BRAKING = 25,
     AT_WORK = 28,
     AT_GIVEN = 31,
-    DESIGN_RESULTS = 34,
+    DESIGN_RESULTS = 34, /* and what comes before sliders and powers, where these are not asked for */
+    RESULTS_OF_FORCES = AT_LOW,
+    RESULTS_OF_SLIDERS = AT_POWER,
 };
 enum { DESIGN_GOOD = 0, DESIGN_OUT_OF_REACH = 1, DESIGN_DOUBTFUL = 2 };
 
@@ -25,52 +27,62 @@ enum { DESIGN_GOOD = 0, DESIGN_OUT_OF_REACH = 1, DESIGN_DOUBTFUL = 2 };
 #define REACH_TOLERANCE 1e-14
 #define REACH_DOUBT 1e-9
 
+/* The square of the sine of the angle from the actuation singularity below which a design is doubtful. */
+#define SINGULAR_DOUBT 4e-12
+
 typedef struct {
     PyObject_HEAD
     vectorcallfunc vectorcall;
-    Run *forces, *kinematics, *tangents[2], *sliding; /* the latter for gradients: of any bodies, of symmetric ones */
+    Run *run, *tangents[2], *sliding; /* the latter for gradients: of any bodies, of symmetric ones */
     const Level *level;
     const Kernel *kernel;
-    int asked, kinematic_constants, tangent_constants[2], sliding_constants;
+    int asked, width, tangent_constants[2], sliding_constants;
     double *numbers; /* what `motion` points to */
     DesignMotion motion;
 } DesignLoop;
 
 /* One design while it runs. */
 typedef struct {
-    const double *constants, *turning, *lengths, *offset;
+    const double *constants, *lengths, *offset;
     double *scratch; /* lines of `DESIGN_LINE` */
     double *power;   /* 3 × padded, then one line of steps */
+    ptrdiff_t *turns;
     DesignPeaks peaks[3];
-    double low[3][DESIGN_LANES], high[3][DESIGN_LANES], slow[3][DESIGN_LANES], fast[3][DESIGN_LANES];
+    DesignSine sine;
+    DesignSlides slides;
 } Design;
 
-enum { LINES_OF_DESIGN = 3 + 4 + 8 + 3 }; /* shifted poses, forces, kinematics, speeds */
+enum { LINES_OF_DESIGN = 4 + 10 }; /* shifted poses, results */
+
+static double larger(double a, double b)
+{
+    return a > b ? a : b;
+}
+
+static double smaller(double a, double b)
+{
+    return a < b ? a : b;
+}
 
 static double largest_of(const double *lanes)
 {
-    double found = lanes[0];
-    for (int l = 1; l < DESIGN_LANES; ++l)
-        found = lanes[l] > found ? lanes[l] : found;
-    return found;
+    return larger(larger(larger(lanes[0], lanes[1]), larger(lanes[2], lanes[3])),
+                  larger(larger(lanes[4], lanes[5]), larger(lanes[6], lanes[7])));
 }
 
 static double least_of(const double *lanes)
 {
-    double found = lanes[0];
-    for (int l = 1; l < DESIGN_LANES; ++l)
-        found = lanes[l] < found ? lanes[l] : found;
-    return found;
+    return smaller(smaller(smaller(lanes[0], lanes[1]), smaller(lanes[2], lanes[3])),
+                   smaller(smaller(lanes[4], lanes[5]), smaller(lanes[6], lanes[7])));
 }
 
 /* The first sample whose force is the largest. */
 static double first_of(const DesignPeaks *peaks, double largest)
 {
-    double found = HUGE_VAL;
+    double places[DESIGN_LANES];
     for (int l = 0; l < DESIGN_LANES; ++l)
-        if (peaks->top[l] == largest && peaks->when[l] + l < found)
-            found = peaks->when[l] + l;
-    return found;
+        places[l] = peaks->top[l] == largest ? peaks->when[l] + l : HUGE_VAL;
+    return least_of(places);
 }
 
 static double sum_of(const double *lanes)
@@ -80,13 +92,17 @@ static double sum_of(const double *lanes)
 
 static void start_design(Design *design)
 {
+    memset(design->peaks, 0, sizeof design->peaks);
     for (int leg = 0; leg < 3; ++leg) {
         for (int l = 0; l < DESIGN_LANES; ++l) {
             design->peaks[leg].top[l] = -1.0; /* the first sample is larger */
-            design->peaks[leg].when[l] = design->peaks[leg].square[l] = 0.0;
-            design->low[leg][l] = design->slow[leg][l] = HUGE_VAL;
-            design->high[leg][l] = design->fast[leg][l] = -HUGE_VAL;
+            design->slides.low[leg][l] = HUGE_VAL;
+            design->slides.high[leg][l] = -HUGE_VAL;
+            design->slides.fast[leg][l] = 0.0;
         }
+    }
+    for (int l = 0; l < DESIGN_LANES; ++l) {
+        design->sine.least[l] = design->sine.size[l] = HUGE_VAL;
     }
 }
 
@@ -97,23 +113,16 @@ static int margins_of(const DesignLoop *self, const Design *design, double *out)
     const double r = design->lengths[0], R = design->lengths[1], L = design->lengths[2], width = R - r;
     const double low = motion->lowest + design->offset[0], high = motion->highest + design->offset[0];
     const double sideways = width + (high > -low ? high : -low);
-    double most[DESIGN_LANES] = {0.0}, least[DESIGN_LANES];
+    double most[DESIGN_LANES] = {0.0};
 
     self->level->reductions->demand(motion, design->lengths, design->offset, most);
     const double across_c = sqrt(largest_of(most));
     const double reach = L - (across_c > sideways ? across_c : sideways);
     out[AT_REACH] = reach;
-    if (self->asked & ASK_SINGULAR && reach > 0.0) {
-        for (int l = 0; l < DESIGN_LANES; ++l)
-            least[l] = 1.0;
-        self->level->reductions->sine(motion, design->lengths, design->offset, least);
-        const double square = least_of(least);
-        out[AT_ANGLE] = asin(square < 0.0 ? -sqrt(-square) : sqrt(square));
-    }
     if (!(reach < -REACH_DOUBT * L))
         return reach > REACH_DOUBT * L ? DESIGN_GOOD : DESIGN_DOUBTFUL;
     for (ptrdiff_t i = 0; i < motion->samples; ++i) {
-        const double y = motion->rows[i] + design->offset[0], theta = motion->rows[2 * motion->padded + i];
+        const double y = motion->rows[i] + design->offset[0], theta = motion->theta[i];
         const double left = width + fabs(y), across = hypot(y, R - r * cos(theta + design->offset[2]));
         if (!(L - (left > across ? left : across) > REACH_TOLERANCE * L)) {
             out[AT_SAMPLE] = (double)i;
@@ -123,19 +132,23 @@ static int margins_of(const DesignLoop *self, const Design *design, double *out)
     return DESIGN_DOUBTFUL;
 }
 
-static void run_sliders(const DesignLoop *self, Design *design, ptrdiff_t start, ptrdiff_t now,
-                        const double *const *in, double *const *force, double *const *turns, double *const *speed)
+/* Whether every force is finite, and every sample clearly away from the actuation singularity. */
+static int holds(const Design *design)
 {
-    const DesignReductions *reduce = self->level->reductions;
+    const double r = design->lengths[0], least = least_of(design->sine.size);
+    double squares = 0.0;
 
-    self->kinematics(now, design->turning, in, turns);
-    reduce->rates(now, in, (const double *const *)turns, speed);
-    for (int leg = 0; leg < 3; ++leg) {
-        reduce->range(now, turns[leg], design->low[leg], design->high[leg]);
-        reduce->range(now, speed[leg], design->slow[leg], design->fast[leg]);
-        if (self->asked & ASK_POWER)
-            reduce->multiply(now, force[leg], speed[leg], design->power + leg * self->motion.padded + start);
-    }
+    for (int leg = 0; leg < 3; ++leg)
+        squares += sum_of(design->peaks[leg].square);
+    return squares <= DBL_MAX && least > SINGULAR_DOUBT * (r * r);
+}
+
+/* The least angle from the actuation singularity. */
+static double least_angle(const Design *design)
+{
+    const double r = design->lengths[0], square = least_of(design->sine.least) / (r * r), sine = sqrt(fabs(square));
+
+    return asin(copysign(sine < 1.0 ? sine : 1.0, square));
 }
 
 /* Whether every sample is clearly good. */
@@ -143,29 +156,29 @@ static int run_samples(const DesignLoop *self, Design *design)
 {
     const DesignMotion *motion = &self->motion;
     const DesignReductions *reduce = self->level->reductions;
-    const int shifted = design->offset[0] != 0.0 || design->offset[1] != 0.0 || design->offset[2] != 0.0;
-    const double *in[MOST_INPUTS];
-    double *line[LINES_OF_DESIGN];
+    const double *offset = design->offset, *in[DESIGN_INPUTS];
+    const int shifted = offset[0] != 0.0 || offset[1] != 0.0 || offset[2] != 0.0;
+    double *line[LINES_OF_DESIGN], *const *found = line + 4;
 
     for (int k = 0; k < LINES_OF_DESIGN; ++k)
         line[k] = design->scratch + k * DESIGN_LINE;
     for (ptrdiff_t start = 0, now; start < motion->padded; start += now) {
         now = motion->padded - start < DESIGN_BLOCK ? motion->padded - start : DESIGN_BLOCK;
-        for (int k = 0; k < self->kernel->inputs; ++k)
+        for (int k = 0; k < DESIGN_INPUTS; ++k)
             in[k] = motion->rows + k * motion->padded + start;
-        for (int k = 0; shifted && k < 3; ++k) {
-            reduce->shift(now, in[k], design->offset[k], line[k]);
-            in[k] = line[k];
+        if (shifted) {
+            reduce->place(motion, offset, start, now, line);
+            for (int k = 0; k < 4; ++k)
+                in[k] = line[k];
         }
-        double *const *force = line + 3;
-        self->forces(now, design->constants, in, force);
-        if (!self->level->all_positive(now, force[3]))
-            return 0;
-        reduce->forces(now, force, motion->mean + start, start, design->peaks);
+        self->run(now, design->constants, in, found);
+        reduce->forces(now, found, motion->mean + start, start, design->peaks, &design->sine);
         if (self->asked & (ASK_SLIDERS | ASK_POWER))
-            run_sliders(self, design, start, now, in, force, line + 7, line + 15);
+            reduce->slides(now, found + 4, &design->slides);
+        if (self->asked & ASK_POWER)
+            reduce->powers(now, found, found + 7, design->power + start, motion->padded);
     }
-    return 1;
+    return holds(design);
 }
 
 /* What a step in which the power turns gives more than as a whole: up to where it turns, and from there on. */
@@ -187,19 +200,6 @@ static double more_of_turn(const DesignMotion *motion, const double *power, ptrd
     return (part > 0.0 ? part : 0.0) + (rest > 0.0 ? rest : 0.0) - (step > 0.0 ? step : 0.0);
 }
 
-/* The work that one power gives: what is positive of its integral, from sample to sample and to where it turns. */
-static double given_by(const DesignLoop *self, const double *power, const double *step)
-{
-    double sums[DESIGN_LANES] = {0.0};
-
-    self->level->reductions->positive(self->motion.padded, step, sums);
-    double given = sum_of(sums);
-    for (ptrdiff_t i = 0; i + 1 < self->motion.samples; ++i)
-        if (power[i] * power[i + 1] < 0.0)
-            given += more_of_turn(&self->motion, power, i, step[i]);
-    return given;
-}
-
 static void write_powers(const DesignLoop *self, Design *design, double *out)
 {
     const DesignMotion *motion = &self->motion;
@@ -208,38 +208,44 @@ static void write_powers(const DesignLoop *self, Design *design, double *out)
 
     for (int leg = 0; leg < 3; ++leg) {
         const double *power = design->power + leg * motion->padded;
-        double low[DESIGN_LANES] = {0.0}, high[DESIGN_LANES] = {0.0}, work[DESIGN_LANES] = {0.0};
-        reduce->range(motion->padded, power, low, high);
-        reduce->weighted(motion->padded, motion->work, power, work);
-        reduce->steps(motion, power, step);
-        out[AT_POWER + leg] = largest_of(high);
-        out[AT_BRAKING + leg] = -least_of(low);
-        out[AT_WORK + leg] = sum_of(work);
-        out[AT_GIVEN + leg] = given_by(self, power, step);
+        DesignPower found;
+        memset(&found, 0, sizeof found);
+        reduce->power(motion, power, step, &found);
+        double given = sum_of(found.given);
+        const ptrdiff_t count = reduce->turns(motion->samples, power, design->turns);
+        for (ptrdiff_t k = 0; k < count; ++k)
+            given += more_of_turn(motion, power, design->turns[k], step[design->turns[k]]);
+        out[AT_POWER + leg] = largest_of(found.high);
+        out[AT_BRAKING + leg] = -least_of(found.low);
+        out[AT_WORK + leg] = sum_of(found.work);
+        out[AT_GIVEN + leg] = given;
     }
 }
 
 static void run_design(const DesignLoop *self, Design *design, double *out)
 {
-    for (int k = 0; k < DESIGN_RESULTS; ++k)
+    for (int k = 0; k < self->width; ++k)
         out[k] = NAN;
     int status = margins_of(self, design, out);
-    start_design(design);
-    if (status == DESIGN_GOOD && !run_samples(self, design))
-        status = DESIGN_DOUBTFUL;
+    if (status == DESIGN_GOOD) {
+        start_design(design);
+        if (!run_samples(self, design))
+            status = DESIGN_DOUBTFUL;
+    }
     out[AT_STATUS] = (double)status;
     if (status != DESIGN_GOOD)
         return;
+    if (self->asked & ASK_SINGULAR)
+        out[AT_ANGLE] = least_angle(design);
     for (int leg = 0; leg < 3; ++leg) {
         out[AT_PEAK + leg] = largest_of(design->peaks[leg].top);
         out[AT_WHEN + leg] = first_of(&design->peaks[leg], out[AT_PEAK + leg]);
         out[AT_SQUARE + leg] = sum_of(design->peaks[leg].square);
         if (!(self->asked & (ASK_SLIDERS | ASK_POWER)))
             continue;
-        const double slow = -least_of(design->slow[leg]), fast = largest_of(design->fast[leg]);
-        out[AT_LOW + leg] = least_of(design->low[leg]);
-        out[AT_HIGH + leg] = largest_of(design->high[leg]);
-        out[AT_SPEED + leg] = slow > fast ? slow : fast;
+        out[AT_LOW + leg] = least_of(design->slides.low[leg]);
+        out[AT_HIGH + leg] = largest_of(design->slides.high[leg]);
+        out[AT_SPEED + leg] = largest_of(design->slides.fast[leg]);
     }
     if (self->asked & ASK_POWER)
         write_powers(self, design, out);
@@ -249,7 +255,7 @@ static void run_design(const DesignLoop *self, Design *design, double *out)
 typedef struct {
     Py_buffer views[5];
     int held;
-    const double *constants, *turning, *lengths, *offsets;
+    const double *constants, *turning, *lengths, *offsets; /* turning: only of gradients */
     double *out;
     Py_ssize_t designs;
 } DesignTables;
@@ -282,47 +288,50 @@ static double *take_table(DesignTables *tables, PyObject *object, int width, int
 
 /* Numbers of a design in the tables. */
 typedef struct {
-    int constants, turning, lengths;
+    int constants, turning, lengths, results;
 } TableWidths;
 
-static int take_tables(const DesignLoop *self, PyObject *const *args, TableWidths widths, DesignTables *tables)
+static int take_tables(TableWidths widths, PyObject *const *args, DesignTables *tables)
 {
-    const int sliding = self->asked & (ASK_SLIDERS | ASK_POWER);
-
     tables->designs = -1;
-    if (!(tables->constants = take_table(tables, args[0], widths.constants, 0, "constants")))
+    if (!(tables->constants = take_table(tables, *args++, widths.constants, 0, "constants")))
         return -1;
-    if (sliding && !(tables->turning = take_table(tables, args[1], widths.turning, 0, "constants of the "
-                                                                                            "kinematics")))
+    if (widths.turning && *args++ != Py_None &&
+        !(tables->turning = take_table(tables, args[-1], widths.turning, 0, "constants of the sliders")))
         return -1;
-    if (!(tables->lengths = take_table(tables, args[2], widths.lengths, 0, "lengths")))
+    if (!(tables->lengths = take_table(tables, *args++, widths.lengths, 0, "lengths")))
         return -1;
-    if (args[3] != Py_None && !(tables->offsets = take_table(tables, args[3], 3, 0, "offsets")))
+    if (*args++ != Py_None && !(tables->offsets = take_table(tables, args[-1], 3, 0, "offsets")))
         return -1;
-    return (tables->out = take_table(tables, args[4], DESIGN_RESULTS, 1, "results")) ? 0 : -1;
+    return (tables->out = take_table(tables, *args, widths.results, 1, "results")) ? 0 : -1;
 }
 
 static const double NOWHERE[3] = {0.0, 0.0, 0.0};
 
 static int run_designs(const DesignLoop *self, const DesignTables *tables)
 {
-    const size_t scratch = LINES_OF_DESIGN * DESIGN_LINE, power = 4 * (size_t)self->motion.padded;
-    double *room = PyMem_RawMalloc((scratch + power + CACHE_LINE) * sizeof(double));
+    const size_t scratch = LINES_OF_DESIGN * DESIGN_LINE, padded = (size_t)self->motion.padded;
+    double *room = PyMem_RawMalloc((scratch + 4 * padded + CACHE_LINE) * sizeof(double));
+    ptrdiff_t *turns = PyMem_RawMalloc(padded * sizeof(ptrdiff_t));
     Design design;
 
-    if (!room)
+    if (!room || !turns) {
+        PyMem_RawFree(room);
+        PyMem_RawFree(turns);
         return -1;
+    }
     memset(&design, 0, sizeof design);
     design.scratch = room + CACHE_LINE - (uintptr_t)room / sizeof(double) % CACHE_LINE;
     design.power = design.scratch + scratch;
+    design.turns = turns;
     for (Py_ssize_t k = 0; k < tables->designs; ++k) {
         design.constants = tables->constants + k * self->kernel->constants;
-        design.turning = tables->turning ? tables->turning + k * self->kinematic_constants : NULL;
         design.lengths = tables->lengths + 3 * k;
         design.offset = tables->offsets ? tables->offsets + 3 * k : NOWHERE;
-        run_design(self, &design, tables->out + k * DESIGN_RESULTS);
+        run_design(self, &design, tables->out + k * self->width);
     }
     PyMem_RawFree(room);
+    PyMem_RawFree(turns);
     return 0;
 }
 
@@ -332,14 +341,13 @@ static PyObject *DesignLoop_vectorcall(PyObject *callable, PyObject *const *args
     DesignTables tables;
     int done = -1;
 
-    if (PyVectorcall_NARGS(flagged) != 5 || (names && PyTuple_GET_SIZE(names))) {
-        PyErr_SetString(PyExc_TypeError, "a DesignLoop takes constants, those of the kinematics, lengths, offsets and "
-                                         "results, by position");
+    if (PyVectorcall_NARGS(flagged) != 4 || (names && PyTuple_GET_SIZE(names))) {
+        PyErr_SetString(PyExc_TypeError, "a DesignLoop takes constants, lengths, offsets and results, by position");
         return NULL;
     }
-    const TableWidths widths = {self->kernel->constants, self->kinematic_constants, 3};
+    const TableWidths widths = {self->kernel->constants, 0, 3, self->width};
     memset(&tables, 0, sizeof tables);
-    if (take_tables(self, args, widths, &tables) == 0) {
+    if (take_tables(widths, args, &tables) == 0) {
         Py_BEGIN_ALLOW_THREADS
         done = run_designs(self, &tables);
         Py_END_ALLOW_THREADS
@@ -355,16 +363,15 @@ static PyObject *DesignLoop_vectorcall(PyObject *callable, PyObject *const *args
 
 #include "design_gradients.h"
 
-/* Lay out the numbers of a motion: rows, sines, cosines, mean, work, steps, partial. */
+/* Lay out the numbers of a motion: rows, theta, mean, work, steps, partial. */
 static void lay_out(DesignLoop *self, double *numbers)
 {
     DesignMotion *motion = &self->motion;
     const ptrdiff_t padded = motion->padded;
 
     motion->rows = numbers;
-    motion->sines = numbers + self->kernel->inputs * padded;
-    motion->cosines = motion->sines + padded;
-    motion->mean = motion->cosines + padded;
+    motion->theta = numbers + DESIGN_INPUTS * padded;
+    motion->mean = motion->theta + padded;
     motion->work = motion->mean + padded;
     motion->steps = motion->work + padded;
     motion->partial = motion->steps + motion->points * padded;
@@ -393,7 +400,7 @@ static int take_motion(DesignLoop *self, PyObject *object)
         return -1;
     }
     motion->padded = (motion->samples + DESIGN_LANES - 1) / DESIGN_LANES * DESIGN_LANES;
-    const ptrdiff_t wanted = (self->kernel->inputs + 4 + motion->points) * motion->padded +
+    const ptrdiff_t wanted = (DESIGN_INPUTS + 3 + motion->points) * motion->padded +
                              motion->samples * motion->points * motion->points;
     if (take_buffer(object, &view, 0, "the numbers of the motion, argument", 6) < 0)
         return -1;
@@ -418,12 +425,11 @@ static Run *run_of(const DesignLoop *self, const char *name, int *constants)
     return self->level->runs[kernel - KERNELS];
 }
 
-/* What goes with the forces: kinematics, and the kernels of gradients. */
+/* The kernels of gradients. */
 static void take_kernels(DesignLoop *self)
 {
     const int friction = strstr(self->kernel->name, "friction") != NULL;
 
-    self->kinematics = run_of(self, "kinematics", &self->kinematic_constants);
     self->sliding = run_of(self, "sliders_tangent", &self->sliding_constants);
     self->tangents[0] = run_of(self, friction ? "forces_tangent_with_friction" : "forces_tangent",
                                &self->tangent_constants[0]);
@@ -445,8 +451,9 @@ static PyObject *DesignLoop_new(PyTypeObject *type, PyObject *args, PyObject *ke
     const Level *level = kernel ? level_named(level_name) : NULL;
     if (!level)
         return NULL;
-    if (strncmp(kernel->name, "inverse_dynamics", 16) != 0 || kernel->outputs != 4)
-        return PyErr_Format(PyExc_ValueError, "%s does not return three forces", kernel->name);
+    const int sliding = asked & (ASK_SLIDERS | ASK_POWER);
+    if (strncmp(kernel->name, "design_", 7) != 0 || (sliding && kernel->outputs != 10))
+        return PyErr_Format(PyExc_ValueError, "%s does not return what is asked for", kernel->name);
     DesignLoop *self = (DesignLoop *)type->tp_alloc(type, 0);
     if (!self)
         return NULL;
@@ -454,7 +461,8 @@ static PyObject *DesignLoop_new(PyTypeObject *type, PyObject *args, PyObject *ke
     self->kernel = kernel;
     self->level = level;
     self->asked = asked;
-    self->forces = level->runs[kernel - KERNELS];
+    self->width = asked & ASK_POWER ? DESIGN_RESULTS : sliding ? RESULTS_OF_SLIDERS : RESULTS_OF_FORCES;
+    self->run = level->runs[kernel - KERNELS];
     take_kernels(self);
     self->motion.samples = samples;
     self->motion.points = points;
@@ -474,17 +482,18 @@ static void DesignLoop_dealloc(PyObject *object)
 PyDoc_STRVAR(DesignLoop_doc,
              "DesignLoop(kernel, level, asked, samples, points, motion)\n--\n\n"
              "Figures of the forces of many designs over one motion.\n\n"
-             "``loop(constants, turning, lengths, offsets, results)`` writes a row for each design; several threads\n"
+             "``loop(constants, lengths, offsets, results)`` writes a row for each design; several threads\n"
              "may call it at once. A row has the status (0 good, 1 out of reach, 2 not clearly good), the first sample\n"
              "out of reach, least reach margin and angle from the actuation singularity, then of A, B, C: peaks of\n"
              "the force, their samples, mean squares; lowest and highest sliders, peaks of speed; peaks of power given\n"
-             "and taken, work, and work given. What is not asked for, or not known, is NaN.\n\n"
+             "and taken, work, and work given. What is not known is NaN; rows end\n"
+             "before the sliders (13 numbers) or powers (22) that are not asked for.\n\n"
              "Parameters\n----------\n"
-             "kernel : str\n    One of `kernels` that returns forces.\n"
+             "kernel : str\n    One of `kernels` for designs.\n"
              "level : str\n    One of `levels`.\n"
              "asked : int\n    1 the angle, 2 sliders, 4 powers; or a sum of these.\n"
              "samples, points : int\n    Of the motion, and of the polynomials that integrate powers.\n"
-             "motion : buffer of doubles\n    Inputs, sines and cosines of theta, weights; see p3dof.compiled.designs.\n\n"
+             "motion : buffer of doubles\n    Inputs, theta, weights; see p3dof.compiled.designs.\n\n"
              "Raises\n------\n"
              "TypeError\n    If something is not a buffer of doubles.\n"
              "ValueError\n    If a name is unknown, or a buffer does not fit.");

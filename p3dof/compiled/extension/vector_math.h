@@ -29,6 +29,7 @@ static P3DOF_INLINE P3DOF_TARGET double P3DOF_NAME(double_of)(uint64_t bits)
 #define P3DOF_WHERE(condition, a, b) ((condition) ? (a) : (b))
 #define P3DOF_ALL(number) (number)
 #include "../../tracing/sincos.h"
+#include "../../tracing/rsqrt.h"
 #include "../../tracing/tanh.h"
 #include "../../tracing/atan2.h"
 #undef P3DOF_REAL

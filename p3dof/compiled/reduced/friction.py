@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from p3dof.algebra import Namespace, Scalar, Vector, dot, plus, times
-from p3dof.compiled.reduced.shapes import Shape
+from p3dof.compiled.reduced.shapes import Shape, roots_of_u
 from p3dof.parameters import PASSIVE, SLIDES, Friction
 
 JOINTS = (*SLIDES, *PASSIVE)
@@ -87,7 +87,7 @@ def gradients(x: Shape, y: Scalar, xp: Namespace) -> list[Vector]:
         Slides A, B, C, legs A, B, plane of the parallelogram, rods in it, platform to the lower cross-bar,
         platform about y0.
     """
-    iu2 = 1 / x.u2  # as in the reduced form, which then has it already
+    iu2 = 1 / x.u2 if x.rsqrt is None else roots_of_u(x, xp)[2]  # as in the reduced form, which then has it
     beta_y, beta_theta = x.tc * (y * iu2), x.p * x.ic
     return [
         (-x.ta, 1, 0),
@@ -96,7 +96,7 @@ def gradients(x: Shape, y: Scalar, xp: Namespace) -> list[Vector]:
         (x.ia, 0, 0),
         (x.ib, 0, 0),
         (beta_y, 0, beta_theta),
-        (xp.sqrt(x.u2) * iu2, 0, 0),
+        (roots_of_u(x, xp)[1], 0, 0),
         (beta_y, 0, beta_theta + 1),
         (0, 0, 1),
     ]

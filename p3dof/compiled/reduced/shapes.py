@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 from p3dof.algebra import Namespace, Ordered, Scalar, Vector
 from p3dof.compiled.reduced.constants import Model
+from p3dof.tracing import Symbol
 
 NEAR_REACH = 1e-12
 """Share of L² that the squares of all drops have in a state that is clearly good."""
@@ -37,6 +38,7 @@ class Shape(NamedTuple):
     squares: Vector  # S² of the legs
     arm: Scalar  # ∂λC/∂θ
     short_chains: bool
+    rsqrt: Callable[[Any], Any] | None
 
 
 class Bar(NamedTuple):
@@ -57,7 +59,14 @@ class Bar(NamedTuple):
     G: Scalar
 
 
-def shape(model: Model, y: Scalar, theta: Scalar, xp: Namespace, short_chains: bool = False) -> Shape:
+def shape(
+    model: Model,
+    y: Scalar,
+    theta: Scalar,
+    xp: Namespace,
+    short_chains: bool = False,
+    rsqrt: Callable[[Any], Any] | None = None,
+) -> Shape:
     """Return where the mechanism is.
 
     Parameters
@@ -71,6 +80,9 @@ def shape(model: Model, y: Scalar, theta: Scalar, xp: Namespace, short_chains: b
     short_chains : bool
         Arranged for one sample, which waits for each operation: less in a row, a few operations more. Also
         tells `actuator_forces` and the like to do so.
+    rsqrt : callable, optional
+        Returns one over the square root, from which roots and reciprocals are made then; for processors
+        whose divider is what all else waits for.
 
     Returns
     -------
@@ -82,8 +94,12 @@ def shape(model: Model, y: Scalar, theta: Scalar, xp: Namespace, short_chains: b
     wa, wb, wc = width + y, width - y, R - q
     u2 = (L - y) * (L + y)
     squares = (((L - width) - y) * ((L + width) + y), ((L - width) + y) * ((L + width) - y), u2 - wc * wc)
-    Sa, Sb, Sc = (xp.sqrt(square) for square in squares)
-    if short_chains:  # with divisions that need not wait for the roots
+    if rsqrt is None:
+        Sa, Sb, Sc = (xp.sqrt(square) for square in squares)
+    if rsqrt is not None:
+        ia, ib, ic = (rsqrt(square) for square in squares)
+        Sa, Sb, Sc = (square * i for square, i in zip(squares, (ia, ib, ic), strict=True))
+    elif short_chains:  # with divisions that need not wait for the roots
         ia, ib, ic = (S * (1 / square) for S, square in zip((Sa, Sb, Sc), squares, strict=True))
     else:
         ia, ib, ic = 1 / Sa, 1 / Sb, 1 / Sc
@@ -108,7 +124,32 @@ def shape(model: Model, y: Scalar, theta: Scalar, xp: Namespace, short_chains: b
         squares=squares,
         arm=q - tc * p,
         short_chains=short_chains,
+        rsqrt=rsqrt,
     )
+
+
+def roots_of_u(x: Shape, xp: Namespace, rooted: bool = True) -> Vector:
+    """Return u, 1/u and 1/u².
+
+    Parameters
+    ----------
+    x : Shape
+        Where the mechanism is.
+    xp : Namespace
+        Where sqrt comes from.
+    rooted : bool
+        More than the last is needed.
+
+    Returns
+    -------
+    tuple
+    """
+    if x.rsqrt is not None and rooted:
+        iu = x.rsqrt(x.u2)
+        return x.u2 * iu, iu, iu * iu
+    iu2 = 1 / x.u2
+    u = xp.sqrt(x.u2)
+    return u, u * iu2, iu2
 
 
 def bar_of(model: Model, x: Shape, y: Scalar, xp: Namespace) -> Bar:
@@ -130,9 +171,7 @@ def bar_of(model: Model, x: Shape, y: Scalar, xp: Namespace) -> Bar:
     Bar
     """
     c = model.bodies
-    iu2 = 1 / x.u2
-    u = xp.sqrt(x.u2)
-    iu = u * iu2
+    u, iu, iu2 = roots_of_u(x, xp, rooted=any(isinstance(value, Symbol) for value in c[-7:]))
     sin, cos, tan = x.wc * iu, x.Sc * iu, y * iu
     across, bulge, stretch = c.h2 + c.h3 * y, c.k2 * y + c.k3, c.k1 * y
     return Bar(
