@@ -125,7 +125,7 @@ def test_a_slider_is_dragged_and_the_run_follows(watched):
     agrees(watched, MACHINE.parameters.carrying(p3dof.Body(payload, [0, 0, 0], np.zeros((3, 3)))))
     took = watched.page.evaluate("""() => Array.from({length: 20}, (_, k) => {
         const start = performance.now();
-        p3dof.state.set({whatIf: {payload: 1 + 0.1 * k}});
+        p3dof.state.set({whatIf: {payload: 1 + 0.1 * k, L: 0.4 + 0.001 * k}});
         p3dof.state.refresh();
         return performance.now() - start;
     })""")

@@ -31,6 +31,8 @@ export class Contents {
         this.lamps = [lighten(this.back), lighten(this.front)];
         this.solids = new Solids(scene);
         this.floor = scene.floor === null ? null : floorOf(this.radius, scene.centre, scene.floor);
+        /** The height that its lines are made for [m]. */
+        this.depth = scene.floor ?? 0;
         this.map = new MapPicture();
         this.labels = new Labels(scene);
         this.arrows = new Arrows(this.radius);
@@ -59,6 +61,22 @@ export class Contents {
         if (this.handles) this.overlay.add(this.handles.group);
         this.back.add(this.world);
         this.front.add(this.overlay, this.labels.group, this.arrows.texts);
+    }
+
+    /** Take the same scene with other lengths; false where it is another one. @param {import("./types").Scene} scene */
+    adopt(scene) {
+        const { of } = this;
+        const same = scene.layers === of.layers && scene.lines === of.lines && scene.solids.length === of.solids.length
+            && scene.labels.length === of.labels.length && scene.radius === of.radius;
+        if (!same) return false;
+        this.of = scene;
+        this.solids.adopt(scene);
+        scene.labels.forEach((label, i) => void (this.labels.all[i].label = label));
+        if (this.floor && scene.floor !== null) this.floor.position.z = scene.floor - this.depth;
+        if (this.handles && scene.traced) this.handles.traced = scene.traced;
+        this.closures.closures = closuresOf(this.state);
+        this.known = null;
+        return true;
     }
 
     _metres() {

@@ -162,7 +162,8 @@ export class Stage {
     /** @param {Set<string>} changed */
     refresh(changed) {
         const { state } = this;
-        if (sceneOf(state) !== this.contents.of) this._rebuild();
+        const scene = sceneOf(state);
+        if (scene !== this.contents.of && !this._adopt(scene)) this._rebuild();
         if (changed.has("view") && state.view !== "free") this.look(state.view);
         else if (changed.has("layers") && this.cameras.use(state.layers.parallel, this.target)) {
             this.controls.object = this.cameras.used;
@@ -172,6 +173,13 @@ export class Stage {
         this.contents.place();
         if (changed.has("run") || changed.has("document")) this.contents.tint(this.style);
         this.render();
+    }
+
+    /** Take other lengths without making all anew. @param {import("./types").Scene} scene */
+    _adopt(scene) {
+        if (!this.contents.adopt(scene)) return false;
+        if (!this.touched) this.look(this.state.view);
+        return true;
     }
 
     _rebuild() {

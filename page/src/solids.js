@@ -39,6 +39,24 @@ export class Solids {
         return mesh;
     }
 
+    /** Take the same solids with other sizes and places. @param {import("./types").Scene} scene */
+    adopt(scene) {
+        scene.solids.forEach((solid, i) => {
+            const mesh = this.meshes[i], was = mesh.userData.solid;
+            if (solid.shape !== was.shape) { // a ghost may still draw the one before
+                mesh.geometry = geometryOf(solid.shape);
+            }
+            if (solid.placement !== was.placement) {
+                const [x, y, z, qx, qy, qz, qw] = solid.placement;
+                mesh.position.set(x, y, z);
+                mesh.quaternion.set(qx, qy, qz, qw);
+                mesh.updateMatrix();
+                mesh.matrixWorldNeedsUpdate = true;
+            }
+            mesh.userData.solid = solid;
+        });
+    }
+
     /** Move all joints. @param {Float64Array} placements 4x4 in columns */
     place(placements) {
         this.joints.forEach((joint, i) => {
