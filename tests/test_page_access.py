@@ -186,9 +186,9 @@ def test_fingers_seek_and_zoom_the_charts_and_still_scroll_the_page(telephone):
         touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
 
     page.touchscreen.tap(**at(0.5))
-    page.wait_for_function("Math.abs(p3dof.state.time - 0.5) < 4e-3")
+    page.wait_for_function("() => Math.abs(p3dof.state.time - 0.5) < 4e-3")
     drag(at(0.25), at(0.75))
-    page.wait_for_function("p3dof.state.zoom !== null")
+    page.wait_for_function("() => p3dof.state.zoom !== null")
     assert_allclose(page.evaluate("p3dof.state.zoom"), [0.25, 0.75], atol=8e-3)
     before = page.evaluate("scrollY")
     drag(at(0.5, 0.9), {"x": at(0.5)["x"], "y": at(0.5)["y"] - 200})
@@ -278,3 +278,20 @@ def test_no_frame_of_a_playing_page_mixes_two_instants(watched):
         )
         assert_allclose(frame["shown"], frame["forces"], atol=0.051)
         assert frame["joints"] < 1e-6
+
+
+def test_without_webassembly_the_stored_run_plays(browser, written, result):
+    context = browser.new_context(viewport={"width": 1400, "height": 860})
+    try:
+        page = context.new_page()
+        page.add_init_script("delete window.WebAssembly;")
+        page.goto(written)
+        page.evaluate("p3dof.ready.then(() => true)")
+        assert "cannot be computed" in page.locator("#panel").inner_text()
+        page.keyboard.press(" ")
+        page.wait_for_function("() => p3dof.state.time > 0.3")
+        page.evaluate("p3dof.seek(0.35)")
+        shown = page.locator("table.numbers td.value").all_inner_texts()
+        assert_allclose([float(text) for text in shown[::3]], result.forces[350], atol=0.051)
+    finally:
+        context.close()

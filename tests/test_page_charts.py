@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pages
 import pytest
-from browser import chromium
+from browser import chromium, opened
+from documents import ROOT
 from numpy.testing import assert_allclose
 
 import p3dof
+from p3dof.page.html import page_html
 
 SEEN = """() => {
     const number = (text) => Number(text.replace("−", "-"));
@@ -263,4 +265,49 @@ def test_the_bar_between_picture_and_charts_gives_more_room_to_one_of_them(watch
     assert_allclose(height(), before + 100, atol=2)
     watched.page.locator(".splitter").press("ArrowDown")
     assert_allclose(height(), before + 100 - 0.03 * 860, atol=2)
-    watched.wait("p3dof.charts.every(({chart, canvas}) => chart.plot.height === canvas.clientHeight)")
+    watched.wait("() => p3dof.charts.every(({chart, canvas}) => chart.plot.height === canvas.clientHeight)")
+
+
+def test_a_resized_window_leaves_charts_and_time_bar_on_one_axis(watched):
+    for size in ((1000, 600), (1400, 860)):
+        watched.page.set_viewport_size(dict(zip(("width", "height"), size, strict=True)))
+        watched.wait("() => p3dof.charts.every(({chart, canvas}) => chart.plot.width === canvas.clientWidth)")
+        watched.wait(
+            "() => p3dof.charts.every(({chart, canvas}) => chart.plot.height === canvas.clientHeight)"
+        )
+        shown = seen(watched)
+        for plot in shown["plots"]:
+            assert_allclose(plot, shown["rail"], atol=1.0)
+
+
+def test_ticks_are_round_in_the_unit_that_is_shown(watched):
+    watched.page.locator(".side select").nth(0).select_option("Velocity of the platform: θ")
+    for units, unit in (("mm", "°/s"), ("SI", "rad/s")):
+        watched.page.evaluate("units => { p3dof.state.set({units}); p3dof.state.refresh(); }", units)
+        ticks = watched.page.evaluate("p3dof.charts[0].chart.plot.axes[1]._values")
+        numbers = np.array([float(tick.replace("−", "-")) for tick in ticks])
+        steps = np.diff(numbers)
+        assert len(numbers) >= 2
+        assert_allclose(steps, steps[0])
+        assert f"{steps[0]:e}"[:3] in ("1.0", "2.0", "2.5", "5.0")
+        assert unit in watched.page.locator(".side select").nth(0).locator("option:checked").inner_text()
+
+
+def test_charts_and_table_show_any_robot(opened_page, tmp_path):
+    from p3dof.page.robots.document import robot_document
+    from p3dof.simulation import simulate_robot
+
+    robot = p3dof.load_robot(ROOT / "docs/_static/gallery/five_bar.urdf")
+    run = simulate_robot(robot, 0.2, q=robot.assemble().q, samples=21)
+    (tmp_path / "robot.html").write_text(page_html(robot_document(robot, run=run)), encoding="utf-8")
+    browser = opened_page.page.context.browser
+    with opened(browser, (tmp_path / "robot.html").as_uri(), 1400, 860, ready=pages.READY) as watched:
+        watched.page.evaluate("p3dof.seek(0.1)")
+        rows = watched.page.locator("table.numbers tbody").nth(0).locator("tr").all_inner_texts()
+        names = [row.split("\t")[0] for row in rows]
+        assert names == list(robot.actuated)
+        at = [robot.model.idx_vs[robot.model.getJointId(name)] for name in names]
+        rates = [float(row.split("\t")[3].replace("−", "-")) for row in rows]
+        assert_allclose(rates, np.degrees(run.v[10, at]), atol=0.051)
+        assert watched.page.evaluate("p3dof.charts.map(({chart}) => chart.content.lines.length)") == [2, 2, 3]
+        watched.healthy()

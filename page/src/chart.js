@@ -4,7 +4,7 @@ import { ROUNDING, axisOf, peakOf, rangeOf, samplesIn } from "./curves.js";
 import { aligned, thinned } from "./lines.js";
 import { placed } from "./peak_labels.js";
 import { readable } from "./themes.js";
-import { decimals, fixed, shown } from "./units.js";
+import { decimals, decimalsOf, fixed, roundStep, shown } from "./units.js";
 
 /** @typedef {import("./lines").Line} Line */
 /** @typedef {{text: string, x: number, y: number, width: number, height: number, key: string, time: number,
@@ -18,6 +18,8 @@ export const GUTTER = 58;
 /** Room beside the plot for what ends there [px]. */
 export const EDGE = 18;
 const TICKS = 22;
+/** Between numbers of the y axis, at least [px]. */
+const ROW = 26;
 const FONT = '11px system-ui, "DejaVu Sans", sans-serif';
 const DASHES = { now: [], before: [5, 4], other: [8, 3, 2, 3], difference: [] };
 
@@ -109,7 +111,8 @@ export class Chart {
             scales: { x: { time: false, auto: false }, y: { auto: false } },
             axes: [
                 { ...axis, size: ticks ? TICKS : 0, gap: 4, space: 60, values: (_, splits) => ticks ? seconds(splits) : splits.map(() => "") },
-                { ...axis, size: GUTTER, gap: 6, space: 26, values: (_, splits) => this.numbers(splits) },
+                { ...axis, size: GUTTER, gap: 6, space: ROW, values: (_, splits) => this.numbers(splits),
+                    splits: (_, __, low, high) => this.round(low, high, (this.size.height - (ticks ? TICKS : 8) - 8) / ROW) },
             ],
             series: [{}, ...lines.map((line) => this.series(line, theme))],
             hooks: { drawClear: [(plot) => this.bands(plot)], draw: [(plot) => this.peaks(plot)] },
@@ -125,12 +128,22 @@ export class Chart {
         };
     }
 
+    /** Round numbers in the unit that is shown. @param {number} low @param {number} high @param {number} most how many */
+    round(low, high, most) {
+        const { factor } = shown(this.content?.unit ?? "", this.content?.units ?? "SI");
+        const by = roundStep(((high - low) * factor) / Math.max(1, most));
+        const count = Math.floor((high * factor) / by + 1e-9);
+        const splits = [];
+        for (let k = Math.ceil((low * factor) / by - 1e-9); k <= count; k++) splits.push((k * by) / factor || 0);
+        return splits;
+    }
+
     /** @param {number[]} splits stored units @returns {string[]} */
     numbers(splits) {
         if (!this.content || splits.length < 2) return splits.map(String);
         const { factor } = shown(this.content.unit, this.content.units);
         const step = Math.abs(splits[1] - splits[0]) * factor;
-        const digits = Math.max(0, Math.ceil(-Math.log10(step) - 1e-6));
+        const digits = decimalsOf(step);
         const largest = Math.max(...splits.map(Math.abs)) * factor;
         return splits.map((split) => fixed(split * factor, digits > 5 || largest >= 1e6 ? -1 : digits));
     }
@@ -209,8 +222,7 @@ export class Chart {
 /** @param {number[]} splits @returns {string[]} */
 function seconds(splits) {
     const step = splits.length > 1 ? splits[1] - splits[0] : 1;
-    const digits = Math.min(6, Math.max(0, Math.ceil(-Math.log10(step) - 1e-6)));
-    return splits.map((split) => `${fixed(split, digits)} s`);
+    return splits.map((split) => `${fixed(split, decimalsOf(step))} s`);
 }
 
 /** @param {Line[]} lines @returns {[number | null, number | null][]} */

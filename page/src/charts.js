@@ -101,7 +101,7 @@ class Panel {
         write(this.limits, limitsText(drawing, state.units));
         const lines = drawing.lines.filter(({ key }) => !hidden.includes(key));
         this.span = shownSpan(state);
-        this.chart.size = { width: this.canvas.clientWidth || 600, height: this.canvas.clientHeight || 120 };
+        this.chart.resize(this.canvas.clientWidth || 600, this.canvas.clientHeight || 120);
         this.chart.draw({ lines, unit: drawing.unit, units: state.units, theme, span: this.span, ticks: this.ticks });
         this.place();
         this.describe(lines);
@@ -175,7 +175,7 @@ function limitsText(drawing, units) {
     const [low, high] = strictest(limitsOf(drawing.lines));
     const { unit, factor } = shown(drawing.unit, units);
     /** @param {number} value */
-    const text = (value) => fixed(value * factor, Number.isInteger(+(value * factor).toFixed(6)) ? 0 : 2);
+    const text = (value) => fixed(value * factor, Number.isInteger(+(value * factor).toFixed(6)) ? 0 : decimals(Math.abs(value * factor)));
     if (low !== null && high !== null) {
         return low === -high ? `limits ±${text(high)} ${unit}` : `limits ${text(low)} to ${text(high)} ${unit}`;
     }

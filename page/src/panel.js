@@ -34,13 +34,22 @@ export function settings(element, state) {
 
 /** Fields for what may be set by hand. @param {HTMLElement} element @param {State} state */
 export function mount(element, state) {
-    const { inputs } = state.document;
-    if (!inputs.length) return;
-    const fields = inputs.map((input) => new Field(input, state));
+    /** @type {Field[]} */
+    let fields = [];
+    /** @type {Input[] | null} */
+    let shown = null;
+    const room = make("div", { className: "fields" });
     const release = make("button", { type: "button", onclick: () => state.set({ hand: null, refused: null }) }, "Back to the run");
     const said = make("p", { className: "note refused", role: "status" });
-    element.append(make("h2", {}, "Pose"), make("div", { className: "fields" }, ...fields.map(({ row }) => row)), release, said);
+    element.append(make("h2", {}, "Pose"), room, release, said);
     state.subscribe(() => {
+        const { inputs } = state.document;
+        if (shown !== inputs) {
+            shown = inputs;
+            fields = inputs.map((input) => new Field(input, state));
+            room.replaceChildren(...fields.map(({ row }) => row));
+            element.hidden = !inputs.length;
+        }
         fields.forEach((field) => field.show());
         release.hidden = !state.hand;
         write(said, state.refused?.text ?? "");

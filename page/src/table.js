@@ -71,6 +71,7 @@ function build(table, state) {
     });
     const peaks = labels.map((label) => make("tr", {}, make("th", { scope: "row" }, label),
         ...groups.map((group) => make("td", {}, ...peakButton(scaled(group, label, state), state)))));
+    table.style.setProperty("--names", `${Math.min(92, 24 + 7 * Math.max(2, ...labels.map(({ length }) => length)))}px`);
     table.replaceChildren(
         make("caption", { className: "hidden" }, "Values at the instant, and the largest of the run"),
         make("thead", {}, head), make("tbody", {}, ...rows),

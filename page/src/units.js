@@ -43,6 +43,25 @@ export function decimals(size) {
 }
 
 /**
+ * How many decimals write all multiples of a step exactly.
+ * @param {number} step
+ * @returns {number} at most ten
+ */
+export function decimalsOf(step) {
+    for (let digits = 0; digits < 10; digits++) {
+        const scaled = step * 10 ** digits;
+        if (scaled > 0.5 && Math.abs(scaled - Math.round(scaled)) < 1e-6 * scaled) return digits;
+    }
+    return 10;
+}
+
+/** The next 1, 2, 2.5 or 5 times a power of ten. @param {number} least @returns {number} */
+export function roundStep(least) {
+    const power = 10 ** Math.floor(Math.log10(least));
+    return power * ([1, 2, 2.5, 5, 10].find((part) => part * power >= least * (1 - 1e-9)) ?? 10);
+}
+
+/**
  * A number with a true minus sign, and without one before a zero.
  * @param {number} value
  * @param {number} digits after the point; negative: so many, and a power of ten

@@ -4,7 +4,7 @@ import { axisOf, difference, groupsOf, indexAt, peakOf, rangeOf, resample, sampl
 import { aligned, thinned } from "../src/lines.js";
 import { placed, shared } from "../src/peak_labels.js";
 import { contrast, readable, rgbOf } from "../src/themes.js";
-import { clock, decimals, fixed, shown, titled } from "../src/units.js";
+import { clock, decimals, decimalsOf, fixed, roundStep, shown, titled } from "../src/units.js";
 
 const time = [0, 1, 3, 4];
 
@@ -111,6 +111,11 @@ test("units are converted where lengths and angles are, numbers have a true minu
     assert.deepEqual([118.5, 1103, 0.02, 0, 1e9, 1e-6].map(decimals), [1, 0, 5, 1, -3, -3]);
     assert.equal(clock(0.35, 1e-3), "0.350 s");
     assert.equal(clock(0.35, 1e-5), "0.35000 s");
+});
+
+test("ticks are round in the unit that is shown, and written exactly", () => {
+    assert.deepEqual([0.025, 0.1, 20, 0.3, 2.5].map(decimalsOf), [3, 1, 0, 1, 1]);
+    assert.deepEqual([0.9, 1.1, 2.2, 3, 6, 573].map(roundStep), [1, 2, 2.5, 5, 10, 1000]);
 });
 
 test("every colour can be read on light and on dark", () => {
