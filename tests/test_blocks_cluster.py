@@ -214,6 +214,35 @@ def test_at_most_so_many_blocks_are_on_their_way(client, tmp_path):
     assert max(most) <= 3
 
 
+@pytest.mark.parametrize("large", [False, True])
+def test_quick_blocks_go_together(client, tmp_path, monkeypatch, large):
+    """A call of a cluster costs milliseconds: quick blocks go some at a time, towards the end alone."""
+    monkeypatch.setattr("p3dof.blocks.crew._BATCH", 1000.0)  # whatever this machine is busy with
+    monkeypatch.setattr("p3dof.blocks.running._LARGEST_TOGETHER", 100 if large else 4_000_000)
+    calls, seen, submit = [], [], type(client).submit
+
+    def counted(self, function, work, numbers, **options):
+        calls.append(len(numbers))
+        return submit(self, function, work, numbers, **options)
+
+    monkeypatch.setattr(type(client), "submit", counted)
+    options = {"reductions": reductions(), "seed": 3}
+    made = p3dof.sweep(
+        problem(200), tmp_path / "there", client=client, progress=lambda *now: seen.append(now), **options
+    )
+    assert seen == [(n, 200) for n in range(5, 201, 5)]
+    assert sum(calls) == made.computed == 40
+    if large:  # what comes back of many would be too much
+        assert set(calls) == {1}
+    else:
+        assert max(calls) > 2
+        assert calls[-1] == 1
+        assert len(calls) < 30
+    monkeypatch.undo()
+    p3dof.sweep(problem(200), tmp_path / "here", **options)
+    assert files(tmp_path / "there") == files(tmp_path / "here")
+
+
 def test_nobody_beyond_this_machine_can_reach_the_cluster(client):
     processes = [psutil.Process(), *(psutil.Process(pid) for pid in pids(client))]
     listening = [c.laddr.ip for p in processes for c in p.net_connections("inet") if c.status == "LISTEN"]

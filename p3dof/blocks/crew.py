@@ -28,6 +28,9 @@ from p3dof.errors import InputError
 _LOOK_AGAIN = 5.0
 """How often the size of a cluster is asked for, which may grow [s]."""
 
+_BATCH = 0.25
+"""How long a call of a cluster should take: its scheduler takes some milliseconds for each [s]."""
+
 MOST_WORKERS = 4096
 
 
@@ -149,6 +152,9 @@ class Crew:
 
     dumps: Callable[[Any], bytes] = staticmethod(pickle.dumps)
 
+    batching: float = 0.0
+    """How long a call should take at least, because handing it over takes some milliseconds [s]."""
+
     def __init__(self, executor: Executor, room: int, own: bool = False) -> None:
         self._executor, self._room, self._own = executor, room, own
 
@@ -230,6 +236,7 @@ class _Cluster(Crew):
         self._wait: Any = distributed.wait
         self.dumps = cloudpickle.dumps
         self._in_flight = in_flight
+        self.batching = _BATCH if in_flight is None else 0.0
         self._asked, self._threads = -_LOOK_AGAIN, 0
 
     @property

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import os
-import pickle
-import threading
-from collections.abc import Collection, Iterator, Sequence
+from collections import deque
+from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
 from p3dof.blocks import storage
 from p3dof.blocks.crew import Crew, crew_of, died, dropped
-from p3dof.blocks.folder import TOTALS, locked, numbers_there, path_of, require_folder
+from p3dof.blocks.folder import TOTALS, locked, numbers_there, path_of
 from p3dof.blocks.manifest import (
     NAME_OF_FILE,
     Format,
@@ -22,10 +21,11 @@ from p3dof.blocks.manifest import (
     read_manifest,
     require_same,
 )
-from p3dof.blocks.problem import Problem, computed, whole
+from p3dof.blocks.problem import Problem, whole
 from p3dof.blocks.reduction import Reduction, State
 from p3dof.blocks.results import Sweep
 from p3dof.blocks.totals import Totals
+from p3dof.blocks.work import Work, run_blocks
 from p3dof.checks import Progress
 from p3dof.errors import FileError, SweepError
 from p3dof.files import called, check_writable, write_atomic
@@ -41,19 +41,11 @@ class SweepInterrupted(KeyboardInterrupt):
     """Ctrl-C during a sweep; the message says how to go on."""
 
 
-class _Work(NamedTuple):
-    """What every worker is told once."""
+_Numbers: TypeAlias = tuple[int, ...]
+"""Of the blocks of a call, one after the other."""
 
-    problem: Problem
-    manifest: Manifest
-    folder: str | None
-
-
-class _Done(NamedTuple):
-    """What comes back of a block."""
-
-    states: tuple[State, ...]
-    data: bytes | None
+_MOST_TOGETHER, _LARGEST_TOGETHER = 16, 4_000_000
+"""Most blocks of a call, and about how much their reductions may bring back [bytes]."""
 
 
 def sweep(
@@ -105,7 +97,8 @@ def sweep(
         Whether the workers see the folder, and write their blocks themselves; otherwise blocks come back, and
         are written here.
     in_flight : int, optional
-        Most blocks that are on their way at a time; two a worker by default.
+        Most blocks that are on their way at a time; by default two a worker, or on a cluster two calls a
+        worker of some blocks that take a quarter of a second together.
     progress : callable, optional
         Called with (items done, all items).
 
@@ -132,9 +125,9 @@ def sweep(
     whole("blocks, count / block_size", manifest.blocks, 1, MOST_BLOCKS)
     crew = crew_of(client, workers, in_flight)
     where = Path(called(folder)).absolute()
-    work = crew.told(_Work(problem, manifest, str(where) if shared else None))
+    work = crew.told(Work(problem, manifest, str(where) if shared else None))
     with locked(where):
-        run = _Run(manifest, where, crew, progress, _begin(manifest, where, resume))
+        run = _Run(manifest, where, crew, progress, _begin(manifest, where, resume), shared)
         try:
             run.look_at_blocks()
             run.compute(work)
@@ -168,14 +161,21 @@ class _Run:
     """A sweep while it is computed."""
 
     def __init__(
-        self, manifest: Manifest, folder: Path, crew: Crew, progress: Progress | None, resumed: bool
+        self,
+        manifest: Manifest,
+        folder: Path,
+        crew: Crew,
+        progress: Progress | None,
+        resumed: bool,
+        shared: bool,
     ) -> None:
         self.notes: list[str] = []
         self._manifest, self._folder, self._crew, self._progress = manifest, folder, crew, progress
         self._there = np.zeros(manifest.blocks, dtype=bool)
-        self._resumed = resumed
+        self._resumed, self._shared = resumed, shared
         self._totals = Totals(manifest)
         self._items = 0
+        self._seconds, self._bytes = 0.0, 1  # of a block, as far as known
         self.computed = 0
 
     def look_at_blocks(self) -> None:
@@ -191,19 +191,20 @@ class _Run:
             else:
                 self._note(number, content.states)
 
-    def compute(self, work: bytes | _Work) -> None:
+    def compute(self, work: bytes | Work) -> None:
         """Hand out what is missing, and take what comes back."""
-        todo = iter(np.flatnonzero(~self._there).tolist())
+        todo = deque(np.flatnonzero(~self._there).tolist())
         again: list[int] = []
         deaths: dict[int, int] = {}
-        pending: dict[Any, int] = {}
+        pending: dict[Any, _Numbers] = {}
         try:
             while True:
-                for number in self._next(again, todo, self._crew.room - len(pending)):
-                    pending[self._crew.submit(_run_block, work, number)] = number
+                while (todo or again) and len(pending) < self._crew.room:
+                    numbers = self._next(again, todo)
+                    pending[self._crew.submit(run_blocks, work, numbers)] = numbers
                 if not pending:
                     return
-                lost = [gone for future in self._done(pending) if (gone := self._take(future, pending)) >= 0]
+                lost = [gone for future in self._done(pending) for gone in self._take(future, pending)]
                 if lost:
                     again += self._bury(lost, deaths, pending)
         finally:
@@ -214,14 +215,16 @@ class _Run:
         if self._manifest.reductions:
             write_atomic(self._folder / TOTALS, storage.pack_totals(self._manifest, self._totals.states()))
 
-    def _next(self, again: list[int], todo: Iterator[int], room: int) -> Iterator[int]:
-        for _ in range(room):
-            number = again.pop() if again else next(todo, None)
-            if number is None:
-                return
-            yield number
+    def _next(self, again: list[int], todo: deque[int]) -> _Numbers:
+        """Return the blocks of the next call: fewer towards the end, so that all workers end together."""
+        if again:
+            return (again.pop(),)
+        together = self._crew.batching / self._seconds if self._seconds and self._shared else 1.0
+        share = len(todo) / (2 * self._crew.room)
+        count = int(max(1.0, min(together, share, _MOST_TOGETHER, _LARGEST_TOGETHER / self._bytes)))
+        return tuple(todo.popleft() for _ in range(count))
 
-    def _done(self, pending: dict[Any, int]) -> Collection[Any]:
+    def _done(self, pending: dict[Any, _Numbers]) -> Collection[Any]:
         try:
             return self._crew.wait(pending)
         except BaseException as error:
@@ -229,26 +232,29 @@ class _Run:
                 raise SweepError(f"the cluster dropped blocks: {self.how_to_go_on()}") from error
             raise
 
-    def _take(self, future: Any, pending: dict[Any, int]) -> int:
-        """Take what came back; return the number of a block whose worker died, or -1."""
-        number = pending.pop(future)
+    def _take(self, future: Any, pending: dict[Any, _Numbers]) -> _Numbers:
+        """Take what came back; return the numbers of blocks whose worker died."""
+        numbers = pending.pop(future)
         try:
-            done = self._crew.take(future)
+            found, seconds = self._crew.take(future)
         except BaseException as error:
             if died(error):
-                return number
+                return numbers
             if dropped(error):
-                raise SweepError(f"the cluster dropped block {number}: {self.how_to_go_on()}") from error
+                raise SweepError(f"the cluster dropped block {numbers[0]}: {self.how_to_go_on()}") from error
             if isinstance(error, FileError):
                 raise FileError(f"{error.args[0]}; {self.how_to_go_on()}") from error
             raise
-        if done.data is not None:
-            write_atomic(path_of(self._folder, self._manifest, number), done.data)
-        self._note(number, done.states)
-        self.computed += 1
-        return -1
+        self._seconds = seconds / len(numbers)
+        self._bytes = 1 + sum(array.nbytes for state in found[0].states for array in state.values())
+        for number, done in zip(numbers, found, strict=True):
+            if done.data is not None:
+                write_atomic(path_of(self._folder, self._manifest, number), done.data)
+            self._note(number, done.states)
+            self.computed += 1
+        return ()
 
-    def _bury(self, lost: list[int], deaths: dict[int, int], pending: dict[Any, int]) -> list[int]:
+    def _bury(self, lost: list[int], deaths: dict[int, int], pending: dict[Any, _Numbers]) -> list[int]:
         """Replace workers that died, unless that has been done too often; return what is to be done again."""
         for number in lost:
             deaths[number] = deaths.get(number, 0) + 1
@@ -258,7 +264,7 @@ class _Run:
                 f"workers died while block {worst} or one beside it was computed, and it was given up: "
                 f"{self.how_to_go_on()}"
             )
-        return lost + [pending.pop(future) for future in self._crew.renew(pending)]
+        return lost + [number for future in self._crew.renew(pending) for number in pending.pop(future)]
 
     def _note(self, number: int, states: tuple[State, ...]) -> None:
         self._there[number] = True
@@ -272,32 +278,3 @@ class _Run:
         done = int(self._there.sum())
         told = f"{done} of {self._manifest.blocks} blocks are in {self._folder}"
         return f"{told}; to go on: resume=True"
-
-
-_memory = threading.local()
-
-
-def _run_block(told: bytes | _Work, number: int) -> _Done:
-    """Compute one block: what a worker does."""
-    work = told if isinstance(told, _Work) else _unpacked(told)
-    if work.folder is not None:
-        require_folder(Path(work.folder))
-    manifest = work.manifest
-    block = manifest.block(number)
-    columns = computed(work.problem, block)
-    states = tuple(reduction.of(columns, block.start) for reduction in manifest.reductions)
-    content = storage.Content({name: columns[name] for name in manifest.keep}, states)
-    data = storage.pack_block(manifest, block, content)
-    if work.folder is None:
-        return _Done(states, data)
-    write_atomic(path_of(Path(work.folder), manifest, number), data)
-    return _Done(states, None)
-
-
-def _unpacked(packed: bytes) -> _Work:
-    """Return what a worker was told: the last one is remembered by each thread, for its own use."""
-    if getattr(_memory, "packed", None) != packed:
-        _memory.work = pickle.loads(packed)  # noqa: S301 - by the process that we work for
-        _memory.packed = packed
-    work: _Work = _memory.work
-    return work
