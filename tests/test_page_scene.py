@@ -262,6 +262,64 @@ def test_arrows_are_to_scale_with_their_newtons_at_the_tip_and_inside_the_pictur
     assert len(scale) == 1
 
 
+@pytest.mark.parametrize("view", ["3d", "front"])
+def test_nothing_hides_an_arrow(watched, view):
+    look(watched, view)
+    colours = """() => { const { stage } = p3dof.state, gl = stage.renderer.getContext(); stage.refine();
+        const ratio = stage.canvas.width / stage.width, found = {};
+        for (const { load, at, value } of p3dof.instant().loads) {
+            const { drawn } = stage.contents.arrows.drawn.find(({ key }) => key === load.key);
+            const [x, y] = stage.pixel([at[0], at[1], at[2] + Math.sign(value) * drawn / 2]);
+            const pixel = new Uint8Array(4);
+            gl.readPixels(ratio * x, stage.canvas.height - ratio * y, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
+            found[load.key] = [...pixel.slice(0, 3)];
+        }
+        return found; }"""
+    for time in (0.0, 0.3, 0.6, 0.9):
+        watched.page.evaluate("time => p3dof.seek(time)", time)
+        found = watched.page.evaluate(colours)
+        red, green, blue = found["force_a"]
+        assert blue > green > red, found
+        assert blue > 1.5 * (red + 1), found
+        red, green, blue = found["force_b"]
+        assert red > green > blue, found
+        assert red > 1.5 * blue, found
+        red, green, blue = found["force_c"]
+        assert green > blue > red, found
+        assert green > 1.5 * (red + 1), found
+
+
+def test_keys_show_the_same_views_as_buttons(watched):
+    places = "() => [p3dof.state.stage.cameras.used.position.toArray(), p3dof.state.layers.parallel]"
+    for key, view in zip("1234", VIEWS, strict=True):
+        look(watched, view)
+        by_button = watched.page.evaluate(places)
+        look(watched, VIEWS[(VIEWS.index(view) + 1) % 4])
+        watched.page.locator("#stage canvas").hover(position={"x": 5, "y": 400})
+        watched.page.keyboard.press(key)
+        watched.wait("view => p3dof.state.view === view", view)
+        shown(watched)
+        assert watched.page.evaluate(places) == by_button
+
+
+def test_a_picture_that_the_driver_loses_is_told_and_comes_back(watched):
+    note = watched.page.locator("#stage .stage-note")
+    assert not note.is_visible()
+    watched.page.evaluate("() => { p3dof.seek(0.3); p3dof.state.stage.renderer.forceContextLoss(); }")
+    watched.wait("!document.querySelector('#stage .stage-note').hidden")
+    assert "everything else works" in note.inner_text()
+    watched.page.evaluate("() => p3dof.seek(0.6)")
+    assert "0.600 s" in watched.page.locator("#time-bar").inner_text()
+    watched.page.evaluate("() => p3dof.state.stage.renderer.forceContextRestore()")
+    watched.wait("document.querySelector('#stage .stage-note').hidden")
+    shown(watched)
+    many = """() => { const { stage } = p3dof.state, gl = stage.renderer.getContext(); stage.refine();
+        const pixels = new Uint8Array(4 * stage.canvas.width * stage.canvas.height);
+        gl.readPixels(0, 0, stage.canvas.width, stage.canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+        return new Set(new Uint32Array(pixels.buffer)).size; }"""
+    assert watched.page.evaluate(many) > 100
+
+
 def test_an_arrow_that_leaves_the_picture_is_cut_there_and_says_so(watched):
     watched.page.evaluate("() => p3dof.seek(1)")
     box = watched.page.locator("#stage canvas").bounding_box()

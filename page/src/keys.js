@@ -3,6 +3,7 @@ import { hold } from "./hold.js";
 import { instant, runOf } from "./instant.js";
 import { shownSpan, wholeSpan } from "./lines.js";
 import { make } from "./make.js";
+import { viewed } from "./state.js";
 import { SPEEDS, seek, step, toggle } from "./time_bar.js";
 
 /** @typedef {import("./types").State} State */
@@ -33,7 +34,7 @@ const KEYS = [
     [["z", "x"], "zoom the charts around the instant, show all of the run", (state, event) =>
         event.key === "z" ? zoom(state) : state.set({ zoom: null })],
     [["1", "2", "3", "4"], "views: 3D, front, side, top", (state, event) =>
-        state.set({ view: VIEWS[Number(event.key) - 1] })],
+        state.set(viewed(state, VIEWS[Number(event.key) - 1]))],
     [["a", "d"], "move the platform in y (with Shift: finely)", (state, event) => nudge(state, event, 0, event.key === "a" ? -1 : 1)],
     [["s", "w"], "move the platform in z", (state, event) => nudge(state, event, 1, event.key === "s" ? -1 : 1)],
     [["q", "e"], "tilt the platform", (state, event) => nudge(state, event, 2, event.key === "q" ? -1 : 1)],

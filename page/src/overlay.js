@@ -1,10 +1,11 @@
 // What lies over the 3D picture: standard views, the tilt where its ring is edge-on, and what went wrong.
 import { hold, letGo } from "./hold.js";
 import { instant } from "./instant.js";
+import { viewed } from "./state.js";
 
 /** @typedef {import("./types").State} State */
 
-/** @type {[import("./types").View, string][]} */
+/** @type {[Exclude<import("./types").View, "free">, string][]} */
 const VIEWS = [["3d", "3D"], ["front", "Front"], ["side", "Side"], ["top", "Top"]];
 
 /** @param {HTMLElement} element @param {State} state @param {import("./scene.js").Stage | null} stage */
@@ -28,7 +29,7 @@ function views(element, state, stage) {
         const button = made(bar, "button", "", label);
         button.dataset.view = view;
         button.addEventListener("click", () => {
-            state.set({ view, layers: { ...state.layers, parallel: view !== "3d" } });
+            state.set(viewed(state, view));
             stage.touched = false;
         });
         state.subscribe(() => button.setAttribute("aria-pressed", String(state.view === view)));

@@ -77,3 +77,6 @@ export function within(state, time) {
     if (!instants) return 0;
     return Math.min(Math.max(time, instants[0]), instants[instants.length - 1]);
 }
+
+/** What changes with a standard view: plans are parallel, the view in 3D is in perspective. @param {State} state @param {Exclude<import("./types").View, "free">} view */
+export const viewed = (state, view) => ({ view, layers: { ...state.layers, parallel: view !== "3d" } });
