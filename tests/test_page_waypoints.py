@@ -224,3 +224,18 @@ def test_files_of_python_are_loaded_and_wrong_ones_refused(watched, tmp_path):
     alarm = watched.page.locator("#waypoints [role=alert]:visible")
     alarm.wait_for()
     assert "wrong.yaml: waypoint 1: pose: expected a length" in alarm.inner_text()
+
+
+def test_waypoints_outlive_another_document_from_python(watched):
+    add(watched, 0, 0, 0)
+    add(watched, 100, 0, 0)
+    write(watched, "Time in all", "2")
+    forces = found(watched)["force"]
+    watched.page.evaluate("""() => {
+        const {document} = p3dof.state;
+        p3dof.state.set({document: {...document, runs: [document.runs[0]]}, run: 0});
+        p3dof.state.refresh();
+    }""")
+    run = found(watched)
+    assert not run["shown"]
+    assert (run["force"] == forces).all()

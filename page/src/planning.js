@@ -28,10 +28,13 @@ export function easyDuration({ waypoints }) {
 export function mount(state) {
     state.subscribe((_, changed) => {
         const engine = engineOf(state);
-        if (!engine || !(changed.has("task") || changed.has("pace") || (changed.has("whatIf") && state.pace.fastest && state.planned))) return;
-        if (changed.has("whatIf")) changedTo(engine, state.whatIf);
-        const start = performance.now(), { runs } = state.document;
-        const own = runs.findIndex(({ computed }) => computed === "waypoints");
+        if (!engine) return;
+        const start = performance.now(), { runs, engine: given } = state.document;
+        const own = runs.findIndex(({ computed }) => computed === "waypoints"), lost = changed.has("document") && own < 0 && state.planned;
+        const slower = changed.has("whatIf") && state.pace.fastest && state.planned;
+        if (!changed.has("task") && !changed.has("pace") && !slower && !lost) return;
+        if (lost && given.kind === "p3dof") engine.take(given.parameters.data); // Python sent another document
+        if (changed.has("whatIf") || lost) changedTo(engine, { ...runs[state.run]?.machine, ...state.whatIf });
         state.planned = state.task.waypoints.length < 2 ? null : attempt(state, engine);
         const plan = state.planned?.plan;
         const kept = runs.filter((_run, k) => k !== own);
@@ -39,7 +42,7 @@ export function mount(state) {
         const made = plan ? [{ ...runOfMotion(engine, state.document, "Waypoints", plan), computed: "waypoints" }] : [];
         if (!made.length && own < 0) return void changed.add("planned");
         state.document = { ...state.document, runs: [...kept, ...made] };
-        if (made.length && (changed.has("task") || changed.has("pace") || state.run === own)) state.run = kept.length;
+        if (made.length && !lost && (changed.has("task") || changed.has("pace") || state.run === own)) state.run = kept.length;
         else if (state.run === own) state.run = 0;
         else if (own >= 0 && state.run > own) state.run -= 1;
         if (state.compare !== null && state.compare >= state.document.runs.length) state.compare = null;
