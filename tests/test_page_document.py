@@ -173,6 +173,21 @@ def test_runs_stand_beside_each_other():
     assert document["title"] == "Two"
 
 
+def test_a_run_of_another_machine_says_so():
+    other = p3dof.Manipulator(p3dof.of_solids(p3dof.Geometry(r=0.1, R=0.25, L=0.5)))
+    runs = {"longer legs": (other, MOTION), "the same": (p3dof.load(), MOTION)}
+    document = read(page_document(ROBOT, MOTION, runs=runs))
+    first, longer, same = document["runs"]
+    assert longer["machine"] == {"r": 0.1, "R": 0.25, "L": 0.5}
+    assert "another machine" in longer["notes"][0]
+    assert not {"machine"} & {*first, *same}
+    expected = other.inverse_dynamics(MOTION)
+    np.testing.assert_array_equal(curve_of(longer, "force_b"), expected.forces[:, 1])
+    np.testing.assert_array_equal(decoded(longer["q"]), expected.joints.q)
+    with pytest.raises(InputError, match="expected a Manipulator"):
+        page_document(ROBOT, runs={"wrong": (3, MOTION)})
+
+
 def test_a_run_in_time_has_what_it_followed():
     run = ROBOT.simulate(
         0.1,

@@ -142,3 +142,19 @@ def test_reactions_of_joints_are_shown_when_they_are_wanted(browser, tmp_path):
         assert len(watched.page.evaluate(keys)) == 3 + 26
         assert watched.page.evaluate(scale) > actuators
         watched.healthy()
+
+
+def test_a_run_of_another_machine_is_drawn_with_its_lengths(browser, tmp_path):
+    robot, motion = p3dof.load(), p3dof.paper_motion(samples=21)
+    other = p3dof.Manipulator(p3dof.of_solids(p3dof.Geometry(r=0.09, R=0.27, L=0.5)))
+    result = other.inverse_dynamics(motion)
+    document = page_document(robot, motion, runs={"other": (other, result)})
+    with opened(browser, written(tmp_path, document), 1200, 800, ready=READY) as watched:
+        watched.page.evaluate("() => p3dof.state.set({ run: 1 })")
+        watched.page.evaluate("time => p3dof.seek(time)", float(motion.time[13]))
+        watched.page.evaluate(SHOWN)
+        expected = fixed(other.model, result.joints.q[13])
+        assert_allclose(placements(watched), expected, rtol=0, atol=1e-9)
+        assert watched.page.evaluate("() => p3dof.instant().values.force_b") == result.forces[13, 1]
+        assert watched.page.locator(".agreement").is_hidden()
+        watched.healthy()

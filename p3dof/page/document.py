@@ -36,7 +36,7 @@ def page_document(
     robot: Machine,
     result: Runnable | None = None,
     *,
-    runs: Mapping[str, Runnable] | None = None,
+    runs: Mapping[str, Runnable | tuple[Machine, Runnable]] | None = None,
     reactions: AnyReactions | None = None,
     title: str = TITLE,
 ) -> dict[str, Any]:
@@ -50,7 +50,8 @@ def page_document(
         The run that is shown first. The forces of a motion are worked out with Pinocchio; without any run
         the machine is held at home.
     runs : mapping of str to Motion, InverseDynamics or Simulation, optional
-        Further runs by name, to be compared with it.
+        Further runs by name, to be compared with it. One of another machine is given as a pair, the machine
+        and the run: it is drawn with that machine's lengths.
     reactions : Reactions or ReactionsComparison, optional
         Of the joints, over the motion of `result`: curves of their sizes, and arrows that can be shown.
     title : str
@@ -71,10 +72,14 @@ def page_document(
         raise InputError(f"title: expected text, got {shown(title)}")
     if not isinstance(runs, Mapping | None):
         raise InputError(f"runs: expected runs by name, got {shown(runs)}")
-    found = [] if result is None else [Samples.of(robot, result)]
-    found += [Samples.of(robot, run, str(name)) for name, run in (runs or {}).items()]
+    found = [] if result is None else [(robot, Samples.of(robot, result))]
+    for name, run in (runs or {}).items():
+        machine, one = run if isinstance(run, tuple) and len(run) == 2 else (robot, run)
+        require_machine(machine)
+        found.append((machine, Samples.of(machine, one, str(name))))
     if not found:
-        found = [Samples.of(robot, Motion(np.zeros(1), *np.zeros((3, 1, 3))), "Held at home")]
+        still = Motion(np.zeros(1), *np.zeros((3, 1, 3)))
+        found = [(robot, Samples.of(robot, still, "Held at home"))]
     row = engine_row(robot.parameters)
     limits = robot.parameters.limits
     document: dict[str, Any] = {
@@ -83,7 +88,7 @@ def page_document(
         "generator": {"p3dof": __version__, "pinocchio": str(pin.__version__)},
         "machine": {"name": "p3dof", "hash": hashlib.sha256(np.array(row, "<f8").tobytes()).hexdigest()},
         "scene": machine_scene(robot),
-        "runs": [run_of(robot, samples) for samples in found],
+        "runs": [_run(robot, machine, samples) for machine, samples in found],
         "closures": closures_of(robot.loop),
         "inputs": _inputs(robot.parameters),
         "limits": {
@@ -94,7 +99,18 @@ def page_document(
         },
         "engine": {"kind": "p3dof", "parameters": encoded(row)},
     }
-    return document if reactions is None else with_reactions(robot, document, found[0], reactions)
+    return document if reactions is None else with_reactions(robot, document, found[0][1], reactions)
+
+
+def _run(robot: Machine, machine: Machine, samples: Samples) -> dict[str, Any]:
+    """Return a run of a document, perhaps of another machine than the document's."""
+    found = run_of(machine, samples)
+    if engine_row(machine.parameters) == engine_row(robot.parameters):
+        return found
+    geometry = machine.parameters.geometry
+    note = "This run is of another machine; what the page computes is of the document's."
+    lengths = {name: getattr(geometry, name) for name in ("r", "R", "L")}
+    return found | {"machine": lengths, "notes": [note, *found["notes"]]}
 
 
 def engine_row(parameters: Parameters) -> list[float]:

@@ -163,10 +163,11 @@ export function gapsOf(engine, run) {
 /**
  * By how much the forces of a document's run differ from the engine's, of the document's own machine.
  * @param {Engine} engine @param {Document} document @param {Run} run
- * @returns {{share: number, worst: number, time: number, leg: number, samples: number} | null} null: it has none to compare
+ * @returns {{share: number, worst: number, time: number, leg: number, samples: number} | null} null: it has none to compare,
+ * or is of another machine
  */
 export function agreement(engine, document, run) {
-    if (!run.pose || !run.velocity || !run.acceleration) return null;
+    if (!run.pose || !run.velocity || !run.acceleration || run.machine) return null;
     const { whatIf } = engine;
     engine.set({});
     const mine = resolved(engine, document, run, "total");
