@@ -26,7 +26,7 @@ from p3dof import (
     forces_of_designs,
 )
 from p3dof.compiled import designs as compiled_designs
-from p3dof.compiled.design_kernels import design_kernel
+from p3dof.compiled.design_kernels import NAMES, design_kernel
 from p3dof.compiled.kernels import levels
 from p3dof.compiled.tangents import forces_tangent, sliders_tangent
 from p3dof.designs.figures import given, sampled
@@ -85,6 +85,11 @@ def columns(kind, count=12):
             "friction.viscous.hinge_left": rng.uniform(0, 0.2, count),
             "friction.smoothing [mm/s]": rng.uniform(5, 20, count),
         },
+        "viscous": {
+            "friction.viscous.sliders": rng.uniform(0, 5, count),
+            "friction.viscous.universal_b": rng.uniform(0, 0.2, count),
+            "friction.coulomb.slide_a": rng.choice([0.0, 2.0], count, p=[0.7, 0.3]),
+        },
     }[kind]
     return lengths(count) | more
 
@@ -98,6 +103,7 @@ CASES = {
     "solids that carry something": ("loads", LADEN, "solids", None),
     "a wrench": ("lengths", PAPER, "kept", [1.0, 20.0, -30.0, 1.0, 2.0, 3.0]),
     "friction": ("friction", GENERAL, "kept", None),
+    "friction, viscous or both": ("viscous", GENERAL, "kept", [0.0, 5.0, -30.0, 0.0, 2.0, 3.0]),
     "friction of the machine, under a wrench": ("kept", p3dof.Parameters(
         Geometry(), PAPER.bodies, friction=SLIDING), "kept", [0.0, 5.0, -30.0, 0.0, 2.0, 3.0]),
 }  # fmt: skip
@@ -177,6 +183,11 @@ def test_machines_in_a_sequence_are_designs():
         np.testing.assert_allclose(peak, np.abs(wanted[0]), rtol=1e-12)
     assert not found.work.any()  # of one sample
     assert not found.positive_work.any()
+
+
+def test_viscous_friction_takes_no_hyperbolic_tangents():
+    kernels = [design_kernel(name) for name in NAMES if "friction" in name]
+    assert [kernel.operations(margin=True)["tanh"] for kernel in kernels] == [9, 0]
 
 
 def test_a_wrong_constant_is_seen():

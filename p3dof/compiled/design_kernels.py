@@ -30,8 +30,9 @@ NAMES = (
     "design_motion",
     "design_motion_symmetric",
     "design_motion_with_friction",
+    "design_motion_with_friction_viscous",
 )
-"""Forces without a wrench; forces under one, with the sliders; these with friction."""
+"""Forces without a wrench; forces under one, with the sliders; these with friction, and without Coulomb's."""
 
 
 class Sample:
@@ -131,7 +132,9 @@ def design_kernel(name: str) -> Kernel:
         with the sliders, their positions and speeds follow.
     """
     tape = Tape()
-    numbers = numbers_of(tape, name.endswith("_symmetric"), name.endswith("_with_friction"))
+    numbers = numbers_of(tape, name.endswith("_symmetric"), "_with_friction" in name)
+    if name.endswith("_viscous"):
+        numbers = (*numbers[: len(MODEL)], *without_coulomb(numbers[len(MODEL) :]))
     model, sample = Model.of_numbers(numbers[: len(MODEL)]), Sample(tape)
     x = sample.shape(model)
     moving = name.startswith("design_motion")
@@ -155,6 +158,23 @@ def kernel_of(
     return Kernel(name, tape, numbers, INPUTS, outputs, sample.symbols, tuple(in_pairs(tape, results)))
 
 
-def symmetric_form(name: str) -> str | None:
-    """Return the kernel for symmetric bodies in the place of another; None where there is none."""
-    return f"{name}_symmetric" if f"{name}_symmetric" in NAMES else None
+def without_coulomb(friction: Sequence[Number]) -> tuple[Number, ...]:
+    """Return coefficients of friction with zeros for what needs a hyperbolic tangent each."""
+    half = len(friction) // 2
+    return *friction[:half], *[0] * half, 0
+
+
+def smaller_form(name: str) -> str:
+    """Return the kernel that takes the place of another where it serves.
+
+    Parameters
+    ----------
+    name : str
+        One of `NAMES`.
+
+    Returns
+    -------
+    str
+        For symmetric bodies; with friction, where none is Coulomb's.
+    """
+    return f"{name}_viscous" if name.endswith("_with_friction") else f"{name}_symmetric"

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray
-from p3dof.compiled.design_kernels import design_kernel, symmetric_form
+from p3dof.compiled.design_kernels import design_kernel, smaller_form
 from p3dof.compiled.formulas import MODEL
 from p3dof.compiled.kernels import NUMPY, MachineKernels, _extension
 from p3dof.compiled.reduced import SYMMETRIC_ZEROS
@@ -62,14 +62,14 @@ class DesignLoops:
         moving = "with_friction" if kind == "with_friction" else "motion" if kind or asked & _SLIDERS else ""
         general = {"with_friction": "design_motion_with_friction", "motion": "design_motion"}
         name = general.get(moving, "design_forces")
-        names = {True: symmetric_form(name) or name, False: name}
-        self._kernels = {symmetric: design_kernel(each) for symmetric, each in names.items()}
+        names = {True: smaller_form(name), False: name}
+        self._kernels = {smaller: design_kernel(each) for smaller, each in names.items()}
         self._asked, self._friction = asked, kind == "with_friction"
         self._width = width_of(asked)
         self._memory = threading.local()
         self._loops = {
-            symmetric: _extension().DesignLoop(used.name, level, asked, samples, points, packed)
-            for symmetric, used in self._kernels.items()
+            smaller: _extension().DesignLoop(used.name, level, asked, samples, points, packed)
+            for smaller, used in self._kernels.items()
         }
 
     def rows(self, model: Sequence[Any], offsets: FloatArray | None, count: int) -> FloatArray:
@@ -89,10 +89,10 @@ class DesignLoops:
         ndarray, shape (D, width_of(asked))
             As `DesignLoop` says; overwritten by the next call of the same thread.
         """
-        symmetric = _symmetric(model, count)
+        smaller = _without_coulomb(model, count) if self._friction else _symmetric(model, count)
         found = self._table(count)
         for form in (True, False):
-            members: Any = np.flatnonzero(symmetric == form)
+            members: Any = np.flatnonzero(smaller == form)
             if len(members) == count:
                 self._run(form, model, offsets, found)
             elif len(members):
@@ -208,4 +208,13 @@ def _symmetric(model: Sequence[Any], count: int) -> NDArray[np.bool_]:
     found = np.ones(count, dtype=bool)
     for place in _ZEROS:
         found &= np.equal(model[place], 0)
+    return found
+
+
+def _without_coulomb(model: Sequence[Any], count: int) -> NDArray[np.bool_]:
+    """Return of which designs all friction is viscous (D,)."""
+    coefficients = len(model) - len(MODEL) - 1
+    found = np.ones(count, dtype=bool)
+    for number in model[len(MODEL) + coefficients // 2 : -1]:
+        found &= np.equal(number, 0)
     return found

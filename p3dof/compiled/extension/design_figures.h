@@ -131,6 +131,7 @@ static P3DOF_TARGET ptrdiff_t P3DOF_NAME(turns_of)(ptrdiff_t samples, const doub
     ptrdiff_t count = 0, i = 0;
     for (; i + DESIGN_LANES < samples; i += DESIGN_LANES) {
         int64_t some = 0;
+        P3DOF_SIMD_ANY(some)
         for (int l = 0; l < DESIGN_LANES; ++l)
             some |= power[i + l] * power[i + l + 1] < 0.0 ? 1 : 0;
         for (int l = 0; some && l < DESIGN_LANES; ++l)
@@ -151,6 +152,7 @@ static P3DOF_TARGET void P3DOF_NAME(steps_of)(const DesignMotion *motion, const 
     const ptrdiff_t last = motion->samples - points, padded = motion->padded;
     const double *restrict weight = motion->steps;
     const ptrdiff_t from = before > 0 ? before : 0, to = last + from + 1 < steps ? last + from + 1 : steps;
+    const ptrdiff_t whole = to < DESIGN_LANES ? to : DESIGN_LANES; /* from here on rows are aligned */
     for (ptrdiff_t i = steps > 0 ? steps : 0; i < padded; ++i)
         step[i] = 0.0;
     for (ptrdiff_t i = 0; i < from && i < steps; ++i) {
@@ -158,19 +160,18 @@ static P3DOF_TARGET void P3DOF_NAME(steps_of)(const DesignMotion *motion, const 
         for (ptrdiff_t k = 0; k < points; ++k)
             step[i] += weight[k * padded + i] * power[k];
     }
+    for (ptrdiff_t i = from; i < (points == 6 ? whole : to); ++i) {
+        step[i] = 0.0;
+        for (ptrdiff_t k = 0; k < points; ++k)
+            step[i] += weight[k * padded + i] * power[i - from + k];
+    }
     if (points == 6) {
         const double *restrict w1 = weight + padded, *restrict w2 = w1 + padded, *restrict w3 = w2 + padded;
         const double *restrict w4 = w3 + padded, *restrict w5 = w4 + padded;
         P3DOF_SIMD
-        for (ptrdiff_t i = from; i < to; ++i)
+        for (ptrdiff_t i = whole; i < to; ++i)
             step[i] = ((weight[i] * power[i - 2] + w1[i] * power[i - 1]) + (w2[i] * power[i] + w3[i] * power[i + 1])) +
                       (w4[i] * power[i + 2] + w5[i] * power[i + 3]);
-    } else {
-        for (ptrdiff_t i = from; i < to; ++i) {
-            step[i] = 0.0;
-            for (ptrdiff_t k = 0; k < points; ++k)
-                step[i] += weight[k * padded + i] * power[i - from + k];
-        }
     }
     for (ptrdiff_t i = to; i < steps; ++i) {
         step[i] = 0.0;

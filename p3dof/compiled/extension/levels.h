@@ -10,9 +10,12 @@
 #if defined(__GNUC__)
 #define P3DOF_INLINE inline __attribute__((always_inline))
 #define P3DOF_SIMD _Pragma("omp simd")
+#define P3DOF_SIMD_ANY(flags) P3DOF_DO(omp simd reduction(| : flags))
+#define P3DOF_DO(words) _Pragma(#words)
 #else
 #define P3DOF_INLINE inline
 #define P3DOF_SIMD
+#define P3DOF_SIMD_ANY(flags)
 #endif
 #if defined(_MSC_VER) && !defined(__clang__)
 #define restrict __restrict

@@ -29,6 +29,7 @@
     X(design_motion, 42, 13, 10) \
     X(design_motion_symmetric, 24, 13, 10) \
     X(design_motion_with_friction, 61, 13, 10) \
+    X(design_motion_with_friction_viscous, 51, 13, 10) \
     X(forces_tangent, 100, 13, 6) \
     X(forces_tangent_symmetric, 57, 13, 6) \
     X(forces_tangent_with_friction, 138, 13, 6) \
