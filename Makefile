@@ -27,7 +27,7 @@ ONLY ?=
 
 demo: $(VENV)/.demo ## run the main job on the paper's motion, into out/
 	$(BIN)/p3dof compare --out $(OUT)
-	$(BIN)/p3dof show --out $(OUT)/animation.html
+	$(BIN)/p3dof show --out $(OUT)/machine.html
 
 help: ## say what there is
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 19

@@ -65,7 +65,7 @@ from .blocks import Histogram, Moments, ParetoArchive, Sweep, TopK, sweep
 
 # Any robot with closed loops
 from .closed_loop import ClosedLoopModel, Closure, Coupling, FrameTarget, JointData, Sidecar, load_robot
-from .viewer import show_robot
+from .viewer import robot_page, show_robot
 
 # Errors
 from .errors import (
@@ -88,7 +88,7 @@ from .errors import (
     TaskError,
 )
 
-# Rooms that are used by their own name: p3dof.viewer.save_animation, p3dof.engines.load, ...
+# Rooms that are used by their own name: p3dof.viewer.save_video, p3dof.engines.load, ...
 from . import (
     bearings,
     blocks,
@@ -218,6 +218,7 @@ __all__ = [
     "read_stiffness",
     "read_task",
     "report",
+    "robot_page",
     "show_robot",
     "simulate_many",
     "simulation",

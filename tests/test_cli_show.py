@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import json
 import os
@@ -23,9 +22,8 @@ import p3dof
 
 pytest.importorskip("meshcat", reason="meshcat is not installed")
 
-from tornado.websocket import websocket_connect
-
 from p3dof.cli import main, show  # noqa: F401 - it adds its command
+from p3dof.page.encoding import decoded
 
 ROOT = Path(__file__).parents[1]
 PROGRAM = "import sys; import p3dof.cli.show; from p3dof.cli import main; sys.exit(main(sys.argv[1:]))"
@@ -56,19 +54,11 @@ def free_port():
         return probe.getsockname()[1]
 
 
-def state_of(url):
-    """What a page is told of the machine when it is opened."""
-
-    async def listen():
-        page = await websocket_connect(url.replace("http:", "ws:").replace("/?", "/control?"))
-        while (message := json.loads(await page.read_message()))["type"] != "state":
-            pass
-        page.close()
-        while await page.read_message() is not None:
-            pass
-        return message
-
-    return asyncio.run(listen())
+def document_of(url):
+    """The document in the page that is served."""
+    with urllib.request.urlopen(url, timeout=10) as answer:  # noqa: S310 - http
+        page = answer.read().decode()
+    return json.loads(re.search(r'id="p3dof-document">(.*?)</script>', page, re.DOTALL)[1])
 
 
 def run(capsys, *arguments):
@@ -90,7 +80,7 @@ def test_it_serves_until_it_is_told_to_end(number):
     with running("--port", port) as (process, url, found):
         assert found == port
         with urllib.request.urlopen(url, timeout=10) as answer:  # noqa: S310 - http
-            assert b"meshcat.js" in answer.read()
+            assert b"p3dof-document" in answer.read()
         own = psutil.Process(process.pid)
         assert own.children() == []
         listening = [c.laddr for c in own.net_connections() if c.status == psutil.CONN_LISTEN]
@@ -132,11 +122,21 @@ def test_it_finds_a_free_port():
 
 def test_options_reach_the_page():
     with running("--port", 0, "--speed", 0.25, "--paused", "--at", 0.5) as (process, url, port):
-        state = state_of(url)
+        document = document_of(url)
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=5)
     assert f":{port}/?token=" in url
-    assert (state["speed"], state["playing"], state["time"]) == (0.25, False, 0.5)
+    assert document["start"] == {"speed": 0.25, "playing": False, "time": 0.5}
+    assert document["runs"][0]["time"]["shape"] == [201]
+
+
+def test_the_plain_page_of_meshcat():
+    with running("--port", 0, "--meshcat") as (process, url, _):
+        with urllib.request.urlopen(url, timeout=10) as answer:  # noqa: S310 - http
+            assert b"meshcat.js" in answer.read()
+        process.send_signal(signal.SIGINT)
+        assert process.communicate(timeout=5) == ("", "")
+    assert process.returncode == 0
 
 
 @pytest.mark.parametrize(
@@ -154,6 +154,7 @@ def test_options_reach_the_page():
         (["--out", "-"], "-: expected a file name that ends in .html"),
         (["--video", "film.avi"], ".mp4 or .gif"),
         (["--screenshot", "picture.bmp"], ".png"),
+        (["--meshcat", "--out", "show.html"], "--meshcat is live: it writes no files"),
     ],
 )
 def test_bad_arguments(capsys, arguments, words):
@@ -169,22 +170,25 @@ def test_a_motion_out_of_reach(tmp_path, capsys):
     assert "leg A is too short by 0.25 m" in one_line(2, err)
 
 
-def test_without_meshcat(capsys, monkeypatch):
-    for name in [name for name in sys.modules if name.startswith("p3dof.viewer.")]:
-        monkeypatch.delitem(sys.modules, name)
-    for name in ("meshcat", "tornado", "tornado.web"):
+def test_without_the_extra(capsys, monkeypatch, tmp_path):
+    for name in ("connections", "host", "page_server", "live_viewer"):
+        monkeypatch.delitem(sys.modules, f"p3dof.viewer.{name}", raising=False)
+    for name in ("meshcat", "tornado", "tornado.iostream", "tornado.web", "tornado.websocket"):
         monkeypatch.setitem(sys.modules, name, None)
     code, _, err = run(capsys, "--no-open", "--samples", 11)
     assert "pip install 'p3dof[viz]'" in one_line(code, err)
+    assert run(capsys, "--samples", 11, "--out", tmp_path / "page.html")[0] == 0  # a file needs none of it
 
 
-def test_the_animation(tmp_path, capsys):
-    code, out, _ = run(capsys, "--samples", 51, "--out", tmp_path / "deep" / "motion.html")
+def test_the_page_as_a_file(tmp_path, capsys):
+    file = tmp_path / "deep" / "motion.html"
+    code, out, _ = run(capsys, "--samples", 51, "--at", 0.5, "--paused", "--out", file)
     assert code == 0
-    assert f"wrote {tmp_path / 'deep' / 'motion.html'}" in out
+    assert f"wrote {file}" in out
     assert "http://127" not in out
-    size = (tmp_path / "deep" / "motion.html").stat().st_size
-    assert 1e6 < size < 3e6
+    document = json.loads(re.search(r'id="p3dof-document">(.*?)</script>', file.read_text(), re.DOTALL)[1])
+    assert document["runs"][0]["time"]["shape"] == [51]
+    assert document["start"] == {"speed": 1.0, "playing": False, "time": 0.5}
 
 
 def test_pictures(tmp_path, capsys, monkeypatch):
@@ -198,22 +202,20 @@ def test_pictures(tmp_path, capsys, monkeypatch):
         return record
 
     for name in ("save_screenshot", "save_video"):  # tested on their own, in a browser
-        monkeypatch.setattr(f"p3dof.viewer.video.{name}", recorder(name))
+        monkeypatch.setattr(f"p3dof.viewer.pictures.{name}", recorder(name))
     picture, film = tmp_path / "machine.png", tmp_path / "machine.gif"
     arguments = ("--samples", 11, "--at", 0.5, "--fps", 4, "--speed", 0.5)
     code, out, _ = run(capsys, *arguments, "--screenshot", picture, "--video", film)
     assert code == 0
     assert out.splitlines()[-2:] == [f"wrote {picture}", f"wrote {film}"]
-    path, robot, how = made["save_screenshot"]
-    motion = p3dof.paper_motion(11)
+    path, page, _ = made["save_screenshot"]
     assert path == picture
-    np.testing.assert_allclose(how["pose"], motion.pose[5], atol=1e-15)
-    expected = robot.forces(motion.pose[5], motion.velocity[5], motion.acceleration[5])
-    np.testing.assert_allclose(how["forces"], expected, atol=1e-11)
-    assert how["trace"].shape == (11, 3)
-    assert how["scale"].newtons == np.abs(robot.inverse_dynamics(motion, method="virtual-power").forces).max()
-    path, _, result, fps, options = made["save_video"]
-    assert (path, fps, options["speed"], len(result.time)) == (film, 4.0, 0.5, 11)
+    assert page.document["start"]["time"] == 0.5
+    curve = next(one for one in page.document["runs"][0]["curves"] if one["key"] == "force_b")
+    expected = p3dof.load().inverse_dynamics(p3dof.paper_motion(11)).forces[:, 1]
+    np.testing.assert_allclose(decoded(curve["values"]), expected, atol=1e-11)
+    path, again, fps, speed, _ = made["save_video"]
+    assert (path, again, fps, speed) == (film, page, 4.0, 0.5)
     made.clear()
     for ending, name in ((".png", "save_screenshot"), (".GIF", "save_video"), (".mp4", "save_video")):
         out = tmp_path / f"by_ending{ending}"  # --out: the ending decides
@@ -274,10 +276,10 @@ def test_any_robot_is_served_until_it_is_told_to_end(number):
         process,
         url,
     ):
-        state = state_of(url)
-        assert state["joints"] == pytest.approx([0.5], abs=1e-9)
-        assert state["layers"]["closure_forces"] is True
-        assert state["source"] == "pose"
+        document = document_of(url)
+        assert document["inputs"][0]["value"] == pytest.approx(0.5, abs=1e-9)
+        assert document["start"]["layers"] == {"closures": True, "multipliers": True}
+        assert document["engine"] == {"kind": "ask"}
         own = psutil.Process(process.pid)
         listening = [c.laddr.ip for c in own.net_connections() if c.status == psutil.CONN_LISTEN]
         assert listening == ["127.0.0.1"]
@@ -289,6 +291,8 @@ def test_any_robot_is_served_until_it_is_told_to_end(number):
 def test_a_run_of_any_robot_is_served():
     arguments = (GALLERY / "four_bar.urdf", "--simulate", "0.1", "--force", "crank_joint=0.5 N m")
     with running_loop(*arguments, "--at", "0.1", "--paused") as (_, url):
-        state = state_of(url)
-    assert (state["time"], state["playing"], state["source"]) == (0.1, False, "motion")
-    assert state["forces"] == ["0.5 N m"]
+        document = document_of(url)
+    assert document["start"]["time"] == 0.1
+    assert document["start"]["playing"] is False
+    force = next(one for one in document["runs"][0]["curves"] if one["key"] == "force crank_joint")
+    assert set(decoded(force["values"]).tolist()) == {0.5}

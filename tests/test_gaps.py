@@ -216,7 +216,7 @@ class Words(HTMLParser):
 
 def test_the_report_tells_no_peak_and_says_why_at_its_top(files, tmp_path, capsys):
     page = tmp_path / "r.html"
-    arguments = ("--motion", files / "crossing_samples.csv", "--no-animation", "--out", page)
+    arguments = ("--motion", files / "crossing_samples.csv", "--no-page", "--out", page)
     code, _, _ = run(capsys, "report", *arguments)
     assert code == 1
     assert not page.exists()

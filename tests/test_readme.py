@@ -10,7 +10,7 @@ def test_what_it_says_runs(tmp_path, monkeypatch, capsys):
     session = run(README, tmp_path)
     assert session["result"].forces.shape == (1001, 3)
     assert "the methods agree" in capsys.readouterr().out
-    for name in ("forces.csv", "forces.png", "animation.html", "c/p3dof.h"):
+    for name in ("forces.csv", "forces.png", "machine.html", "c/p3dof.h"):
         assert (tmp_path / "out" / name).exists()
 
 

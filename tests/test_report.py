@@ -70,7 +70,7 @@ class Page(HTMLParser):
         self.text += data
         if "caption" in self._open:
             self._caption += data
-        elif self._open and self._open[-1] in {"td", "th"}:
+        elif {"td", "th"} & set(self._open):
             self._rows[-1][-1] += data
 
     def named(self, tag):
@@ -106,7 +106,7 @@ def full_page(robot, motion):
         title=HOSTILE,
         about={HOSTILE: HOSTILE},
         command=f"p3dof report --title {HOSTILE}",
-        animation=f"<!DOCTYPE html><p title='x'>{HOSTILE}</p>",
+        page=f"<!DOCTYPE html><p title='x'>{HOSTILE}</p>",
         date=NOON,
     )
 
@@ -200,7 +200,7 @@ def test_open_reactions_to_size_for_are_those_of_elastic_joints(robot, motion, p
 
 @pytest.mark.usefixtures("undrawn")
 def test_one_idealisation_alone(tmp_path, capsys):
-    arguments = ("--samples", 5, "--no-animation", "--out", tmp_path / "r.html", "--joints", "points")
+    arguments = ("--samples", 5, "--no-page", "--out", tmp_path / "r.html", "--joints", "points")
     assert run(capsys, "report", *arguments)[0] == 0
     page = Page((tmp_path / "r.html").read_text(encoding="utf-8"))
     header, *_ = page.tables["Open forces: not to size joints for"]
@@ -228,7 +228,7 @@ def test_every_payload_is_shown(tmp_path, capsys):
     file = tmp_path / "m.yaml"
     in_file = p3dof.Body(5.0, [0.01, 0, -0.1], [0.02, 0.03, 0.04])
     p3dof.write_parameters(p3dof.PAPER.carrying(in_file), file)
-    arguments = ("--parameters", file, "--payload", "2,0,0.03,0", "--samples", 5, "--no-animation")
+    arguments = ("--parameters", file, "--payload", "2,0,0.03,0", "--samples", 5, "--no-page")
     code, text, _ = run(capsys, "report", *arguments, "--out", tmp_path / "r.html")
     assert code == 0
     words = (
@@ -339,7 +339,8 @@ def test_versions_date_and_command(page):
 
 def test_nothing_is_loaded_from_elsewhere(html, page):
     for tag, attributes in page.tags:
-        assert tag not in {"link", "script", "object", "embed", "base", "form"}
+        assert tag not in {"link", "object", "embed", "base", "form"}
+        assert tag != "script" or not attributes
         for name in ("src", "href", "data", "action", "poster", "srcset", "background"):
             address = attributes.get(name)
             assert address is None or address.startswith(("data:image/svg+xml;base64,", "#"))
@@ -362,17 +363,20 @@ def test_pictures_are_drawings_with_words(page):
         assert int(image["width"]) > 600
     assert len({image["alt"] for image in images}) == 5
     targets = {attributes["id"] for _, attributes in page.tags if "id" in attributes}
-    for link in page.named("a"):
-        assert link["href"][1:] in targets
+    links = [link["href"] for link in page.named("a")]
+    instants = [link for link in links if link.startswith("#t=")]
+    assert len(instants) == 10  # in the table of limits: three of each, and the tilt
+    assert all(0.0 <= float(link.removeprefix("#t=")) <= 1.0 for link in instants)
+    assert {link[1:] for link in links} - {link[1:] for link in instants} <= targets
 
 
 def test_hostile_words_stay_words(html, page):
-    assert "<script" not in html
+    assert html.count("<script") == 1  # the report's own
     assert "49" not in html[html.index("<h1>") : html.index("</header>")]
     assert page.text.count(HOSTILE) == 5  # title, heading, term, description, command
     (frame,) = page.named("iframe")
     assert frame["srcdoc"] == f"<!DOCTYPE html><p title='x'>{HOSTILE}</p>"
-    assert frame["sandbox"] == "allow-scripts"
+    assert frame["sandbox"] == "allow-scripts allow-downloads"
     assert frame["title"]
 
 
@@ -399,9 +403,8 @@ def test_invalid_samples_are_left_out(tmp_path):
 
 def test_one_sample_is_enough():
     motion = p3dof.Motion([0.0], np.zeros((1, 3)), np.zeros((1, 3)), np.zeros((1, 3)))
-    page = Page(report.render(p3dof.load(), motion, no_animation="a reason"))
+    page = Page(report.render(p3dof.load(), motion))
     assert "1 samples over 0 s" in page.text
-    assert "No animation: a reason" in page.text
     assert not page.named("iframe")
 
 
@@ -431,15 +434,15 @@ def outside_world():
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_a_browser_runs_the_animation_and_lets_nothing_in_or_out(tmp_path, motion):
+def test_a_browser_runs_what_is_in_the_frame_and_lets_nothing_in_or_out(tmp_path, motion):
     with chromium() as browser, outside_world() as (address, asked):
-        animation = f"""<!DOCTYPE html><body><img src="{address}/image"><script>
+        inner = f"""<!DOCTYPE html><body><img src="{address}/image"><script>
             document.body.dataset.ran = "yes";
             fetch("{address}/data").then(() => "loaded", () => "refused").then(
                 what => document.body.dataset.fetch = what);
             try {{ parent.document.title }} catch (error) {{ document.body.dataset.apart = error.name }}
         </script></body>"""
-        path = report.write(tmp_path / "r.html", p3dof.load(), motion, animation=animation, title=HOSTILE)
+        path = report.write(tmp_path / "r.html", p3dof.load(), motion, page=inner, title=HOSTILE)
         errors = []
         tab = browser.new_page(viewport={"width": 400, "height": 800})
         tab.on("pageerror", lambda error: errors.append(str(error)))
@@ -474,7 +477,7 @@ def test_bad_arguments(robot, motion, tmp_path):
         ((robot, None), {}, "motion: expected a Motion, got NoneType"),
         ((robot, motion), {"title": 3}, "title: expected text, got 3"),
         ((robot, motion), {"command": b"x"}, "command: expected text, got bytes"),
-        ((robot, motion), {"animation": 1.5}, "animation: expected text, got 1.5"),
+        ((robot, motion), {"page": 1.5}, "page: expected text, got 1.5"),
         ((robot, motion), {"picture": "a.png"}, "picture: expected the bytes of a PNG, got 'a.png'"),
         ((robot, motion), {"date": "now"}, "date: expected a datetime, got 'now'"),
         ((robot, motion), {"wrench": (1, 2)}, "wrench"),
@@ -488,7 +491,7 @@ def test_bad_arguments(robot, motion, tmp_path):
 
 @pytest.mark.usefixtures("undrawn")
 def test_a_pdf_is_printed(tmp_path, capsys):
-    """Pages of A4 with an outline and tags, and a picture where the page has its animation."""
+    """Pages of A4 with an outline and tags, and a picture where the report has a page that moves."""
     find_chromium()  # skips where there is none
     out = tmp_path / "r.PDF"
     code, text, _ = run(capsys, "report", "--samples", 11, "--out", out, "--title", "Ä page")
@@ -510,7 +513,7 @@ def test_a_pdf_is_printed(tmp_path, capsys):
 @pytest.mark.usefixtures("undrawn")
 def test_a_pdf_without_a_browser_names_the_extra(tmp_path, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "playwright", None)
-    for more in ((), ("--no-animation",)):
+    for more in ((), ("--no-page",)):
         code, _, err = run(capsys, "report", "--samples", 3, "--out", tmp_path / "r.pdf", *more)
         assert code == 2
         assert "p3dof[video]" in err
@@ -530,9 +533,9 @@ def test_number():
 
 @pytest.mark.usefixtures("undrawn")
 def test_the_command(tmp_path, capsys, monkeypatch):
-    import p3dof.viewer
+    from p3dof.page import saved
 
-    monkeypatch.setattr(p3dof.viewer, "animation_html", lambda _, result: f"<p>{len(result.time)}</p>")
+    monkeypatch.setattr(saved, "page_html", lambda document: f"<p>{document['runs'][0]['time']['shape']}</p>")
     folder = tmp_path / "<img src=x onerror=alert(1)> ö"
     folder.mkdir()
     p3dof.write_parameters(p3dof.SOLIDS, folder / "m.yaml")
@@ -544,7 +547,7 @@ def test_the_command(tmp_path, capsys, monkeypatch):
     assert (code, err) == (0, "")
     assert f"wrote {out}" in text
     page = Page(out.read_text(encoding="utf-8"))
-    assert page.named("iframe")[0]["srcdoc"] == "<p>11</p>"
+    assert page.named("iframe")[0]["srcdoc"] == "<p>[11]</p>"
     assert all(image["src"].startswith("data:") for image in page.named("img"))
     assert f"--parameters={folder / 'm.yaml'}" in page.text
     assert "--payload=2.0,0.0,0.01,0.1" in page.text
@@ -560,24 +563,15 @@ def test_the_command(tmp_path, capsys, monkeypatch):
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_the_command_without_an_animation(tmp_path, capsys, monkeypatch):
-    import p3dof.viewer
-
-    def missing(*_):
-        raise MissingExtraError("the viewer needs meshcat: pip install 'p3dof[viz]'")
-
-    monkeypatch.setattr(p3dof.viewer, "animation_html", missing)
+def test_the_command_without_a_page(tmp_path, capsys):
     out = tmp_path / "r.html"
-    code, text, _ = run(capsys, "report", "--samples", 5, "--out", out)
+    code, _, _ = run(capsys, "report", "--samples", 5, "--out", out, "--no-page")
     assert code == 0
-    assert "no animation: the viewer needs meshcat" in text
     page = Page(out.read_text(encoding="utf-8"))
-    assert "No animation: the viewer needs meshcat: pip install 'p3dof[viz]'" in page.text
     assert not page.named("iframe")
-    code, text, _ = run(capsys, "report", "--samples", 5, "--out", out, "--no-animation")
-    assert code == 0
-    assert "nimation" not in text
-    assert "No animation" not in out.read_text(encoding="utf-8")
+    assert not [link for link in page.named("a") if link["href"].startswith("#t=")]
+    assert "--no-page" in page.text
+    assert "<script" not in out.read_text(encoding="utf-8")
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -587,7 +581,7 @@ def test_bad_arguments_of_the_command(tmp_path, capsys, monkeypatch):
     for arguments, words in (
         (("--motion", motion, "--out", motion), "would be overwritten"),
         (("--motion", tmp_path / "none.csv"), "cannot be read"),
-        (("--samples", 5, "--out", tmp_path / "file" / "r.html", "--no-animation"), "cannot be written"),
+        (("--samples", 5, "--out", tmp_path / "file" / "r.html", "--no-page"), "cannot be written"),
         (("--samples", 1), "1 is not in the range"),
         (("--format", "pdf"), "No such option"),
     ):
@@ -597,7 +591,7 @@ def test_bad_arguments_of_the_command(tmp_path, capsys, monkeypatch):
         assert err.count("\n") == 1
         assert "wrote" not in out
     monkeypatch.setitem(sys.modules, "jinja2", None)
-    code, _, err = run(capsys, "report", "--samples", 5, "--out", tmp_path / "r.html", "--no-animation")
+    code, _, err = run(capsys, "report", "--samples", 5, "--out", tmp_path / "r.html", "--no-page")
     assert code == 2
     assert "p3dof[report]" in err
     assert not (tmp_path / "r.html").exists()

@@ -312,7 +312,7 @@ def test_every_command_tells_that_samples_are_too_few(command, files, capsys):
     )
     more = {
         "compare": ["--no-plot"], "plots": ["--only", "forces", "--format", "svg"],
-        "simulate": ["--controller", "pd", "--no-plot"], "report": ["--no-animation"],
+        "simulate": ["--controller", "pd", "--no-plot"], "report": ["--no-page"],
     }.get(command, [])  # fmt: skip
     arguments = (command, "--motion", files / "samples.csv", *more, "--out", files / out)
     _, shown, _ = run(capsys, *arguments)

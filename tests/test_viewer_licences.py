@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import html
 import importlib.metadata
@@ -18,10 +17,9 @@ import p3dof
 pytest.importorskip("meshcat", reason="meshcat is not installed")
 import meshcat
 
-from p3dof import report
-from p3dof.viewer import Scene, animation_html
-from p3dof.viewer.live import viewer
+from p3dof.viewer import Scene
 from p3dof.viewer.pages import licences
+from p3dof.viewer.visualizer import viewer
 
 DIST = Path(meshcat.__file__).parent / "viewer" / "dist"
 ROOT = Path(__file__).parents[1]
@@ -132,28 +130,13 @@ def robot():
     return p3dof.load()
 
 
-def test_pages_that_stand_alone_carry_them(robot):
-    result = robot.inverse_dynamics(p3dof.paper_motion(5), method="virtual-power")
-    for page in (animation_html(robot, result, fps=4), Scene(robot).window.get_scene()):
-        assert "three.js" in page
-        assert licences() in html.unescape(page)
+def test_a_scene_that_stands_alone_carries_them(robot):
+    page = Scene(robot).window.get_scene()
+    assert "three.js" in page
+    assert licences() in html.unescape(page)
 
 
-def test_a_report_carries_them_with_its_animation(robot, monkeypatch):
-    pytest.importorskip("jinja2", reason="Jinja2 is not installed")
-    from p3dof.report.figures import Picture, Pictures
-
-    blank = Picture("data:,", "nothing", "nothing", 1, 1)  # pictures take nearly all of the time
-    pictures = Pictures(*[blank] * len(dataclasses.fields(Pictures)))
-    monkeypatch.setattr("p3dof.report.page.pictures_of", lambda *_: pictures)
-    motion = p3dof.paper_motion(5)
-    moving = animation_html(robot, robot.inverse_dynamics(motion, method="virtual-power"), fps=4)
-    page = report.render(robot, motion, animation=moving)
-    assert licences() in html.unescape(html.unescape(page))
-    assert "<script" not in page  # what runs, runs in the frame
-
-
-def test_the_live_page_links_them_also_without_controls(robot):
+def test_meshcats_live_page_links_them(robot):
     shown = viewer(robot, port=0)
     try:
         with urllib.request.urlopen(shown.viewer.url(), timeout=10) as answer:  # noqa: S310 - http

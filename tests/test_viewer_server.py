@@ -1,4 +1,4 @@
-"""The server and the player, without a browser: who may connect, what is told, what is left at the end."""
+"""The server, without a browser: who may connect, what is told, what is left at the end."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ import psutil
 import pytest
 
 import p3dof
-from p3dof.errors import InputError, ReachError, SingularityError
+from p3dof.errors import InputError, ReachError
 
 pytest.importorskip("meshcat", reason="meshcat is not installed")
 
@@ -33,16 +33,17 @@ import meshcat.geometry
 import umsgpack
 from tornado.websocket import websocket_connect
 
-from p3dof.viewer.connections import BURST, MAX_MESSAGE, MAX_PAGES, MAX_WAITING
+from p3dof.page.encoding import decoded
+from p3dof.viewer.connections import BURST, MAX_PAGES, MAX_WAITING
+from p3dof.viewer.host import PORT
 from p3dof.viewer.limits import Allowance, Outbox
-from p3dof.viewer.live import LiveViewer, viewer
-from p3dof.viewer.panel import slider_ranges
-from p3dof.viewer.player import END_PAUSE, Frames, Player
-from p3dof.viewer.server import PORT, Server
-from p3dof.viewer.states import States
+from p3dof.viewer.messages import unpacked_message
+from p3dof.viewer.page_server import MAX_MESSAGE
+from p3dof.viewer.server import Server
+from p3dof.viewer.visualizer import viewer
 from p3dof.viewer.window import SceneWindow
 
-FILES = ("", "licences.txt", "pane.js", "fit.js", "common.js", "panel.js", "panel.css", "meshcat.js")
+FILES = ("", "licences.txt", "pane.js", "fit.js", "scene.js", "meshcat.js")
 
 
 @pytest.fixture
@@ -68,7 +69,7 @@ def result(robot):
 
 @pytest.fixture(scope="module")
 def live(robot, result):
-    with LiveViewer(robot, result, port=0, playing=False) as running:
+    with robot.show(result, port=0, playing=False) as running:
         yield running
 
 
@@ -112,14 +113,12 @@ async def bye(page):
 
 
 async def talk(server, *messages):
-    """What the panel of a page is told: two messages at first, and the errors that answer its own."""
-    page = await socket_at(server, "control")
-    heard = [json.loads(await page.read_message()) for _ in range(2)]
+    """What a page is told: hello, and the errors that answer its own messages."""
+    page = await socket_at(server, "page")
+    heard = [unpacked_message(await page.read_message())]
     for message in messages:
         await page.write_message(message)
-        while (answer := json.loads(await page.read_message()))["type"] != "error":
-            pass
-        heard.append(answer)
+        heard.append(json.loads(await page.read_message()))
     await bye(page)
     return heard
 
@@ -205,7 +204,7 @@ def test_nothing_listens_beyond_this_machine(server):
 def test_foreign_pages_are_refused(server, headers):
     headers = {name: value.format(port=server.port) for name, value in headers.items()}
     assert get(server.url, **headers)[0] in (400, 403)
-    for name in ("scene", "control"):
+    for name in ("scene",):
         assert handshake(server, name, **headers) in (400, 403)
 
 
@@ -217,7 +216,7 @@ def test_without_the_token_nothing_is_answered(server, token):
         status, _, content = get(at(server, name, token))
         assert status == 403
         assert b"Open the whole address of the viewer, with its token" in content
-    for name in ("scene", "control"):
+    for name in ("scene",):
         assert handshake(server, name, token) == 403
     assert get(at(server, "").partition("?")[0])[0] == 403
     assert get(f"{server.url}&token=x")[0] == 403  # two of them
@@ -227,7 +226,7 @@ def test_every_server_has_a_token_of_its_own(window, server):
     with Server(window, port=0) as other:
         foreign = other.url.partition("token=")[2]
         assert get(at(server, "", foreign))[0] == 403
-        assert handshake(server, "control", foreign) == 403
+        assert handshake(server, "scene", foreign) == 403
         assert get(other.url)[0] == 200
 
 
@@ -235,12 +234,12 @@ def test_every_server_has_a_token_of_its_own(window, server):
 def test_old_drafts_of_the_protocol_are_refused(server, version):
     own = f"http://127.0.0.1:{server.port}"
     for headers in ({}, {"Origin": own}, {"Sec-WebSocket-Origin": own}):
-        assert handshake(server, "control", **{"Sec-WebSocket-Version": version}, **headers) == 426
+        assert handshake(server, "scene", **{"Sec-WebSocket-Version": version}, **headers) == 426
 
 
 def test_hixie_is_refused(server):
     """Draft 76, whose handshake has a body and no version: it is answered without a 101."""
-    path = at(server, "control").partition(f":{server.port}")[2]
+    path = at(server, "scene").partition(f":{server.port}")[2]
     with socket.create_connection(("127.0.0.1", server.port), timeout=10) as page:
         page.sendall(
             f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\nUpgrade: WebSocket\r\n"
@@ -255,69 +254,49 @@ def test_own_pages_are_not(server):
     own = f"127.0.0.1:{server.port}"
     assert get(server.url, Origin=f"http://{own}")[0] == 200
     assert handshake(server, "scene", Origin=f"http://{own}") == 101
-    assert handshake(server, "control") == 101  # a program, not a page
+    assert handshake(server, "scene") == 101  # a program, not a page
     assert (
         get(server.url, Host=f"localhost:{server.port}", Origin=f"http://localhost:{server.port}")[0] == 200
     )
 
 
 def test_200_page_loads(live):
-    messages = len(live.scene.window.messages())
-
-    async def load(number):
-        for name in FILES:
-            assert (await asyncio.to_thread(get, at(live, name)))[0] == 200
-        scene, panel = await socket_at(live.server, "scene"), await socket_at(live.server, "control")
-        told = [json.loads(await panel.read_message())["type"] for _ in range(2)]
-        assert told == ["setup", "state"]
-        for _ in range(messages if number % 20 == 0 else 1):
-            assert isinstance(await scene.read_message(), bytes)
-        await bye(scene)
-        await bye(panel)
+    async def load():
+        assert (await asyncio.to_thread(get, live.url))[0] == 200
+        page = await socket_at(live.server, "page")
+        assert unpacked_message(await page.read_message())["type"] == "hello"
+        await page.write_message('{"type": "get"}')
+        assert unpacked_message(await page.read_message())["type"] == "document"
+        await bye(page)
 
     async def loads():
-        for first in range(0, 200, 8):
-            await asyncio.wait_for(asyncio.gather(*(load(first + k) for k in range(8))), 20)
+        for _ in range(25):
+            await asyncio.wait_for(asyncio.gather(*(load() for _ in range(8))), 20)
 
     asyncio.run(loads())
-    assert eventually(lambda: live.server.pages == 0)
+    assert eventually(lambda: live.pages == 0)
     assert len(threading.enumerate()) < 12
 
 
-def test_bad_messages_are_answered_and_change_nothing(live):
-    live.seek(0.5)
-    assert eventually(lambda: abs(live._state["time"] - 0.5) < 1e-12)
+def test_bad_messages_are_answered(live):
     bad = {
         "nonsense": "JSON",
         "[1]": "JSON object",
         "[" * 9000: "JSON",
-        "{}": "type: expected play",
-        '{"type": ["play"]}': "type: expected play",
+        "{}": "type: expected get",
+        '{"type": ["get"]}': "type: expected get",
         '{"type": "quit"}': "got 'quit'",
-        '{"type": "time"}': "time: expected a number from 0 to 1, got None",
-        '{"type": "time", "value": 2}': "time: expected a number from 0 to 1, got 2",
-        '{"type": "time", "value": NaN}': "got nan",
-        '{"type": "time", "value": true}': "got True",
-        '{"type": "speed", "value": 1e9}': "speed: expected a number from 0.1 to 4",
-        '{"type": "case", "value": "all"}': "case: expected one of total, static, dynamic",
-        '{"type": "case", "value": {}}': "case: expected one of",
-        '{"type": "pose", "value": [1, 2]}': "pose: expected shape (3,)",
-        '{"type": "pose", "value": ["a", 2, 3]}': "pose: expected real numbers",
-        '{"type": "pose", "value": [NaN, 0, 0]}': "pose: expected finite numbers",
-        '{"type": "pose", "value": [0, 1e20, 0]}': "z: expected a number from -0.2 to 0.2",
-        '{"type": "pose", "value": [0, 1e300, 0]}': "pose: expected numbers of at most 1e+30",
+        '{"type": "ask", "id": 1.5}': "id: expected a whole number",
     }
     heard = asyncio.run(talk(live.server, *bad))
-    assert [one["type"] for one in heard[:2]] == ["setup", "state"]
-    for answer, words in zip(heard[2:], bad.values(), strict=True):
+    assert heard[0]["type"] == "hello"
+    for answer, words in zip(heard[1:], bad.values(), strict=True):
         assert words in answer["message"]
-    assert live._state["time"] == 0.5
-    assert not live._state["playing"]
 
 
 def test_a_long_message_ends_its_connection_only(live):
     async def shout():
-        page = await socket_at(live.server, "control")
+        page = await socket_at(live.server, "page")
         await page.write_message("x" * (MAX_MESSAGE + 1))
         while await page.read_message() is not None:
             pass
@@ -325,7 +304,7 @@ def test_a_long_message_ends_its_connection_only(live):
         return page.close_code
 
     assert asyncio.run(shout()) == 1009
-    assert asyncio.run(talk(live.server))[0]["type"] == "setup"
+    assert asyncio.run(talk(live.server))[0]["type"] == "hello"
 
 
 def frame(opcode, content=b"", final=True):
@@ -358,7 +337,7 @@ def flood(server, frames):
         with contextlib.suppress(OSError):
             page.sendall(frames)
 
-    with raw_page(server, "control") as page:
+    with raw_page(server, "page") as page:
         sender = threading.Thread(target=send)
         sender.start()
         try:
@@ -395,7 +374,7 @@ def test_a_flood_ends_its_connection_with_a_reason(live, kind):
     assert re.match(r"too many (messages: at most 200|pings: at most 1) a second", reason)
     assert frames[1] < 2 * BURST  # and not an error for every message
     assert frames[10] < 100
-    assert eventually(lambda: live.server.pages == 0)
+    assert eventually(lambda: live.pages == 0)
 
 
 @pytest.mark.usefixtures("quiet")
@@ -409,7 +388,7 @@ def test_others_are_served_while_a_page_floods(live):
 
     def watch():
         while not ended.wait(0.002):
-            pages = tuple(live.server._panels.pages)
+            pages = tuple(live.server._channel.pages)
             longest.append(max((len(page._outbox) for page in pages), default=0))
 
     threads = [threading.Thread(target=work) for work in (flood_on, flood_on, watch)]
@@ -419,7 +398,7 @@ def test_others_are_served_while_a_page_floods(live):
     served, begun = 0, len(floods)
     while len(floods) < begun + 4:
         assert get(live.url)[0] == 200
-        assert len(asyncio.run(talk(live.server, "{}"))) == 3
+        assert len(asyncio.run(talk(live.server, "{}"))) == 2
         served += 1
     ended.set()
     for thread in threads:
@@ -430,17 +409,20 @@ def test_others_are_served_while_a_page_floods(live):
 
 
 def test_a_page_that_sends_as_a_user_does_is_not_closed(live):
+    seen = []
+    live.follow(seen.append)
+
     async def drag():
-        page = await socket_at(live.server, "control")
+        page = await socket_at(live.server, "page")
         for k in range(BURST - 20):
-            await page.write_message(json.dumps({"type": "time", "value": k / BURST}))
+            await page.write_message(json.dumps({"type": "selection", "time": k / BURST, "run": 0}))
         await page.write_message("{}")
-        while json.loads(await page.read_message())["type"] != "error":
+        while not isinstance(await page.read_message(), str):
             pass
         await bye(page)
 
     asyncio.run(drag())
-    assert eventually(lambda: live._state["time"] == (BURST - 21) / BURST)
+    assert eventually(lambda: bool(seen) and seen[-1]["time"] == (BURST - 21) / BURST)
 
 
 @pytest.mark.usefixtures("quiet")
@@ -494,32 +476,29 @@ def test_there_is_a_most_number_of_pages(server):
         for _ in range(MAX_PAGES):
             pages.enter_context(raw_page(server, "scene"))
         assert handshake(server, "scene") == 503
-        assert handshake(server, "control") == 101
     assert eventually(lambda: not server._scenes.pages)
     assert handshake(server, "scene") == 101
 
 
 @pytest.mark.usefixtures("quiet")
 def test_pages_that_close_in_the_middle_of_it_are_not_talked_about(live):
-    """Cut off while the scene is sent, while a motion is played, and while a file is sent."""
+    """Cut off while it is greeted, and while a file is sent."""
     cut = struct.pack("ii", 1, 0)  # a reset instead of an end
-    live.play()
-    for name in ("scene", "control") * 10:
-        with raw_page(live.server, name) as page:
+    for _ in range(20):
+        with raw_page(live.server, "page") as page:
             page.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, cut)
-    for name in ("scene", "control") * 5:
-        with raw_page(live.server, name) as page:
-            assert len(page.recv(1000)) > 0
+    for _ in range(10):
+        with raw_page(live.server, "page") as page:
+            assert len(page.recv(10)) > 0
             page.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, cut)
-    path = at(live, "meshcat.js").partition(f":{live.server.port}")[2]
+    path = at(live.server).partition(f":{live.server.port}")[2]
     for _ in range(5):
         with socket.create_connection(("127.0.0.1", live.server.port), timeout=10) as page:
             page.sendall(f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode())
             page.recv(100)
             page.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, cut)
-    assert eventually(lambda: not live.server.pages and not live.server._scenes.pages)
-    live.seek(0.0)
-    assert asyncio.run(talk(live.server))[0]["type"] == "setup"
+    assert eventually(lambda: not live.pages)
+    assert asyncio.run(talk(live.server))[0]["type"] == "hello"
 
 
 def test_a_scene_takes_no_messages(server):
@@ -591,7 +570,7 @@ def test_ports(window):
 def test_nothing_is_left_of_it(robot, result):
     threads, open_files = set(threading.enumerate()), psutil.Process().num_fds()
     for _ in range(3):
-        live = LiveViewer(robot, result, port=0)
+        live = robot.show(result, port=0)
         asyncio.run(talk(live.server))
         live.stop()
         live.stop()
@@ -599,8 +578,7 @@ def test_nothing_is_left_of_it(robot, result):
         with pytest.raises(urllib.error.URLError):
             get(live.url)
         assert live.wait(0)
-        live.scene.display(np.zeros(10))  # the scene goes on without it
-        live.server.tell({"type": "state"})
+        live.show(result)  # for pages that come when it is started again
     assert psutil.Process().num_fds() <= open_files + 1
     assert repr(live) == "LiveViewer(stopped)"
     assert "srcdoc" in live._repr_html_()
@@ -608,9 +586,9 @@ def test_nothing_is_left_of_it(robot, result):
 
 def test_a_process_ends_with_its_viewers():
     program = (
-        "import p3dof; from p3dof.viewer.live import LiveViewer, viewer\n"
+        "import p3dof\n"
         "robot = p3dof.load()\n"
-        "shown = [LiveViewer(robot, p3dof.paper_motion(11), port=0), viewer(robot, port=0)]\n"
+        "shown = [robot.show(p3dof.paper_motion(11), port=0), robot.viewer(port=0)]\n"
         "print(shown[0].url)\n"
     )
     done = subprocess.run(
@@ -631,177 +609,38 @@ def test_viewer_without_controls(robot):
     assert shown.viewer.url() == ""
 
 
-def test_player():
-    now = [100.0]
-    player = Player(1.0, 3.0, speed=0.5, clock=lambda: now[0])
-    assert (player.time, player.playing) == (1.0, True)
-    now[0] += 2
-    assert player.time == 2.0
-    player.set_speed(1.0)
-    now[0] += 0.5
-    assert player.time == 2.5
-    now[0] += 0.5 + END_PAUSE / 2
-    assert player.time == 3.0  # the end is shown for a while
-    now[0] += END_PAUSE / 2 + 0.25
-    assert player.time == pytest.approx(1.25)  # and then it begins again
-    player.pause()
-    now[0] += 10
-    assert player.time == pytest.approx(1.25)
-    player.play()
-    now[0] += 0.5
-    assert player.time == pytest.approx(1.75)
-    player.seek(3.0)
-    assert not player.playing
-    player.play()
-    assert player.time == 1.0
-    for bad in (0.05, 5, "1", None, float("nan")):
-        with pytest.raises(InputError, match=r"speed: expected a number from 0\.1 to 4"):
-            player.set_speed(bad)
-    with pytest.raises(InputError, match="time: expected a number from 1 to 3, got 0"):
-        player.seek(0)
-    still = Player(2.0, 2.0, clock=lambda: now[0])  # a single sample
-    now[0] += 7.3
-    assert still.time == 2.0
-
-
-def test_frames_are_left_out_rather_than_late():
-    drawn = []
-
-    def slow():
-        drawn.append(time.perf_counter())
-        time.sleep(0.02)
-        return len(drawn) < 10
-
-    frames = Frames(slow, 1000.0, "test")
-    frames.start()
-    assert eventually(lambda: len(drawn) == 10)
-    time.sleep(0.1)
-    assert len(drawn) == 10  # nothing moves any more
-    frames.ask()
-    assert eventually(lambda: len(drawn) == 11)
-    frames.stop()
-    assert not frames.running
-
-
-def test_an_error_while_drawing_is_handed_on():
-    def fail():
-        raise ZeroDivisionError
-
-    frames = Frames(fail, 60.0, "test")
-    frames.start()
-    with pytest.raises(ZeroDivisionError):
-        frames.wait(5)
-
-
-def test_a_frame_takes_a_fraction_of_a_thirtieth_of_a_second(robot):
-    with LiveViewer(robot, p3dof.paper_motion(1001), port=0, playing=False) as live:
-        live._frames.stop()
-        start = time.thread_time()
-        for at in np.linspace(0, 1, 60):
-            live._player.seek(at)
-            live._step()
-        assert (time.thread_time() - start) / 60 < 0.5 / 30
-
-
-def test_states(robot, result):
-    states, rest = States(robot, result), np.zeros(3)
-    for sample in (0, 17, 50):
-        at, pose = result.time[sample], result.motion.pose[sample]
-        static = robot.forces(pose, rest, rest)
-        for case, forces in (
-            ("total", result.forces[sample]),
-            ("static", static),
-            ("dynamic", result.forces[sample] - static),
-        ):
-            shown = states.of_time(at, case)
-            np.testing.assert_allclose(shown.pose, pose, atol=1e-15)
-            np.testing.assert_allclose(shown.forces, forces, atol=1e-11)
-            np.testing.assert_allclose(shown.q, result.joints.q[sample], atol=1e-14)
-            np.testing.assert_allclose(shown.sliders, result.sliders[sample], atol=1e-14)
-    between = states.of_time(0.123, "total")
-    exact = p3dof.paper_motion(1001)[123]
-    np.testing.assert_allclose(between.pose, exact.pose[0], atol=1e-9)
-    at_rest = states.of_pose(np.array([0.1, 0.0, 0.2]), 0.0, rest, "total")
-    np.testing.assert_allclose(at_rest.forces, robot.forces([0.1, 0, 0.2], rest, rest), atol=1e-11)
-    assert not states.of_pose(np.array([0.1, 0.0, 0.2]), 0.0, rest, "dynamic").forces.any()
-
-
-def test_the_load_stays_on_a_platform_that_is_moved_by_hand(robot):
-    motion = p3dof.paper_motion(11)
-    wrench = np.linspace(0, 1, 11)[:, None] * [0, 0, -50.0, 0, 3.0, 0]
-    states = States(robot, robot.inverse_dynamics(motion, method="virtual-power", wrench=wrench))
-    pose, rest = np.array([0.05, 0.01, 0.1]), np.zeros(3)
-    shown = states.of_pose(pose, 0.55, rest, "static")
-    expected = robot.forces(pose, rest, rest, wrench=[0, 0, -27.5, 0, 1.65, 0])
-    np.testing.assert_allclose(shown.forces, expected, atol=1e-11)
-
-
-def test_limits_in_words(robot):
-    states, rest = States(robot, None), np.zeros(3)
-    shown = states.of_pose(np.array([0.0, 0.25, 0.9]), 0.0, rest, "total")
-    assert "travel of slider A: 0.250 m, limit 0.2 m" in shown.limits
-    assert "tilt of the platform: 0.900 rad, limit 0.785 rad" in shown.limits
-    assert states.of_pose(rest, 0.0, rest, "total").limits == ()
-
-
-def test_the_platform_cannot_be_dragged_through_a_singular_pose():
-    robot = p3dof.load(p3dof.Parameters(p3dof.Geometry(r=0.2, R=0.25, L=0.3), p3dof.PAPER.bodies))
-    angles = robot.singularity(
-        np.stack([np.zeros(401), np.zeros(401), np.linspace(-2, 2, 401)], -1)
-    ).actuation
-    beyond = np.linspace(-2, 2, 401)[np.flatnonzero(angles < -0.05)[0]]
-    states, home = States(robot, None), np.zeros(3)
-    with pytest.raises(SingularityError, match="has passed the plane of leg C's rods by"):
-        states.of_pose(np.array([0.0, 0.0, beyond]), 0.0, home, "total")
-    there = np.array([0.0, 0.0, beyond])
-    states.of_pose(there, 0.0, there, "total")  # on its own side it may stay
-
-
-def test_a_motion_that_leaves_the_reach_keeps_the_last_pose(robot):
+def test_a_motion_that_leaves_the_reach_has_gaps(robot):
     time_, y = np.linspace(0, 1, 51), np.linspace(0, 0.3, 51)
     motion = p3dof.Motion.from_poses(time_, np.stack([y, 0 * y, 0 * y], -1))
     with pytest.raises(ReachError, match="leg A"):
-        LiveViewer(robot, motion, port=0)
+        robot.show(motion, port=0)
     result = robot.inverse_dynamics(motion, method="virtual-power", on_invalid="nan")
-    with LiveViewer(robot, result, port=0, playing=False, at=0.7) as live:
-        assert live.shown.pose[0] == pytest.approx(0.21)
-        live.seek(0.95)
-        assert eventually(lambda: live._state["leg"] == "a")
-        assert "leg A is too short" in live._state["message"]
-        assert live.shown.pose[0] == pytest.approx(0.21)
-        live.seek(0.5)
-        assert eventually(lambda: live._state["leg"] is None)
-        assert live._state["message"] == ""
+    with robot.show(result, port=0, at=0.7) as live:
+        force = next(one for one in live.session.document["runs"][0]["curves"] if one["key"] == "force_a")
+        np.testing.assert_array_equal(np.isnan(decoded(force["values"])), ~result.valid)
 
 
-def test_python_methods(live, robot):
-    live.move_to([0.1, 0.0, 0.1])
-    assert eventually(lambda: live.shown.pose[0] == 0.1)
-    with pytest.raises(ReachError):
-        live.move_to([0.26, 0.0, 0.0])
-    with pytest.raises(InputError, match="theta: expected a number from"):
-        live.move_to([0.0, 0.0, 1.0])
-    live.play()
-    assert eventually(lambda: live._state["playing"])
-    live.pause()
-    assert eventually(lambda: not live._state["playing"])
+def test_bad_input_is_one_clear_error(robot, result):
+    for arguments, options, words in (
+        (("motion",), {}, "result: expected a Motion, InverseDynamics or Simulation, got 'motion'"),
+        ((result,), {"speed": 9}, r"speed: expected a number from 0\.1 to 4"),
+        ((result,), {"at": 2.0}, "at: expected a number from 0 to 1, got 2"),
+        ((), {"at": 0.0}, "at: expected a run to go with it"),
+        ((result,), {"playing": 1}, "playing: expected True or False, got 1"),
+        ((), {"wrench": np.zeros(6)}, "wrench: expected a Motion to go with it"),
+        ((result,), {"title": 3}, "title: expected text, got 3"),
+    ):
+        with pytest.raises(InputError, match=words):
+            robot.show(*arguments, port=0, **options)
     with pytest.raises(InputError, match="robot: expected a Manipulator"):
-        LiveViewer("robot")
-    with pytest.raises(InputError, match="motion: expected a Motion or InverseDynamics, got str"):
-        LiveViewer(robot, "motion")
-    with pytest.raises(InputError, match="fps"):
-        LiveViewer(robot, fps=0)
-    with pytest.raises(InputError, match="speed"):
-        LiveViewer(robot, speed=9)
-    with pytest.raises(InputError, match="wrench"):
-        LiveViewer(robot, wrench=np.zeros(6))
-    with LiveViewer(robot, port=0) as still, pytest.raises(InputError, match="play: there is no motion"):
-        still.play()
-
-
-def test_slider_ranges_hold_the_reach(robot):
-    (low, high), travel, tilt = slider_ranges(robot)
-    g, limits = robot.parameters.geometry, robot.parameters.limits
-    assert low == -high
-    assert high > g.L - (g.R - g.r)
-    assert (travel, tilt) == (limits.travel, limits.tilt)
+        p3dof.viewer.show("robot")
+    with robot.show(result, port=0) as live:
+        for act, words in (
+            (lambda: live.show("run"), "result: expected a Motion"),
+            (lambda: live.show(result, name=3), "name: expected text, got 3"),
+            (lambda: live.seek("x"), "time: expected"),
+            (lambda: live.follow(3), "follower: expected a function, got 3"),
+            (lambda: live.follow(print, "forces"), "what: expected selection or waypoints, got 'forces'"),
+        ):
+            with pytest.raises(InputError, match=words):
+                act()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import os
 import random
 import re
@@ -20,14 +21,13 @@ pytest.importorskip("yourdfpy", reason="yourdfpy is not installed")
 pytest.importorskip("trimesh", reason="trimesh is not installed")
 import trimesh
 from browser import chromium, opened
-from test_viewer_scene import commands, matrix
 
 from p3dof.page.robots import meshes
+from p3dof.page.robots.document import robot_document
 from p3dof.page.robots.figure import RobotFigure
 from p3dof.page.robots.meshes import MeshFiles
-from p3dof.viewer import JointMotion, RobotScene
+from p3dof.viewer import JointMotion
 from p3dof.viewer.headless import as_image
-from p3dof.viewer.robots.live import RobotViewer
 
 SHAPES = {
     "base": '<visual><geometry><box size="0.6 0.1 0.02"/></geometry><material name="dark"/></visual>',
@@ -82,22 +82,25 @@ def test_shapes_are_where_the_file_has_them(folder):
     assert kinds == ["Box", "Cylinder", "Box", "Sphere"]
     q = robots.four_bar_q(0.7, *robots.FOUR_BAR)
     loop = loop_of(path)
-    scene = RobotScene(figure, JointMotion([0.0], [q]), loop=loop)
-    found = commands(scene.window)
+    document = robot_document(loop, figure, JointMotion([0.0], [q]))
     data = loop.model.createData()
     pin.framesForwardKinematics(loop.model, data, q)
     mesh = named(figure)[2]
     place = data.oMf[loop.model.getFrameId("coupler", pin.FrameType.BODY)] * pin.SE3(
         np.eye(3), np.array([0.2, 0, 0])
     )
-    drawn = matrix(found, f"/meshcat/p3dof/visuals/{mesh.name}")
-    np.testing.assert_allclose(drawn, place.homogeneous, rtol=0, atol=1e-12)
+    solid = next(one for one in document["scene"]["solids"] if one["name"] == mesh.name)
+    x, y, z, *turn = solid["placement"]
+    own = pin.SE3(pin.Quaternion(np.array(turn)).matrix(), np.array([x, y, z]))
+    pin.forwardKinematics(loop.model, data, q)
+    drawn = data.oMi[solid["joint"] + 1] * own
+    np.testing.assert_allclose(drawn.homogeneous, place.homogeneous, rtol=0, atol=1e-12)
     low, high = figure.skins[mesh.name].box
     np.testing.assert_allclose(high - low, [0.45, 0.02, 0.02], atol=1e-7)
     np.testing.assert_array_equal(figure.skins[mesh.name].colours, np.tile([1.0, 0.0, 0.0], (12, 1)))
     np.testing.assert_allclose(named(figure)[0].meshColor, [0, 0, 0.2, 1])
-    assert {name for name in scene.layers.seen if scene.layers.seen[name]} >= {"shapes", "closures"}
-    assert not scene.layers.seen["sticks"]
+    shown = {layer["name"]: layer["shown"] for layer in document["scene"]["layers"]}
+    assert shown == {"shapes": True, "sticks": False}
 
 
 @pytest.mark.parametrize(
@@ -323,24 +326,23 @@ def test_primitive_shapes_of_an_mjcf():
 def test_a_mesh_is_seen_in_the_page_and_can_be_hidden(folder):
     path = folder / "four_bar.urdf"
     loop, q = loop_of(path), robots.four_bar_q(0.7, *robots.FOUR_BAR)
-    ready = "!document.getElementById('panel').hidden && !!state"
+    ready = "!!window.p3dof && p3dof.ready.then(() => true)"
     with (
         chromium() as browser,
-        RobotViewer(loop, JointMotion([0.0], [q]), shapes=path, port=0) as live,
+        p3dof.show_robot(loop, JointMotion([0.0], [q]), shapes=path, port=0) as live,
         opened(browser, live.url, 800, 500, ready) as watched,
     ):
-        node = "nodeOf('meshcat/p3dof/visuals/shape_2_coupler_joint')"
-        watched.wait(f"{node} && {node}.children['<object>'].object.geometry.attributes.normal.count === 36")
         shown = red(watched)
         assert shown > 50
-        watched.page.uncheck("#layer-shapes")
-        watched.wait(f"!{node}.object.visible && document.getElementById('layer-sticks').checked === false")
-        watched.page.evaluate("viewer.render()")
+        watched.page.uncheck("#layers input[name=shapes]")
+        watched.wait("p3dof.state.layers.shapes === false")
+        assert not watched.page.is_checked("#layers input[name=sticks]")
         assert red(watched) < shown / 10
         watched.healthy()
 
 
 def red(watched):
     """How many pixels are of the mesh's colour."""
-    picture = np.asarray(as_image(watched.page.locator("#pane canvas").screenshot())).astype(int)
-    return int(((picture[..., 0] > 80) & (picture[..., 1] < 40) & (picture[..., 2] < 40)).sum())
+    png = base64.b64decode(watched.page.evaluate("() => p3dof.state.stage.picture().split(',')[1]"))
+    picture = np.asarray(as_image(png)).astype(int)
+    return int(((picture[..., 0] > 80) & (picture[..., 1] < 60) & (picture[..., 2] < 60)).sum())

@@ -14,7 +14,6 @@ from p3dof.cli.files import STREAM, OutputFile
 from p3dof.cli.options import JOINTS, STIFFNESS, Case, stiffness_in, with_case
 from p3dof.cli.output import print_plain, print_warnings, progress_bar
 from p3dof.cli.payloads import payloads_in_words, print_payloads
-from p3dof.errors import InputError, MissingExtraError
 from p3dof.files import suffix_of
 from p3dof.manipulator import InverseDynamics
 from p3dof.reactions import ALL, Choice
@@ -29,14 +28,12 @@ from p3dof.reactions import ALL, Choice
     type=OutputFile("report"),
     default="out/report.html",
     show_default=True,
-    help="File to write: .html, or .pdf with a picture for the animation (needs a Chromium, and playwright).",
+    help="File to write: .html, or .pdf with a picture of what moves (needs a Chromium, and playwright).",
 )
 @click.option("--title", help="Heading of the page.")
-@click.option("--animation/--no-animation", default=True, help="Embed the animation (needs the extra 'viz').")
-def make(
-    case: Case, joints: Choice, stiffness: Path | None, out: Path, title: str | None, animation: bool
-) -> int:
-    """Write parameters, figures, tables and an animation as one page (needs the extra 'report').
+@click.option("--page/--no-page", default=True, help="Embed the page in which the machine moves.")
+def make(case: Case, joints: Choice, stiffness: Path | None, out: Path, title: str | None, page: bool) -> int:
+    """Write parameters, figures, tables and the moving machine as one page (needs the extra 'report').
 
     Exit code 1 when the machine cannot make the motion.
     """
@@ -53,8 +50,8 @@ def make(
     result = comparison.second
     case.require_valid(result.valid)
     printed = suffix_of(out, "report") == ".pdf"
-    moving, reason = _animation(case, result) if animation and not printed else (None, "")
-    picture = _picture(case, result) if animation and printed else None
+    moving = case.robot.page(result).html if page and not printed else None
+    picture = _picture(case, result) if page and printed else None
     path = report.write(
         out,
         case.robot,
@@ -63,9 +60,8 @@ def make(
         case.on_invalid,
         title=title,
         about=_about(case),
-        command=_command(case, joints, stiffness, out, title, animation),
-        animation=moving,
-        no_animation=reason,
+        command=_command(case, joints, stiffness, out, title, page),
+        page=moving,
         joints=joints,
         stiffness=stiffness_in(stiffness),
         picture=picture,
@@ -74,28 +70,16 @@ def make(
     console = Console()
     print_payloads(console, case)
     print_warnings(console, result.warnings)
-    if reason:
-        print_plain(console, f"no animation: {reason}")
     print_plain(console, f"wrote {path}")
     return 0 if result.possible else 1
 
 
-def _animation(case: Case, result: InverseDynamics) -> tuple[str | None, str]:
-    """Return a page that shows the motion, or why there is none."""
-    try:
-        from p3dof.viewer import animation_html
-
-        return animation_html(case.robot, result), ""
-    except (MissingExtraError, InputError) as error:  # no MeshCat, or a motion too long for one page
-        return None, str(error)
-
-
 def _picture(case: Case, result: InverseDynamics) -> bytes:
     """Return a picture of the machine at the instant of the largest force."""
-    from p3dof.viewer.video import screenshot, view_of
+    from p3dof.viewer.pictures import screenshot
 
     strongest = int(np.argmax(np.nan_to_num(np.abs(result.forces)).max(axis=1)))
-    return screenshot(case.robot, **view_of(case.robot, result, float(result.time[strongest])))
+    return screenshot(case.robot.page(result), float(result.time[strongest]))
 
 
 def _about(case: Case) -> dict[str, str]:
@@ -119,7 +103,7 @@ def _named(path: Path | None) -> str:
 
 
 def _command(
-    case: Case, joints: Choice, stiffness: Path | None, out: Path, title: str | None, animation: bool
+    case: Case, joints: Choice, stiffness: Path | None, out: Path, title: str | None, page: bool
 ) -> str:
     """Return the command that makes this report."""
     payload = None
@@ -139,4 +123,4 @@ def _command(
     }
     words = ["p3dof", "report"]
     words += [f"{name}={value}" for name, value in options.items() if value is not None]
-    return shlex.join(words if animation else [*words, "--no-animation"])
+    return shlex.join(words if page else [*words, "--no-page"])

@@ -9,17 +9,14 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 import click
 from rich.console import Console
 
 from p3dof.cli.options import Number, Whole
 from p3dof.cli.output import print_plain
-from p3dof.viewer.player import FASTEST, SLOWEST
-
-if TYPE_CHECKING:
-    from p3dof.viewer.live_page import LivePage
+from p3dof.viewer.start import FASTEST, SLOWEST
 
 _ENDING = ("SIGINT", "SIGTERM", "SIGHUP")
 
@@ -41,7 +38,27 @@ OPEN = click.option(
 )
 
 
-def serve(make: Callable[[], LivePage], what: str, browse: bool) -> None:
+class Served(Protocol):
+    """A page that is served, as a context that ends it."""
+
+    @property
+    def url(self) -> str:
+        """Where it is."""
+
+    def __enter__(self) -> Any:
+        """Return the page."""
+
+    def __exit__(self, *error: object) -> None:
+        """End it."""
+
+    def open(self) -> object:
+        """Open it in the user's browser."""
+
+    def wait(self, timeout: float | None = None) -> bool:
+        """Wait until it has ended."""
+
+
+def serve(make: Callable[[], Served], what: str, browse: bool) -> None:
     """Serve a page until Ctrl-C or a termination signal.
 
     Parameters

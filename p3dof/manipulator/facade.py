@@ -533,16 +533,27 @@ class Manipulator:
 
     # In time, and to look at
 
-    def show(self, motion: Motion | InverseDynamics | None = None, **options: Any) -> Any:
-        """Show the machine in a page of the browser, moving, with controls; needs the extra ``viz``.
+    def page(self, result: Any = None, **options: Any) -> Any:
+        """Return a page of the browser with the machine, its runs and forces: ``page.save("machine.html")``.
 
-        What moves may be a `Motion` or an `InverseDynamics`; without it the machine stands at home. `options`
-        are those of `p3dof.viewer.show`: port, speed, ... It returns a `p3dof.viewer.LiveViewer` with `url`
-        and `stop()`, which shows itself in a notebook. `MissingExtraError` if meshcat is not installed.
+        What moves may be a `Motion`, an `InverseDynamics` or a `Simulation`; without it the machine is held
+        at home. `options` are those of `p3dof.viewer.page`: wrench, runs to compare with, title, ... It shows
+        itself in a notebook, and needs no extra.
         """
         from p3dof import viewer
 
-        return viewer.show(self, motion, **options)
+        return viewer.page(self, result, **options)
+
+    def show(self, result: Any = None, **options: Any) -> Any:
+        """Show that page in the browser, live: more runs can be sent to it; needs the extra ``viz``.
+
+        `options` are those of `p3dof.viewer.show`: port, speed, ... It returns a `p3dof.viewer.LiveViewer`
+        with `url`, `show(result)` and `stop()`, which shows itself in a notebook. `MissingExtraError` if
+        tornado is not installed.
+        """
+        from p3dof import viewer
+
+        return viewer.show(self, result, **options)
 
     def viewer(self, port: int | None = None) -> Any:
         """Return a `pinocchio.visualize.MeshcatVisualizer` of the machine; needs the extra ``viz``.

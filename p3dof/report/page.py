@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import os
 import platform
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
@@ -39,6 +40,9 @@ from p3dof.samples import OnInvalid
 from p3dof.tables import table_html
 
 TITLE = "Inverse dynamics of a 3-DOF spatial parallel manipulator"
+_INSTANT = "at t [s]"
+"""The column of tables that has instants."""
+_NUMBER = re.compile(r"-?\d+(\.\d+)?(e-?\d+)?")
 PACKAGES = ("p3dof", "pin", "numpy", "scipy", "matplotlib", "Jinja2")
 
 
@@ -75,8 +79,7 @@ def render(
     title: str | None = None,
     about: Mapping[str, str] | None = None,
     command: str | None = None,
-    animation: str | None = None,
-    no_animation: str = "",
+    page: str | None = None,
     date: datetime | None = None,
     progress: Progress | None = None,
     joints: Choice = ALL,
@@ -102,10 +105,9 @@ def render(
         What else its head should tell, such as where machine and motion come from.
     command : str, optional
         How to make this report again.
-    animation : str, optional
-        A page that shows the motion, such as that of `p3dof.viewer`; it is put into a frame of the report.
-    no_animation : str
-        Why there is none.
+    page : str, optional
+        A page that shows the motion, such as ``robot.page(motion).html``; it is put into a frame of the
+        report, where instants in tables lead to.
     date : datetime, optional
         When it was made; now by default.
     progress : callable, optional
@@ -115,7 +117,7 @@ def render(
     stiffness : Stiffness, optional
         How joints and rods give way; guesses by default.
     picture : bytes, optional
-        A picture of the machine (PNG), for paper, where nothing moves; it takes the place of the animation.
+        A picture of the machine (PNG), for paper, where nothing moves; it takes the place of that page.
     comparison : Comparison, optional
         What `robot.compare` found of this motion and load, if it is known already.
 
@@ -134,7 +136,7 @@ def render(
         If Jinja2 or matplotlib is not installed.
     """
     template = _template()
-    _check(robot, title=title, command=command, animation=animation, no_animation=no_animation)
+    _check(robot, title=title, command=command, page=page)
     if date is not None and not isinstance(date, datetime):
         raise InputError(f"date: expected a datetime, got {shown(date)}")
     if comparison is None:
@@ -150,15 +152,14 @@ def render(
         "title": TITLE if title is None else title,
         "about": dict(about or {}),
         "command": command,
-        "animation": animation,
-        "no_animation": no_animation,
+        "page": page,
         "picture": None if picture is None else _data_uri(picture),
         "date": when.isoformat(sep=" ", timespec="seconds"),
         "versions": _versions(),
         **_content(findings),
     }
-    page: str = template.render(words)
-    return page.encode("utf-8", "backslashreplace").decode("utf-8")  # names of files may not be text
+    text: str = template.render(words)
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")  # names of files may not be text
 
 
 def write(
@@ -190,12 +191,12 @@ def write(
         As `render`.
     """
     printed = suffix_of(path, "report") == ".pdf"
-    page = render(robot, motion, *args, **options)
+    text = render(robot, motion, *args, **options)
     if not printed:
-        return write_atomic(path, page)
+        return write_atomic(path, text)
     from p3dof.viewer.headless import pdf_of
 
-    return write_atomic(path, pdf_of(page))
+    return write_atomic(path, pdf_of(text))
 
 
 def _data_uri(picture: bytes) -> str:
@@ -225,6 +226,7 @@ def _template() -> Any:
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters["table"] = lambda table: markupsafe.Markup(table_html(table))  # noqa: S704 - it has escaped its texts
+    environment.filters["linked"] = lambda table: markupsafe.Markup(linked(table_html(table)))  # noqa: S704 - likewise
     return environment.from_string(text)
 
 
@@ -266,6 +268,33 @@ def _content(findings: Findings) -> dict[str, Any]:
         "undecided": how_chosen(findings.reactions),
         "pictures": pictures,
     }
+
+
+def linked(table: str) -> str:
+    """Return a table as HTML whose instants, "at t [s]", lead to the page of the report.
+
+    Parameters
+    ----------
+    table : str
+        As of `p3dof.tables.table_html`.
+
+    Returns
+    -------
+    str
+    """
+    names = re.findall(r'<th scope="col">(.*?)</th>', table)
+    if _INSTANT not in names:
+        return table
+    column = names.index(_INSTANT) - 1  # the first is the name of the row
+
+    def led(row: re.Match[str]) -> str:
+        cells = row[0].split("<td>")
+        value, end, rest = cells[1 + column].partition("</td>")
+        if _NUMBER.fullmatch(value):
+            cells[1 + column] = f'<a href="#t={value}">{value}</a>{end}{rest}'
+        return "<td>".join(cells)
+
+    return re.sub(r'<tr><th scope="row">.*?</tr>', led, table)
 
 
 def _key_numbers(findings: Findings) -> dict[str, str]:

@@ -15,7 +15,7 @@ import numpy as np
 from p3dof.checks import FloatArray, Progress, positive
 from p3dof.errors import FileError, InputError, MissingExtraError
 from p3dof.files import scratch_folder, suffix_of, write_atomic
-from p3dof.viewer.headless import as_image, aside, opened
+from p3dof.viewer.headless import AnyShooter, PageShooter, as_image, aside, opened
 
 _GIF_FPS = 50.0
 """Browsers show GIFs no faster."""
@@ -53,6 +53,7 @@ def save_film(
     rate: float,
     size: tuple[int, int],
     progress: Progress | None = None,
+    shooter: Callable[[Any], AnyShooter] = PageShooter,
 ) -> Path:
     """Write a film of a page that plays, every frame at its exact time.
 
@@ -61,15 +62,17 @@ def save_film(
     path : path-like
         The file, whose name ends in ``.mp4`` or ``.gif``.
     html : str
-        The page, as of `p3dof.viewer.frames.page_of`.
+        The page.
     times : ndarray, shape (N,)
-        Of the frames, since the beginning of the motion [s].
+        Of the frames [s].
     rate : float
         Frames a second.
     size : tuple of int
         Width and height [pixels].
     progress : callable, optional
         Called with (done, total) frames.
+    shooter : callable
+        What takes pictures of such a page.
 
     Returns
     -------
@@ -86,8 +89,8 @@ def save_film(
     encode = _gif if suffix_of(path, "film") == ".gif" else _mp4(_ffmpeg())
 
     def shoot() -> list[bytes]:
-        with opened(html, size) as shooter:
-            return list(_counted(shooter.picture, times, progress))
+        with opened(html, size, shooter) as taking:
+            return list(_counted(taking.picture, times, progress))
 
     return write_atomic(path, encode(aside(shoot), rate))
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from p3dof.errors import InputError, MissingExtraError
 from p3dof.files import scratch_folder
@@ -41,13 +41,19 @@ SIZE = (960, 720)
 _READY = "typeof viewer === 'object' && viewer.renderer.domElement.width > 0"
 _HIDE = """
 for (const part of [viewer.gui.domElement, document.getElementById('licences')]) part.style.display = 'none';
-for (const box of document.querySelectorAll('#parts label')) box.style.display = 'none';
 """
 _Result = TypeVar("_Result")
 
 
+class AnyShooter(Protocol):
+    """Takes pictures of an open page."""
+
+    def picture(self, time: float | None = None) -> bytes:
+        """Return the page as PNG, at a time if it plays something [s]."""
+
+
 class Shooter:
-    """An open page, to take pictures of.
+    """A scene of MeshCat in an open page, to take pictures of.
 
     Parameters
     ----------
@@ -60,14 +66,36 @@ class Shooter:
         page.wait_for_function(_READY)
         page.evaluate(_HIDE)
 
+    def picture(self, time: float | None = None) -> bytes:  # noqa: ARG002 - nothing moves here
+        """Return the scene as PNG."""
+        self._page.evaluate("viewer.render()")
+        return bytes(self._page.screenshot(type="png"))
+
+
+class PageShooter:
+    """The same for a page of `p3dof.page`, of which only the machine is seen.
+
+    Parameters
+    ----------
+    page : playwright.sync_api.Page
+        Showing it.
+    """
+
+    def __init__(self, page: Any) -> None:
+        self._page = page
+        page.evaluate("() => p3dof.ready.then(() => p3dof.picture())")
+
     def picture(self, time: float | None = None) -> bytes:
-        """Return the page as PNG: as it is, or an animation at a time since its beginning [s]."""
-        self._page.evaluate("viewer.render()" if time is None else f"freeze({float(time)!r})")
+        """Return the machine as PNG: as it is, or at a time of the run [s]."""
+        if time is not None:
+            self._page.evaluate("time => p3dof.seek(time)", float(time))
         return bytes(self._page.screenshot(type="png"))
 
 
 @contextmanager
-def opened(html: str, size: tuple[int, int]) -> Iterator[Shooter]:
+def opened(
+    html: str, size: tuple[int, int], shooter: Callable[[Any], AnyShooter] = Shooter
+) -> Iterator[AnyShooter]:
     """Open a page that needs nothing else, with the network off.
 
     Parameters
@@ -76,10 +104,12 @@ def opened(html: str, size: tuple[int, int]) -> Iterator[Shooter]:
         The page.
     size : tuple of int
         Width and height [pixels].
+    shooter : callable
+        What takes pictures of such a page: `Shooter` or `PageShooter`.
 
     Yields
     ------
-    Shooter
+    Shooter or PageShooter
 
     Raises
     ------
@@ -95,15 +125,20 @@ def opened(html: str, size: tuple[int, int]) -> Iterator[Shooter]:
         context = browser.new_context(viewport={"width": width, "height": height}, offline=True)
         page = context.new_page()
         page.goto(file.as_uri())
-        yield Shooter(page)
+        yield shooter(page)
 
 
-def picture_of(html: str, size: tuple[int, int], time: float | None = None) -> bytes:
+def picture_of(
+    html: str,
+    size: tuple[int, int],
+    time: float | None = None,
+    shooter: Callable[[Any], AnyShooter] = Shooter,
+) -> bytes:
     """Return a page as PNG; see `opened` and `Shooter.picture`."""
 
     def take() -> bytes:
-        with opened(html, size) as shooter:
-            return shooter.picture(time)
+        with opened(html, size, shooter) as taking:
+            return taking.picture(time)
 
     return aside(take)
 

@@ -1,4 +1,4 @@
-"""Pages that need nothing else: MeshCat's own script, a scene and what to do with it, in one HTML file."""
+"""A scene of MeshCat as one HTML file that needs nothing else: its own script, and what is drawn."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import Any
 from p3dof.errors import MissingExtraError
 
 
-def standalone(messages: Iterable[bytes], title: str = "p3dof", script: str = "") -> str:
+def standalone(messages: Iterable[bytes], title: str = "p3dof") -> str:
     """Return a page that shows a scene with no network.
 
     Parameters
@@ -23,8 +23,6 @@ def standalone(messages: Iterable[bytes], title: str = "p3dof", script: str = ""
         Packed commands, as of `SceneWindow.messages`.
     title : str
         Of the page.
-    script : str
-        JavaScript to run when the scene is there; it finds MeshCat's ``viewer``.
 
     Returns
     -------
@@ -44,7 +42,6 @@ def standalone(messages: Iterable[bytes], title: str = "p3dof", script: str = ""
         FIT=resource("page/fit.js"),
         LICENCES=html.escape(licences()),
         COMMANDS=as_script(commands),
-        SCRIPT=script,
     )
 
 

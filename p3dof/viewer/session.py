@@ -161,7 +161,7 @@ class Session:
                 raise InputError("nobody answers: the page computes by itself")
             found = dict(self._answerer(message))
         except P3dofError as error:
-            found = {"refused": one_line(str(error))}
+            found = {"refused": one_line(str(error)), "legs": _blamed(error)}
         reply(packed_message({"type": "answer", "id": number, **found}), "answer")
 
     def _keep(self, kind: str, message: Mapping[str, Any]) -> None:
@@ -185,6 +185,12 @@ class Session:
         data = packed_message(message)
         for listener in tuple(self._listeners):
             listener(data, key)
+
+
+def _blamed(error: P3dofError) -> list[str]:
+    """Return which leg of the manipulator is to blame, if one is."""
+    leg = getattr(error, "leg", None)
+    return [leg] if isinstance(leg, str) else []
 
 
 class _Latest:

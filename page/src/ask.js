@@ -2,7 +2,15 @@
 import { instant } from "./instant.js";
 
 /** @typedef {import("./types").State} State */
-/** @typedef {{q?: Float64Array, pose?: number[], values: Record<string, number>, loads: Record<string, number[]>, refused?: string}} Answer */
+/**
+ * What Python said of where a machine is held.
+ * @typedef {object} Answer
+ * @property {Float64Array} q
+ * @property {number[]} [pose]
+ * @property {Record<string, number>} values of the curves, by key
+ * @property {Record<string, number[]>} loads vectors, by key
+ * @property {string[]} notes
+ */
 
 export class AskEngine {
     /** @param {{ask(question: object): Promise<any>, open: boolean}} connection @param {State} state */
@@ -13,7 +21,7 @@ export class AskEngine {
         /** @type {object | null} what is to be asked when the answer that is waited for is here */
         this.next = null;
         this.busy = false;
-        /** @type {{hand: object, held: Answer} | null} */
+        /** @type {{hand: object, asked: any, held: Answer} | null} */
         this.latest = null;
     }
 
@@ -36,20 +44,21 @@ export class AskEngine {
         while (this.next) {
             const question = this.next;
             this.next = null;
-            this.take(await this.connection.ask(question));
+            this.take(await this.connection.ask(question), question);
         }
         this.busy = false;
     }
 
-    /** @param {any} answer */
-    take(answer) {
+    /** @param {any} answer @param {object} asked */
+    take(answer, asked) {
         if (answer.refused) {
             this.state.set({ refused: { text: answer.refused, legs: answer.legs ?? [] } });
             return;
         }
         const q = new Float64Array(answer.q.bytes.buffer);
         const hand = answer.pose ? { pose: answer.pose } : { q: Array.from(q) };
-        this.latest = { hand, held: { q, pose: answer.pose, values: answer.values ?? {}, loads: answer.loads ?? {} } };
+        const { pose, values = {}, loads = {}, notes = [] } = answer;
+        this.latest = { hand, asked, held: { q, pose, values, loads, notes } };
         this.state.set({ hand, refused: null, playing: false });
     }
 }

@@ -3,6 +3,7 @@
 import { AskEngine } from "./ask.js";
 import { read, readRun } from "./document.js";
 import { load } from "./engine.js";
+import { follow } from "./links.js";
 import { unpacked } from "./messages.js";
 import { within } from "./state.js";
 
@@ -18,7 +19,8 @@ const AGAIN = [500, 1000, 2000, 4000]; // how long to wait before the next attem
 export function mount(element, state) {
     const [kind, version] = marked();
     window.addEventListener("message", (event) => {
-        if (event.source === window.parent && event.data?.p3dof) ordered(event.data.p3dof, state);
+        const hash = event.source === window.parent ? event.data?.p3dof?.hash : null;
+        if (typeof hash === "string") follow(state, hash); // a link of the page around this one
     });
     if (kind === "none") return;
     const connection = new Connection(element, state, Number(version));
@@ -31,13 +33,6 @@ export function mount(element, state) {
 function marked() {
     const content = document.querySelector('meta[name="p3dof-connection"]')?.getAttribute("content") ?? "none";
     return content.split(" ");
-}
-
-/** Do what the page around this one asks for. @param {{time?: unknown, run?: unknown}} order @param {State} state */
-function ordered(order, state) {
-    const run = Number(order.run);
-    if (order.run !== undefined && state.document.runs[run]) state.set({ run, solved: null });
-    if (typeof order.time === "number" && Number.isFinite(order.time)) seek(state, order.time);
 }
 
 /** @param {State} state @param {number} time */

@@ -26,14 +26,21 @@ export function hashOf(state) {
     return state.document.runs.length > 1 ? `#run=${state.run + 1}&${time}` : `#${time}`;
 }
 
-/** @param {HTMLElement} _element @param {State} state */
+/** Go where a link leads. @param {State} state @param {string} hash */
+export function follow(state, hash) {
+    const { run, time } = wanted(hash, state.document.runs.length);
+    if (run !== undefined && run !== state.run) state.set({ run, whatIf: {}, zoom: null });
+    if (time !== undefined) state.set({ time: within(state, time) });
+    if (run !== undefined || time !== undefined) state.set({ playing: false, hand: null, refused: null });
+}
+
+/** Begin where the document says, or the link that the page was opened with. @param {HTMLElement} _element @param {State} state */
 export function mount(_element, state) {
-    const follow = () => {
-        const { run, time } = wanted(location.hash, state.document.runs.length);
-        if (run !== undefined && run !== state.run) state.set({ run, whatIf: {}, zoom: null });
-        if (time !== undefined) state.set({ time: within(state, time) });
-        if (run !== undefined || time !== undefined) state.set({ playing: false, hand: null, refused: null });
-    };
-    addEventListener("hashchange", follow);
-    follow();
+    const { time, speed, playing, layers } = state.document.start ?? {};
+    if (layers) state.set({ layers: { ...state.layers, ...layers } });
+    if (speed !== undefined) state.set({ speed });
+    if (time !== undefined) state.set({ time: within(state, time) });
+    if (playing) state.set({ playing });
+    addEventListener("hashchange", () => follow(state, location.hash));
+    follow(state, location.hash);
 }

@@ -14,6 +14,7 @@ import * as links from "./links.js";
 import * as map from "./map.js";
 import * as markers from "./markers.js";
 import * as panel from "./panel.js";
+import { picture } from "./picture.js";
 import * as planning from "./planning.js";
 import * as print from "./print.js";
 import * as room from "./room.js";
@@ -81,6 +82,7 @@ async function start() {
             state.refresh();
             state.stage?.refine();
         },
+        picture: () => picture(state),
     });
     try {
         state.engine = await engine.load(shown, element("p3dof-wasm").textContent?.trim() ?? "");
@@ -102,6 +104,7 @@ async function start() {
     clock.mount(state);
     state.set({ document: shown });
     state.refresh();
+    if (window.parent !== window) window.parent.postMessage({ p3dofReady: true }, "*"); // it may send links now
     return page;
 }
 

@@ -1,5 +1,6 @@
 // Settings of the whole page, and fields for the pose.
 import { setInput, valueOf } from "./hold.js";
+import * as joints from "./joints.js";
 import { choose, make, write } from "./make.js";
 import { fixed, shown } from "./units.js";
 
@@ -34,6 +35,7 @@ export function settings(element, state) {
 
 /** Fields for what may be set by hand. @param {HTMLElement} element @param {State} state */
 export function mount(element, state) {
+    if (state.document.inputs.some(({ joint }) => joint !== undefined)) return joints.mount(element, state);
     /** @type {Field[]} */
     let fields = [];
     /** @type {Input[] | null} */

@@ -54,7 +54,10 @@ export interface Input {
     key: string; label: string; unit: string; low: number; high: number; value: number; joint?: number;
 }
 export interface Limits { travel?: [number, number]; speed?: number; force?: number; tilt?: [number, number] }
+/** Where a page begins in its first run: time [s], seconds of the run in a second; what is seen at first. */
+export interface Start { time?: number; speed?: number; playing?: boolean; layers?: Record<string, boolean> }
 export interface Document {
+    start?: Start;
     format: 1; title: string; generator: Record<string, string>; machine: { name: string; hash: string };
     scene: Scene; runs: Run[]; closures: Closure[]; inputs: Input[]; limits: Limits;
     engine: { kind: "p3dof"; parameters: Table } | { kind: "ask" } | { kind: "none" };

@@ -21,7 +21,10 @@ export function mount(element, state) {
 /** Those that this document has something for. @param {import("./types").State} state */
 function layersOf({ document: { scene, closures, runs, engine } }) {
     /** @type {Record<string, boolean>} */
-    const there = { map: engine.kind === "p3dof", closures: closures.length > 0, forces: runs.some((run) => run.loads.length > 0) };
+    const there = {
+        map: engine.kind === "p3dof", closures: closures.length > 0,
+        forces: runs.some((run) => run.loads.length > 0),
+    };
     return [...scene.layers, ...OWN_LAYERS.filter(({ name }) => there[name] ?? true)];
 }
 

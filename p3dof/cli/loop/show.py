@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Any, Literal
 
 import click
 import numpy as np
@@ -21,14 +21,12 @@ from p3dof.cli.output import print_plain, print_warnings, progress_bar
 from p3dof.cli.serving import OPEN, PAUSED, PORT, SPEED, serve
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.errors import InputError
-from p3dof.files import SUFFIXES, suffix_of, write_atomic
+from p3dof.files import SUFFIXES, suffix_of
 from p3dof.page.robots.figure import RobotFigure
+from p3dof.page.robots.motion import Run
 from p3dof.simulation import Integration, simulate_robot
-from p3dof.viewer import JointMotion, robot_animation_html, robot_picture, save_robot_film
+from p3dof.viewer import JointMotion, robot_page, save_screenshot, save_video, show_robot
 from p3dof.viewer.headless import MAX_PIXELS, SIZE
-
-if TYPE_CHECKING:
-    from p3dof.viewer.robots.live import RobotViewer
 
 _RUN_SAMPLES = 1001
 """Of a run that is simulated to be shown."""
@@ -81,7 +79,7 @@ _RUN_SAMPLES = 1001
 @METHOD
 @PORT
 @SPEED
-@click.option("--fps", type=Number(1, 240), help="Frames a second; 60 without it, 25 in a film.")
+@click.option("--fps", type=Number(1, 240), help="Frames a second of a film; 25 without it.")
 @click.option(
     "--at", type=float, help="Time of the motion to begin at, and of the picture [s]; its first without it."
 )
@@ -133,39 +131,24 @@ def show(
     given = _Given(values, motion_file, duration, forces, wrenches, method)
     motion, warnings = given.motion(robot)
     _check_moment(motion, at)
-    title, layers = str(robot.model.name), {"closure_forces": closure_forces}
     source = str(inputs[0]) if shapes and inputs[0] != STREAM else None  # what came by a stream is gone
     figure = RobotFigure(robot, source, package_dirs)
     print_warnings(Console(), [*warnings, *figure.notes])
 
-    def make() -> RobotViewer:
-        from p3dof.viewer.robots.live import RobotViewer
-
-        return RobotViewer(
-            robot,
-            motion,
-            figure=figure,
-            layers=layers,
-            warnings=warnings,
-            port=port,
-            speed=speed,
-            fps=fps or 60.0,
-            playing=not paused,
-            at=at,
-            method=method,
-        )
-
+    shared: dict[str, Any] = {"shapes": figure, "closure_forces": closure_forces, "notes": warnings}
+    shared |= {"at": at, "speed": speed, "playing": not paused}
     if out is None:
-        serve(make, "the robot", browse)
+        serve(lambda: show_robot(robot, motion, port=port, method=method, **shared), "the robot", browse)
         return 0
+    page = robot_page(robot, motion, **shared)
     ending = suffix_of(out, "show")
     if ending in SUFFIXES["picture"]:
-        write_atomic(out, robot_picture(figure, motion, at, title, robot, layers, size))
+        save_screenshot(out, page, size=size)
     elif ending in SUFFIXES["film"]:
         with progress_bar("film", 1) as progress:
-            save_robot_film(out, figure, motion, speed, fps or 25.0, title, robot, layers, size, progress)
+            save_video(out, page, fps or 25.0, speed, size, progress)
     else:
-        write_atomic(out, robot_animation_html(figure, motion, speed, fps or 60.0, title, robot, layers))
+        page.save(out)
     print_plain(Console(), f"wrote {out}")
     return 0
 
@@ -193,12 +176,13 @@ class _Given:
         if self.forces and self.duration is None:
             raise click.UsageError("--force needs --simulate")
 
-    def motion(self, robot: ClosedLoopModel) -> tuple[JointMotion, list[str]]:
+    def motion(self, robot: ClosedLoopModel) -> tuple[JointMotion | Run, list[str]]:
         """Return the motion, and what there is to know about it."""
         if self.motion_file is not None:
             found = forces_along(robot, opened(self.motion_file), method=self.method)
-            smallest = len(robot.actuated) > robot.mobility(found.q[0])
-            return JointMotion.of_run(robot, found, smallest=smallest), list(found.remarks)
+            if len(robot.actuated) > robot.mobility(found.q[0]):  # other forces would do too
+                return JointMotion.of_run(robot, found, smallest=True), list(found.remarks)
+            return found, list(found.remarks)
         start = assembled(robot, self.values).q
         if self.duration is None:
             return JointMotion.at_rest(robot, start, _wrenches(self.wrenches)), []
@@ -216,7 +200,7 @@ class _Given:
                 progress=progress,
                 method=self.method,
             )
-        return JointMotion.of_run(robot, run), [] if run.stop is None else [f"ended by {run.stop}"]
+        return run, [] if run.stop is None else [f"ended by {run.stop}"]
 
 
 def _wrenches(texts: tuple[str, ...]) -> dict[str, FloatArray]:
@@ -237,7 +221,7 @@ def _wrenches(texts: tuple[str, ...]) -> dict[str, FloatArray]:
     return found
 
 
-def _check_moment(motion: JointMotion, at: float | None) -> None:
+def _check_moment(motion: JointMotion | Run, at: float | None) -> None:
     """Refuse a time that a motion does not have."""
     first, last = float(motion.time[0]), float(motion.time[-1])
     if at is not None and not first <= at <= last:
