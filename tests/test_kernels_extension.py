@@ -585,6 +585,7 @@ HARNESS = """
 #define P3DOF_INLINE inline __attribute__((always_inline))
 #define P3DOF_TARGET {target}
 #define P3DOF_NAME(f) f##_here
+#define P3DOF_NEWTON
 #include "vector_math.h"
 P3DOF_TARGET void tangents(ptrdiff_t n, const double *restrict x, double *restrict t)
 {{

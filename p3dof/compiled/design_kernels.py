@@ -2,7 +2,8 @@
 
 Less than the kernels of one machine do: sine and cosine of the motion are the same for all designs and come
 with the samples; whether a state is good follows from the least of a few values over the motion; and roots
-come from `rsqrt`, since processors divide and take roots one after the other while products overlap.
+come from `rsqrt`, which with wide vectors is made of products: they overlap, while processors divide and take
+roots one after the other.
 """
 
 from __future__ import annotations

@@ -65,6 +65,7 @@ enum {
 #undef P3DOF_NAME
 #undef P3DOF_TARGET
 
+#define P3DOF_NEWTON
 #define P3DOF_NAME(f) f##_avx512
 #if defined(__clang__) /* takes the full width as it is */
 #define P3DOF_TARGET __attribute__((target("avx512f,avx512dq,avx512vl,avx2,fma")))
@@ -76,6 +77,7 @@ enum {
 #include "design_figures.h"
 #include "machine_run.h"
 #undef P3DOF_NAME
+#undef P3DOF_NEWTON
 #undef P3DOF_TARGET
 #endif
 
