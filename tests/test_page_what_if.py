@@ -286,6 +286,19 @@ def test_the_map_shows_where_the_platform_can_be_and_what_holds_it(watched):
 
 def test_how_far_the_platform_could_move_is_where_a_limit_is_met(watched):
     pose = MOTION.pose[350]
+    watched.page.locator("#room summary").click()
+    rows = watched.page.locator("#room .margins tbody tr").all_inner_texts()
+    left = np.array([[float(x.replace("−", "-")) for x in row.split()[1:]] for row in rows])
+    reach = 1e3 * MACHINE.singularity(pose).serial
+    sliders = MACHINE.sliders(pose)
+    travel = 1e3 * np.minimum(
+        sliders - MACHINE.parameters.limits.travel[0], MACHINE.parameters.limits.travel[1] - sliders
+    )
+    force = 500 - np.abs(MACHINE.forces(pose, np.zeros(3), np.zeros(3)))
+    assert_allclose(left, np.column_stack([reach, travel, force]), rtol=0, atol=0.051)
+    angle = np.degrees(MACHINE.singularity(pose).actuation)
+    assert f"{angle:.1f}° from a singular pose" in watched.page.locator("#room .margins p").inner_text()
+    watched.page.locator("#room summary").click()
     cells = watched.page.locator("#room td[data-distance]")
     texts = watched.page.locator("#room td .what").all_inner_texts()
     limits = MACHINE.parameters.limits

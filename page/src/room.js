@@ -3,7 +3,7 @@ import { instant } from "./instant.js";
 import { make, write } from "./make.js";
 import { engineOf } from "./solving.js";
 import { fixed, shown } from "./units.js";
-import { margins, reasons, stopped, told, waysOut } from "./workspace.js";
+import { LEGS, margins, reasons, stopped, told, waysOut } from "./workspace.js";
 
 /** @typedef {import("./types").State} State */
 
@@ -19,7 +19,8 @@ export function mount(element, state) {
     const map = make("input", { type: "checkbox" });
     map.addEventListener("change", () => state.set({ layers: { ...state.layers, map: map.checked } }));
     const show = make("label", { className: "check", title: "Show where P could be at this tilt, in the picture" }, map, " map");
-    element.append(make("div", { className: "title" }, make("h2", {}, "How far could it move?"), show), table, said);
+    const left = margin(state);
+    element.append(make("div", { className: "title" }, make("h2", {}, "How far could it move?"), show), table, said, left.part);
     let known = "";
     state.subscribe(() => {
         map.checked = state.layers.map;
@@ -29,7 +30,8 @@ export function mount(element, state) {
         const key = [...pose, engine.version, state.units].join();
         if (key === known) return;
         known = key;
-        const ways = waysOut(engine, pose), here = reasons(margins(engine, pose));
+        const found = margins(engine, pose), ways = waysOut(engine, pose), here = reasons(found);
+        left.show(found);
         ways.forEach(({ axis, sign, distance, reason }, k) => {
             const { unit, factor } = shown(UNITS[axis], state.units), digits = factor === 1 ? 3 : 1;
             const far = distance === Infinity ? "free" : `${sign < 0 ? "−" : "+"}${fixed(factor * distance, digits)} ${unit}`;
@@ -41,6 +43,34 @@ export function mount(element, state) {
         write(said, here.length ? `It cannot stay here: ${here.map(told).join("; ")}.` : "From here, at rest, one way at a time.");
         said.classList.toggle("alarm", here.length > 0);
     });
+}
+
+/** What each leg has left, for who wants to know. @param {State} state */
+function margin(state) {
+    const kinds = [["Reach", "m"], ["Travel", "m"], ["Force", "N"]];
+    const heads = kinds.map(() => make("th", { scope: "col" })), cells = LEGS.map(() => kinds.map(() => make("td")));
+    const rows = cells.map((row, k) => make("tr", {}, make("th", { scope: "row" }, LEGS[k]), ...row));
+    const angles = make("p", { className: "note" });
+    const part = make("details", { className: "margins" }, make("summary", {}, "What each leg has left"),
+        make("table", {}, make("thead", {}, make("tr", {}, make("td"), ...heads)), make("tbody", {}, ...rows)), angles);
+    return {
+        part,
+        /** @param {import("./workspace.js").Margins} found */
+        show(found) {
+            const values = LEGS.map((_, k) => [found.reach[k], Math.min(found.low[k], found.high[k]), found.force[k]]);
+            kinds.forEach(([name, stored], i) => {
+                const { unit, factor } = shown(stored, state.units);
+                write(heads[i], `${name} [${unit}]`);
+                values.forEach((row, k) => {
+                    write(cells[k][i], fixed(row[i] * factor, factor === 1 && unit === "m" ? 3 : 1));
+                    cells[k][i].classList.toggle("alarm", row[i] < 0);
+                });
+            });
+            const { unit, factor } = shown("rad", state.units), digits = factor === 1 ? 3 : 1;
+            const angle = (/** @type {number} */ value) => `${fixed(value * factor, digits)}${unit === "°" ? "" : " "}${unit}`;
+            write(angles, `${angle(found.singular)} from a singular pose, ${angle(found.tilt)} from the tilt limit.`);
+        },
+    };
 }
 
 /** A distance, and what ends it. */

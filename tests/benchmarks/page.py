@@ -66,6 +66,32 @@ SOLVE = """() => {
     p3dof.state.set({ whatIf: {} });
     return delays;
 }"""
+LENGTHS = SOLVE.replace("payload: 0.1 * i", "L: 0.4 + 0.002 * i")
+MAP = """() => {
+    const { state } = p3dof, delays = [];
+    state.set({ layers: { ...state.layers, map: true } });
+    for (let i = 0; i < 40; ++i) {
+        state.set({ whatIf: { payload: 0.1 * i, L: 0.4 + 0.002 * i } });
+        state.refresh();
+        delays.push(p3dof.map().milliseconds);
+    }
+    state.set({ whatIf: {}, layers: { ...state.layers, map: false } });
+    return delays;
+}"""
+FASTEST = """() => {
+    const { state } = p3dof, delays = [];
+    const poses = [[0, 0, 0], [0.12, 0.05, 0.3], [-0.1, 0.1, -0.3], [0, -0.05, 0]];
+    const stop = { name: "", blend: 0, dwell: 0.1, duration: null, wrench: null };
+    const waypoints = poses.map((pose) => ({ ...stop, pose })), pace = { ...state.pace, fastest: true };
+    for (let i = 0; i < 20; ++i) {
+        state.set({ task: { ...state.task, waypoints: [...waypoints] }, pace });
+        state.refresh();
+        delays.push(state.planned.milliseconds);
+    }
+    state.set({ task: { ...state.task, waypoints: [] } });
+    state.refresh();
+    return delays;
+}"""
 WHOLE = """() => {
     document.getElementById("panel").style.display = "none";
     document.getElementById("page").style.gridTemplateColumns = "1fr";
@@ -108,6 +134,9 @@ def _measured(browser: Any, url: str) -> list[tuple[str, str, str]]:
         delays = page.evaluate(SOLVE)
         rows.append(("1,001 samples solved and redrawn, median", _median(delays), "≤ 50 ms"))
         rows.append(("the same, worst", f"{max(delays):.1f} ms", ""))
+        rows.append(("the same with other lengths, median", _median(page.evaluate(LENGTHS)), "≤ 50 ms"))
+        rows.append(("map of 81 x 61 poses, median", _median(page.evaluate(MAP)), "≤ 5 ms"))
+        rows.append(("fastest way through four waypoints, median", _median(page.evaluate(FASTEST)), ""))
         page.evaluate(WHOLE)
         watched.wait("p3dof.state.stage.width === 1400")
         rows.append(("playing, the picture alone in the window", f"{page.evaluate(PLAY):.0f} frames/s", ""))
