@@ -25,6 +25,37 @@ AS_NEW = """() => {
     state.set(JSON.parse(fresh));
     state.refresh();
 }"""
+LONG_RUN = """() => {  // how long three charts of three curves take to be drawn anew [ms]
+    const {document} = p3dof.state, [first] = document.runs;
+    const run = (name, count) => {
+        const table = (value) => ({
+            shape: [count], data: Float64Array.from({length: count}, (_, i) => value(i / (count - 1))),
+        });
+        const curves = ["Forces", "Speeds", "Powers"].flatMap((group, g) => [1, 2, 3].map((k) => ({
+            key: group + k, label: `${group} ${k}`, group, unit: "N", colour: "#0072b2",
+            values: table((t) => k * Math.sin(20 * t + g) + Math.sin(3000 * t)),
+        })));
+        const q = {shape: [count, first.q.shape[1]], data: new Float64Array(count * first.q.shape[1])};
+        return {name, time: table((t) => t), q, curves, loads: [], notes: []};
+    };
+    document.runs.push(run("short", 1001), run("long", 100001));
+    const times = {short: [], long: []};
+    for (let k = 0; k < 40; k++) {
+        const at = document.runs.length - 1 - k % 2;
+        p3dof.state.run = at;
+        const start = performance.now();
+        for (const chart of p3dof.charts) chart.draw();
+        times[document.runs[at].name].push(performance.now() - start);
+    }
+    p3dof.state.run = document.runs.length - 1;
+    for (const chart of p3dof.charts) chart.draw();
+    times.points = p3dof.charts.map(({chart}) => chart.plot.data[0].length);
+    times.widths = p3dof.charts.map(({chart}) => chart.plot.over.clientWidth);
+    times.highest = p3dof.charts.map(({chart}) => Math.max(...chart.plot.data[1]));
+    document.runs.splice(-2);
+    p3dof.state.set({run: 0});
+    return times;
+}"""
 
 
 def slower(samples=501, stretch=1.2):

@@ -104,6 +104,9 @@ def test_keys_alone_play_seek_zoom_move_and_choose(watched, result):
     assert after(" ", "playing") is True
     watched.wait("p3dof.state.time > 0.05")
     assert after(" ", "playing") is False
+    page.locator("button.peak").first.click()
+    assert after(" ", "playing") is True  # and not the button again
+    assert after(" ", "playing") is False
     assert after("?", "help") is True
     assert "play, pause" in page.locator("dialog[open]").inner_text()
     page.keyboard.press("Escape")

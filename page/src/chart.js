@@ -1,6 +1,6 @@
 // One chart: uPlot draws lines and axes; limits as bands and peaks with their values are drawn by us.
 import uPlot from "uplot";
-import { ROUNDING, axisOf, peakOf, rangeOf, samplesIn } from "./curves.js";
+import { ROUNDING, axisOf, peakOf, rangeOf, samplesIn, wholePeak, wholeRange } from "./curves.js";
 import { aligned, thinned } from "./lines.js";
 import { placed } from "./peak_labels.js";
 import { readable } from "./themes.js";
@@ -94,7 +94,8 @@ export class Chart {
     range(content) {
         const [time, ...values] = /** @type {ArrayLike<number>[]} */ (this.whole);
         const [start, end] = samplesIn(time, content.span);
-        const all = rangeOf(values, Math.max(0, start - 1), Math.min(time.length, end + 1));
+        const whole = start === 0 && end === time.length;
+        const all = whole ? rangeOf(values.map(wholeRange), 0, 2) : rangeOf(values, Math.max(0, start - 1), Math.min(time.length, end + 1));
         const differences = content.lines.filter(({ kind }) => kind === "difference");
         return axisOf(all, limitsOf(content.lines), Math.max(0, ...differences.map(({ scale }) => scale)));
     }
@@ -198,7 +199,8 @@ export class Chart {
         const { factor } = shown(content.unit, content.units);
         const lines = content.lines.filter(({ kind }) => kind === "now" || kind === "difference");
         const found = lines.flatMap((line) => {
-            const peak = peakOf(line.time, line.values, content.span);
+            const whole = content.span[0] <= line.time[0] && content.span[1] >= line.time[line.time.length - 1];
+            const peak = whole ? wholePeak(line.time, line.values) : peakOf(line.time, line.values, content.span);
             const none = !peak || Math.abs(peak.value) <= ROUNDING * line.scale; // a zero has no largest value
             return none ? [] : [{ line, peak, value: peak.value * factor }];
         });

@@ -1,7 +1,7 @@
 // Three linked charts: any curves of the run over one axis of time, with one cursor.
 import { Chart, EDGE, GUTTER, limitsOf, strictest } from "./chart.js";
 import { listen } from "./chart_pointer.js";
-import { groupsOf, rangeOf, wholePeak } from "./curves.js";
+import { groupsOf, wholePeak, wholeRange } from "./curves.js";
 import { instant, runOf } from "./instant.js";
 import { Legend } from "./legend.js";
 import { drawingOf, groupNames, groupOf, hiddenIn, shownSpan } from "./lines.js";
@@ -120,7 +120,7 @@ class Panel {
         if (!this.drawing) return;
         const { unit, factor } = shown(this.drawing.unit, this.state.units);
         const texts = lines.filter(({ kind }) => kind === "now" || kind === "difference").map((line) => {
-            const [low, high] = rangeOf([line.values], 0, line.values.length);
+            const [low, high] = wholeRange(line.values);
             const peak = wholePeak(line.time, line.values);
             const digits = decimals(factor * Math.max(Math.abs(low), Math.abs(high)));
             const range = `${line.label} from ${fixed(low * factor, digits)} to ${fixed(high * factor, digits)} ${unit}`;

@@ -63,6 +63,16 @@ export function peakOf(time, values, span = null) {
     return index < 0 ? null : { index, time: time[index], value: values[index] };
 }
 
+/** @type {WeakMap<object, [number, number]>} */
+const ranges = new WeakMap();
+
+/** The smallest and the largest of a whole curve; found once for each. @param {Numbers} values */
+export function wholeRange(values) {
+    let found = ranges.get(values);
+    if (!found) ranges.set(values, (found = rangeOf([values], 0, values.length)));
+    return found;
+}
+
 /** @type {WeakMap<object, Peak | null>} */
 const peaks = new WeakMap();
 

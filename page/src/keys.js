@@ -87,6 +87,9 @@ export function mount(element, state) {
         if (event.defaultPrevented || taken(event.target, event.key)) return;
         if (press(state, event)) event.preventDefault();
     });
+    document.addEventListener("click", ({ target, detail }) => { // after a click of the mouse, keys are for the page again
+        if (detail > 0 && target instanceof Element) target.closest("button")?.blur();
+    });
     state.subscribe(() => {
         if (state.help && !dialog.open) dialog.showModal();
         else if (!state.help && dialog.open) dialog.close();

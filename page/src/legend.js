@@ -32,10 +32,18 @@ export class Legend {
     draw(drawing, hidden, units, theme) {
         const kinds = ORDER.filter((kind) => drawing.lines.some((line) => line.kind === kind));
         const keys = [...new Set(drawing.lines.map(({ key }) => key))];
+        const shape = JSON.stringify([drawing.lines.map(({ key, kind, label, colour }) => [key, kind, label, colour]), drawing.names, hidden, theme]);
+        if (shape === this.shape) { // the same rows, with other numbers
+            this.values.forEach((value) => {
+                value.line = /** @type {Line} */ (drawing.lines.find(({ key, kind }) => key === value.line.key && kind === value.line.kind));
+            });
+            this.scale(drawing, units);
+            return;
+        }
+        this.shape = shape;
         const focus = this.element.querySelector(":focus")?.getAttribute("data-key");
-        this.factor = shown(drawing.unit, units).factor;
         this.values = [];
-        this.digits = decimals(this.factor * Math.max(0, ...drawing.lines.map(largest)));
+        this.scale(drawing, units);
         this.element.classList.toggle("one", kinds.length === 1);
         this.element.style.setProperty("--columns", String(kinds.length));
         const rows = keys.map((key) => {
@@ -52,6 +60,12 @@ export class Legend {
             : [];
         this.element.replaceChildren(...head, ...rows);
         if (focus) /** @type {HTMLElement | null} */ (this.element.querySelector(`[data-key="${CSS.escape(focus)}"]`))?.focus();
+    }
+
+    /** @param {Drawing} drawing @param {"mm" | "SI"} units */
+    scale(drawing, units) {
+        this.factor = shown(drawing.unit, units).factor;
+        this.digits = decimals(this.factor * Math.max(0, ...drawing.lines.map(largest)));
     }
 
     /** @param {Line} line */

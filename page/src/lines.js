@@ -177,6 +177,16 @@ function union(a, b) {
 
 /** @param {ArrayLike<number>} values @returns {ArrayLike<number | null>} what uPlot breaks a line at is null */
 function gaps(values) {
+    let found = known.get(values);
+    if (!found) known.set(values, (found = withGaps(values)));
+    return found;
+}
+
+/** @type {WeakMap<object, ArrayLike<number | null>>} */
+const known = new WeakMap();
+
+/** @param {ArrayLike<number>} values */
+function withGaps(values) {
     for (let i = 0; i < values.length; i++) {
         if (Number.isNaN(values[i])) return Array.from(values, (value) => (Number.isNaN(value) ? null : value));
     }
