@@ -220,7 +220,7 @@ class _Run:
         if again:
             return (again.pop(),)
         together = self._crew.batching / self._seconds if self._seconds and self._shared else 1.0
-        share = len(todo) / (2 * self._crew.room)
+        share = len(todo) / self._crew.room
         count = int(max(1.0, min(together, share, _MOST_TOGETHER, _LARGEST_TOGETHER / self._bytes)))
         return tuple(todo.popleft() for _ in range(count))
 
