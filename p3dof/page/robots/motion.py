@@ -14,7 +14,7 @@ from p3dof.checks import FloatArray, FrozenArrays, as_floats, frozen_array, show
 from p3dof.closed_loop import ClosedLoopModel, CompiledLoop
 from p3dof.errors import InputError, P3dofError
 
-MOST_SAMPLES = 1000
+MOST_SAMPLES = 1001
 """At so many samples at most the forces in the closures are computed; between them they go straight."""
 
 _UNIQUE = 1e-7
@@ -236,7 +236,7 @@ class JointMotion(FrozenArrays):
         Returns
         -------
         JointMotion
-            Of a long run 1000 samples.
+            Of a long run 1001 samples.
 
         Raises
         ------
