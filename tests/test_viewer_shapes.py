@@ -100,7 +100,7 @@ def test_shapes_are_where_the_file_has_them(folder):
     np.testing.assert_array_equal(figure.skins[mesh.name].colours, np.tile([1.0, 0.0, 0.0], (12, 1)))
     np.testing.assert_allclose(named(figure)[0].meshColor, [0, 0, 0.2, 1])
     shown = {layer["name"]: layer["shown"] for layer in document["scene"]["layers"]}
-    assert shown == {"shapes": True, "sticks": False}
+    assert shown == {"shapes": True, "sticks": False, "multipliers": True}
 
 
 @pytest.mark.parametrize(

@@ -71,7 +71,6 @@ class RobotFigure:
     ) -> None:
         figure = StickFigure(loop)
         self.model, self.visual_model, self.sticks = figure.model, figure.visual_model, figure.sticks
-        self.radius = figure.radius
         self.skins: dict[str, Skin] = {}
         self.notes: tuple[str, ...] = ()
         count = 0

@@ -137,40 +137,6 @@ class JointMotion(FrozenArrays):
         """The external wrenches by frame, shape (N, 6) each."""
         return {name: np.asarray(wrench) for name, wrench in (self.wrenches or {}).items()}
 
-    def at(self, model: pin.Model, time: float) -> Moment:
-        """Return what is shown at a time: all goes straight from sample to sample.
-
-        Parameters
-        ----------
-        model : pin.Model
-            The robot's tree.
-        time : float
-            [s]; before the first sample that one is taken, after the last one that.
-
-        Returns
-        -------
-        Moment
-        """
-        after = int(np.clip(np.searchsorted(self.time, time), 1, max(len(self.time) - 1, 1)))
-        if len(self.time) == 1 or time <= self.time[0]:
-            return self.sample(0)
-        before = after - 1
-        share = min(float((time - self.time[before]) / (self.time[after] - self.time[before])), 1.0)
-        if share == 1.0:
-            return self.sample(after)
-        q = np.asarray(pin.interpolate(model, self.q[before], self.q[after], share))
-
-        def between(rows: FloatArray) -> FloatArray:
-            return np.asarray(rows[before] + share * (rows[after] - rows[before]))
-
-        wrenches = {name: between(rows) for name, rows in self.acting.items()}
-        return Moment(q, between(self.known), between(self.closing), wrenches, self.smallest)
-
-    def sample(self, index: int) -> Moment:
-        """Return what is shown at a sample."""
-        wrenches = {name: rows[index] for name, rows in self.acting.items()}
-        return Moment(self.q[index], self.known[index], self.closing[index], wrenches, self.smallest)
-
     @classmethod
     def at_rest(
         cls,

@@ -12,7 +12,6 @@ import pinocchio as pin
 from p3dof.checks import FloatArray
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.errors import MissingExtraError
-from p3dof.page.robots.lines import turned_to
 
 THICK = 0.016
 """Radius of a rod, as a share of the largest distance in the robot."""
@@ -71,7 +70,7 @@ class StickFigure:
         for number, (start, end) in enumerate(pairs):
             length = float(np.linalg.norm(end - start))
             if length > radius:
-                place = pin.SE3(turned_to((end - start) / length), (start + end) / 2)
+                place = pin.SE3(_turned_to((end - start) / length), (start + end) / 2)
                 self._add(joint, "rod", number, coal.Cylinder(radius, length), place, colour)
 
     def _add(
@@ -136,3 +135,9 @@ def _around(points: list[FloatArray]) -> list[tuple[FloatArray, FloatArray]]:
         return [(cloud[a], cloud[b]) for a, b in pairwise(order)]
     order = np.argsort(np.arctan2(flat[:, 1], flat[:, 0]))
     return [(cloud[a], cloud[b]) for a, b in zip(order, np.roll(order, -1), strict=True)]
+
+
+def _turned_to(direction: FloatArray) -> FloatArray:
+    """Return axes (3, 3) whose third one has a direction (3,)."""
+    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), np.array(direction))
+    return np.array(turn.toRotationMatrix())
