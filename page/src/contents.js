@@ -235,10 +235,15 @@ export class Contents {
         if (this.cut) sectioned(this.section, camera.position.clone().sub(target), this.sectionAt);
     }
 
+    /** Free what the graphics card holds of it; what others drew is in another world by now. */
     dispose() {
-        this.solids.dispose();
-        for (const { text } of this.labels.all) text.dispose();
-        for (const { text } of this.arrows.arrows.values()) text.dispose();
+        for (const scene of [this.back, this.front]) {
+            scene.traverse((/** @type {any} */ { geometry, material }) => {
+                geometry?.dispose();
+                material?.map?.dispose();
+                material?.dispose();
+            });
+        }
     }
 }
 

@@ -61,11 +61,6 @@ export class Text {
         const all = (height * (SIZE + 16)) / SIZE;
         this.sprite.scale.set(all * this.aspect, all, 1);
     }
-
-    dispose() {
-        this.material.map?.dispose();
-        this.material.dispose();
-    }
 }
 
 /** A force or the like in three digits, or a few more, with its unit. @param {number} value @param {string} unit */

@@ -183,10 +183,13 @@ export class Stage {
     }
 
     _rebuild() {
-        this.contents.dispose();
+        const before = this.contents;
         this.contents = new Contents(this.state, this.guests);
-        this.look(this.touched ? "free" : this.state.view);
+        if (!this.touched) this.look(this.state.view);
         this.tint();
+        this.contents.place();
+        this.render(); // shaders that are in use are not thrown away
+        before.dispose();
     }
 
     /** Ask for another picture, though the state did not change. */

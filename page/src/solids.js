@@ -43,7 +43,8 @@ export class Solids {
     adopt(scene) {
         scene.solids.forEach((solid, i) => {
             const mesh = this.meshes[i], was = mesh.userData.solid;
-            if (solid.shape !== was.shape) { // a ghost may still draw the one before
+            if (solid.shape !== was.shape) {
+                mesh.geometry.dispose(); // a ghost that still draws it takes it up again
                 mesh.geometry = geometryOf(solid.shape);
             }
             if (solid.placement !== was.placement) {
@@ -87,13 +88,6 @@ export class Solids {
             material.clippingPlanes = planes;
             material.side = planes ? DoubleSide : FrontSide;
             material.needsUpdate = true;
-        }
-    }
-
-    dispose() {
-        for (const mesh of this.meshes) {
-            mesh.geometry.dispose();
-            mesh.material.dispose();
         }
     }
 }
