@@ -15,8 +15,9 @@ from runs_in_c import both, difference, in_python, random_run, result
 
 import p3dof
 from p3dof import PD, ComputedTorque, ControlLoop, Feedforward, Friction, Integration, Springs
-from p3dof.compiled import levels
+from p3dof.compiled import levels, runs
 from p3dof.compiled.lanes import lane_kernel
+from p3dof.compiled.reduced.friction import friction_numbers
 from p3dof.errors import ControllerError, DynamicsError, InputError, ReachError
 from p3dof.simulation import Noise
 from p3dof.simulation.compiled_machine import pace
@@ -92,10 +93,8 @@ def test_a_wrong_limit_is_noticed(monkeypatch):
 
 
 def test_a_wrong_friction_is_noticed(monkeypatch):
-    from p3dof.compiled import kernels
-
-    right = kernels.friction_numbers
-    monkeypatch.setattr(kernels, "friction_numbers", lambda friction: [1.0001 * x for x in right(friction)])
+    right = runs.friction_numbers
+    monkeypatch.setattr(runs, "friction_numbers", lambda friction: [1.0001 * x for x in right(friction)])
     assert any(difference(*both(seed)) for seed in range(12))
 
 
@@ -342,42 +341,40 @@ def test_what_the_extension_refuses():
     from p3dof.compiled.extension._compiled import MachineRun
 
     robot = p3dof.load()
-    forward, constants = robot.kernels.prepared("forward_dynamics_loaded")
-    tables = [constants, *(robot.kernels.prepared(name)[1] for name in ("kinematics", "limits"))]
+    motion, constants, place, watch = runs.lane_constants(robot.kernels)
+    tables = [constants, place, robot.kernels.prepared("limits")[1]]
     tables += [np.zeros(36), np.zeros(0), np.zeros(1), np.zeros(3), np.zeros(0), np.ones(1)]
-    tables += [np.zeros(0)] * 11
+    tables += [*[np.zeros(0)] * 11, watch]
     level, numbers = robot.kernels.level, np.zeros(23)
-    run = MachineRun(forward.name, level, tuple(tables), numbers)
+    run = MachineRun(motion, level, tuple(tables), numbers)
     with pytest.raises(ValueError, match="expected a row of 13 doubles"):
         run.live(np.zeros(12))
     with pytest.raises(ValueError, match="expected a row of 0 doubles"):
         run.samples(np.zeros(13))
     with pytest.raises(ValueError, match="must have 6 numbers, not 3"):
         run.hold(np.zeros(3))
-    with pytest.raises(ValueError, match="tuple of twenty tables"):
-        MachineRun(forward.name, level, tuple(tables[:8]), numbers)
-    with pytest.raises(ValueError, match="tuple of twenty tables"):
-        MachineRun("kinematics", level, tuple(tables), numbers)
-    with pytest.raises(ValueError, match="no kernel 'magic'"):
+    with pytest.raises(ValueError, match="tuple of 21 tables"):
+        MachineRun(motion, level, tuple(tables[:8]), numbers)
+    with pytest.raises(ValueError, match="no kernel 'magic' of motion"):
         MachineRun("magic", level, tuple(tables), numbers)
     with pytest.raises(ValueError, match="numbers must have 23 numbers, not 16"):
-        MachineRun(forward.name, level, tuple(tables), numbers[:16])
+        MachineRun(motion, level, tuple(tables), numbers[:16])
     for place, size in ((0, 2), (3, 35), (6, 4), (8, 0), (4, 3), (9, 7)):
         wrong = np.zeros(size)
         broken = [*tables[:place], wrong, *tables[place + 1 :]]
         with pytest.raises(ValueError, match=r"must have|do not fit"):
-            MachineRun(forward.name, level, tuple(broken), numbers)
+            MachineRun(motion, level, tuple(broken), numbers)
     torque = [*tables[:9], np.ones(10), np.zeros(29), np.zeros(9), *tables[12:]]
     with pytest.raises(ValueError, match="the model of the controller does not fit"):
-        MachineRun(forward.name, level, tuple(torque), numbers)
-    followed = [*tables[:9], np.zeros(10), np.zeros(29), *tables[11:18], np.zeros(6), np.zeros(9)]
+        MachineRun(motion, level, tuple(torque), numbers)
+    followed = [*tables[:9], np.zeros(10), np.zeros(29), *tables[11:18], np.zeros(6), np.zeros(9), watch]
     with pytest.raises(ValueError, match="what the controller follows does not fit"):
-        MachineRun(forward.name, level, tuple(followed), numbers)
+        MachineRun(motion, level, tuple(followed), numbers)
     for late in ((-1, 0), (0, 1), (np.nan, 0), (1e10, 0)):
         with pytest.raises(ValueError, match="late by whole periods and a part of one"):
-            MachineRun(forward.name, level, tuple(tables), np.array([*numbers[:21], *late]))
+            MachineRun(motion, level, tuple(tables), np.array([*numbers[:21], *late]))
     with pytest.raises(TypeError, match="must be a buffer of doubles"):
-        MachineRun(forward.name, level, (*tables[:19], None), numbers)
+        MachineRun(motion, level, (*tables[:20], None), numbers)
 
 
 DRIVER = r"""
@@ -447,11 +444,13 @@ static int run(int drive, double period, double size, int friction, double end, 
     MachineRun m = {0};
     for (int k = 0; k < 31; ++k)
         times[k] = end * k / 30;
-    m.forward.run = friction ? forward_dynamics_with_friction_here : forward_dynamics_loaded_here;
-    m.kinematics.run = kinematics_here;
+    m.motion = friction ? lane_motion_with_friction_apart_single_here : lane_motion_apart_single_here;
+    m.place = lane_place_single_here;
+    m.watch = lane_limits_single_here;
     m.limits.run = limits_here;
-    m.forward.constants = friction ? rough : forward;
-    m.kinematics.constants = kinematics;
+    m.motion_constants = friction ? rough : forward;
+    m.place_constants = place;
+    m.watch_constants = watch;
     m.limits.constants = limits;
     m.r = lengths[0];
     m.R = lengths[1];
@@ -563,9 +562,10 @@ def test_sanitizers_find_nothing(tmp_path):
     kernels, g = p3dof.Manipulator(parameters).kernels, parameters.geometry
     bounds, signs, _ = Limiter(parameters, [], HOME, None).watched
     tables = {
-        "forward": kernels.prepared("forward_dynamics_loaded")[1],
-        "rough": kernels.prepared("forward_dynamics_with_friction")[1],
-        "kinematics": kernels.prepared("kinematics")[1],
+        "forward": lane_kernel("motion").of(kernels.model),
+        "rough": lane_kernel("motion_with_friction").of(kernels.model, friction_numbers(ROUGH)),
+        "place": lane_kernel("place").of(kernels.model),
+        "watch": lane_kernel("limits").of(kernels.model),
         "limits": kernels.prepared("limits")[1],
         **{name: lane_kernel(name).of(kernels.model) for name in ("assembly", "torque", "inverse")},
         "lengths": (g.r, g.R, g.L),

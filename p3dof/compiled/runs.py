@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from p3dof.checks import FloatArray
 from p3dof.compiled.kernels import NUMPY, MachineKernels
+from p3dof.compiled.lanes import lane_kernel
+from p3dof.compiled.reduced.friction import friction_numbers
 from p3dof.motion.wrenches import WRENCH_ROWS
 
 FINISHED, TICK, CROSSED, FAILED, _, BEYOND = range(6)
@@ -206,10 +209,10 @@ class CompiledRun:
     ) -> None:
         from p3dof.compiled.extension import _compiled
 
-        (forward, constants), g = kernels.prepared(_forward(kernels)), kernels.parameters.geometry
+        (motion, constants, place, watch), g = lane_constants(kernels), kernels.parameters.geometry
         tables = (
             constants,
-            kernels.prepared("kinematics")[1],
+            place,
             kernels.prepared("limits")[1],
             np.concatenate(limits),
             forces.springs,
@@ -220,6 +223,7 @@ class CompiledRun:
             *controller[:4],
             *controller.model,
             *controller.followed,
+            watch,
         )
         tolerances = timing.period, timing.rtol, timing.atol, timing.longest
         whole, part = timing.lateness
@@ -227,7 +231,7 @@ class CompiledRun:
         steps = timing.equal, min(whole, ticks + 1), part
         drives = *forces.largest, forces.outside, *state, *forces.lag
         numbers = np.array([g.r, g.R, g.L, *tolerances, *drives, *steps], dtype=float)
-        self._run = _compiled.MachineRun(forward.name, kernels.level, tables, numbers)
+        self._run = _compiled.MachineRun(motion, kernels.level, tables, numbers)
         self._run.hold(forces.held)
         self._live, self._held = np.empty(_ROW), np.empty(6)
         self._sliders, self._speeds = self._live[7:10], self._live[10:13]
@@ -288,6 +292,27 @@ class CompiledRun:
         rows = np.empty((self._run.count, _ROW))
         self._run.samples(rows.reshape(-1))
         return Samples(rows[:, 0], rows[:, 1:4], rows[:, 4:7], rows[:, 7:10], rows[:, 10:13])
+
+
+@lru_cache(maxsize=16)
+def lane_constants(kernels: MachineKernels) -> tuple[str, FloatArray, FloatArray, FloatArray]:
+    """Return which kernel moves a machine in one lane, and the constants of it, of ``place`` and ``limits``.
+
+    Parameters
+    ----------
+    kernels : MachineKernels
+        Of the machine.
+
+    Returns
+    -------
+    name : str
+    motion, place, limits : ndarray
+    """
+    name = "motion_with_friction" if kernels.has_friction else "motion"
+    friction = friction_numbers(kernels.parameters.friction) if kernels.has_friction else ()
+    motion = lane_kernel(name, kernels.symmetric).of(kernels.model, friction)
+    place, watch = (lane_kernel(name).of(kernels.model) for name in ("place", "limits"))
+    return name + ("_symmetric" if kernels.symmetric else ""), motion, place, watch
 
 
 def accelerations(kernels: MachineKernels, samples: Samples, wrench: FloatArray) -> FloatArray:

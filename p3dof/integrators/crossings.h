@@ -36,8 +36,9 @@ static CROSSINGS_TARGET void CROSSINGS_NAME(look_at)(CROSSINGS_CONTEXT context, 
 static CROSSINGS_TARGET int CROSSINGS_NAME(turns)(const CROSSINGS_NAME(look) * first, const CROSSINGS_NAME(look) * last,
                                                   double span, int i)
 {
-    return first->rate[i] < 0.0 && last->rate[i] > 0.0 &&
-           (first->margin[i] + first->rate[i] * span <= 0.0 || last->margin[i] - last->rate[i] * span <= 0.0);
+    const int turned = (first->rate[i] < 0.0) & (last->rate[i] > 0.0);
+    const int steep = (first->margin[i] + first->rate[i] * span <= 0.0) | (last->margin[i] - last->rate[i] * span <= 0.0);
+    return turned & steep;
 }
 
 /* Whether a limit may be crossed in a step between two states: what costs a dense output. */
@@ -46,7 +47,7 @@ static CROSSINGS_TARGET int CROSSINGS_NAME(possible)(const CROSSINGS_NAME(look) 
 {
     int found = span > CROSSINGS_CHECKED;
     for (int i = 0; i < CROSSINGS_COUNT; ++i)
-        found |= last->margin[i] <= 0.0 || CROSSINGS_NAME(turns)(first, last, span, i);
+        found |= (last->margin[i] <= 0.0) | CROSSINGS_NAME(turns)(first, last, span, i);
     return found;
 }
 

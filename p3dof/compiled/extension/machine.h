@@ -2,13 +2,16 @@
 
 typedef void Run(ptrdiff_t, const double *, const double *const *, double *const *); /* a batch kernel */
 
+/* A kernel of lane_kernels.h in one lane, and one whose state and what acts on it, forces 3 and load 3, are apart. */
+typedef void Lane(const double (*restrict)[1], const double (*restrict)[1], double (*restrict)[1]);
+typedef void Motion(const double *restrict, const double *restrict, const double *restrict, double *restrict);
+
 enum {
     LIMITS = 12,  /* three sliders at either end, two of the tilt, three legs' reach, the singular pose */
     WATCHED = 7,  /* sliders A, B, C; cosines of the legs' drops; that of the platform's arm */
     LOOKS = 65,   /* at the limits at a time */
     POLL_AFTER = 100000, /* evaluations, some milliseconds */
-    MOST_RUN_INPUTS = 12,
-    MOST_RUN_OUTPUTS = 15,
+    PLACED = 14,  /* sliders 3, their velocities 3, cosines 4, their rates 4 */
     ROW = 13,     /* of a sample: time, pose, velocity, forces, forces asked for */
 };
 
@@ -39,7 +42,10 @@ typedef struct MachineRun MachineRun;
 
 struct MachineRun {
     /* The machine. */
-    Bound forward, kinematics, limits; /* accelerations; sliders and their Jacobian; what limits are made of */
+    Motion *motion;                    /* accelerations */
+    Lane *place, *watch;               /* sliders and their velocities; the same with what limits are made of */
+    const double *motion_constants, *place_constants, *watch_constants;
+    Bound limits;                      /* what limits are made of, at many times */
     double r, R, L;
     double bound[LIMITS], sign[LIMITS]; /* margin = sign (value - bound) */
     int counted[LIMITS];
@@ -49,6 +55,7 @@ struct MachineRun {
     double cut[3];                                        /* where forces are cut off */
     double given[6];          /* forces 3, asked 3: those that stay, or of the last tick */
     double held[6];           /* those that act between ticks, or for good */
+    double push[6];           /* the same forces, and the load, where both stay for a while */
     double whole, part;       /* periods after its tick that a force acts: whole ones, and a share of one */
     double *late;             /* forces of the last `ring` ticks, 6 each */
     ptrdiff_t ring;

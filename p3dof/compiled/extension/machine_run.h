@@ -13,19 +13,6 @@ static P3DOF_INLINE P3DOF_TARGET int P3DOF_NAME(all_finite)(const double *x, int
     return finite;
 }
 
-/* Run a kernel on one sample of consecutive inputs, to consecutive outputs. */
-static P3DOF_INLINE P3DOF_TARGET void P3DOF_NAME(one)(const Bound *bound, int inputs, const double *from, int outputs,
-                                                      double *to)
-{
-    const double *in[MOST_RUN_INPUTS];
-    double *out[MOST_RUN_OUTPUTS];
-    for (int k = 0; k < inputs; ++k)
-        in[k] = from + k;
-    for (int k = 0; k < outputs; ++k)
-        out[k] = to + k;
-    bound->run(1, bound->constants, in, out);
-}
-
 /* What acts on the machine */
 
 /* Write the load at a time, linear between its rows. */
@@ -53,12 +40,9 @@ static P3DOF_TARGET void P3DOF_NAME(load_at)(MachineRun *m, double t, double *w)
 /* Write sliders and their velocities. */
 static P3DOF_TARGET void P3DOF_NAME(place_sliders)(const MachineRun *m, const double *y, double *sliders)
 {
-    double found[8]; /* sliders 3; their rates by y 3; that of C by theta; margin */
-    P3DOF_NAME(one)(&m->kinematics, 3, y, 8, found);
-    for (int i = 0; i < 3; ++i) {
-        sliders[i] = found[i];
-        sliders[3 + i] = y[4] + found[3 + i] * y[3] + (i == 2 ? found[6] * y[5] : 0.0);
-    }
+    double found[10][1];
+    m->place((const double(*)[1])m->place_constants, (const double(*)[1])y, found);
+    memcpy(sliders, found, 6 * sizeof *sliders);
 }
 
 /* Write what the drives deliver of the forces that are held, (3). */
@@ -79,12 +63,16 @@ static const int P3DOF_NAME(behind)[LIMITS] = {0, 1, 2, 0, 1, 2, -1, -1, 3, 4, 5
 static P3DOF_TARGET void P3DOF_NAME(placed_margins)(const MachineRun *m, const double *y, double *margins, double *rates,
                                                      double *found)
 {
-    P3DOF_NAME(one)(&m->limits, 6, y, 2 * WATCHED + 1, found);
-    const int placed = P3DOF_NAME(all_finite)(found, 2 * WATCHED);
+    m->watch((const double(*)[1])m->watch_constants, (const double(*)[1])y, (double(*)[1])found);
+    const double *f = found;
+    const double value[LIMITS] = {f[0], f[1], f[2], f[0], f[1], f[2], y[2], y[2], f[6], f[7], f[8], f[9]};
+    const double rate[LIMITS] = {f[3], f[4], f[5], f[3], f[4], f[5], y[5], y[5], f[10], f[11], f[12], f[13]};
+    const int placed = P3DOF_NAME(all_finite)(found, PLACED);
     for (int i = 0; i < LIMITS; ++i) {
-        const int k = P3DOF_NAME(behind)[i];
-        margins[i] = m->counted[i] && placed ? m->sign[i] * ((k < 0 ? y[2] : found[k]) - m->bound[i]) : INFINITY;
-        rates[i] = m->counted[i] && placed ? m->sign[i] * (k < 0 ? y[5] : found[WATCHED + k]) : 0.0;
+        const double margin = m->sign[i] * (value[i] - m->bound[i]), change = m->sign[i] * rate[i];
+        const int counts = m->counted[i] & placed;
+        margins[i] = counts ? margin : INFINITY;
+        rates[i] = counts ? change : 0.0;
     }
     if (!placed) {
         const double width = m->R - m->r, across = m->R - m->r * cos(y[2]);
@@ -96,7 +84,7 @@ static P3DOF_TARGET void P3DOF_NAME(placed_margins)(const MachineRun *m, const d
 
 static P3DOF_TARGET void P3DOF_NAME(margins)(const MachineRun *m, const double *y, double *margins, double *rates)
 {
-    double found[2 * WATCHED + 1];
+    double found[PLACED];
     P3DOF_NAME(placed_margins)(m, y, margins, rates, found);
 }
 
@@ -157,24 +145,29 @@ static P3DOF_TARGET void P3DOF_NAME(actuate)(MachineRun *m, double t, const doub
     }
 }
 
+/* Whether forces and load stay until the next step that ends where they change. */
+static P3DOF_INLINE P3DOF_TARGET int P3DOF_NAME(stays)(const MachineRun *m)
+{
+    return m->loads == 1 && !m->lagging && (m->period > 0.0 || m->drive == DRIVE_HELD);
+}
+
 /* Write the derivative of the state. The kernel reads and writes where numbers are: copies would be waited for. */
 static P3DOF_TARGET void P3DOF_NAME(rate)(MachineRun *m, double t, const double *y, double *rate)
 {
-    double forces[6], load[3], margin;
-    const double *acting = m->held;
-    P3DOF_NAME(load_at)(m, t, load);
-    if (m->period == 0.0 && m->drive != DRIVE_HELD) {
-        P3DOF_NAME(actuate)(m, t, y, forces);
-        acting = forces;
+    double forces[6], now[6];
+    const double *push = m->push;
+    if (!P3DOF_NAME(stays)(m)) {
+        if (m->lagging)
+            P3DOF_NAME(delivered)(m, t, forces);
+        else if (m->period > 0.0)
+            memcpy(forces, m->held, sizeof forces);
+        else
+            P3DOF_NAME(actuate)(m, t, y, forces);
+        memcpy(now, forces, 3 * sizeof *now);
+        P3DOF_NAME(load_at)(m, t, now + 3);
+        push = now;
     }
-    else if (m->lagging) {
-        P3DOF_NAME(delivered)(m, t, forces);
-        acting = forces;
-    }
-    const double *const in[12] = {y, y + 1, y + 2, y + 3, y + 4, y + 5, acting, acting + 1, acting + 2,
-                                  load, load + 1, load + 2};
-    double *const out[4] = {rate + 3, rate + 4, rate + 5, &margin};
-    m->forward.run(1, m->forward.constants, in, out);
+    m->motion(m->motion_constants, y, push, rate + 3);
     for (int i = 0; i < 3; ++i)
         rate[i] = y[3 + i];
     if (!(fabs(y[1]) <= DBL_MAX)) /* z does not enter */
@@ -386,6 +379,8 @@ static P3DOF_TARGET int P3DOF_NAME(advance)(MachineRun *m)
         if (found >= 0)
             return found;
         P3DOF_NAME(sample_here)(m);
+        memcpy(m->push, m->held, 3 * sizeof *m->push);
+        P3DOF_NAME(load_at)(m, m->t, m->push + 3);
         const double until = P3DOF_NAME(until)(m);
         found = m->scheme == STEPS_EQUAL ? P3DOF_NAME(equal_interval)(m, until) : P3DOF_NAME(motion_interval)(m, until);
     }

@@ -68,7 +68,7 @@ static P3DOF_TARGET int SOLVER(crossing)(MachineRun *m, const SOLVER(solver) * s
 static P3DOF_TARGET int SOLVER(short_step_near)(MachineRun *m, const SOLVER(solver) * s)
 {
     SOLVER(limits_look) first, last;
-    double found[2 * WATCHED + 1];
+    double found[PLACED];
     if (m->looked) {
         memcpy(first.margin, m->seen, sizeof first.margin);
         memcpy(first.rate, m->falling, sizeof first.rate);
@@ -77,9 +77,8 @@ static P3DOF_TARGET int SOLVER(short_step_near)(MachineRun *m, const SOLVER(solv
         P3DOF_NAME(margins)(m, s->y_old, first.margin, first.rate);
     }
     P3DOF_NAME(placed_margins)(m, s->y, last.margin, last.rate, found);
-    memcpy(m->placed, found, 3 * sizeof *found);
-    memcpy(m->placed + 3, found + WATCHED, 3 * sizeof *found);
-    m->placed[6] = found[WATCHED - 1];
+    memcpy(m->placed, found, sizeof m->placed); /* sliders 6, ... */
+    m->placed[6] = found[9];
     memcpy(m->seen, last.margin, sizeof last.margin);
     memcpy(m->falling, last.rate, sizeof last.rate);
     m->looked = 1;

@@ -2,7 +2,7 @@
 
 #include "follow.h"
 
-enum { RUN_TABLES = 20, RUN_NUMBERS = 23, RUN_LIVE = 13, RUN_SETTINGS = 10, RUN_GIVEN = 29, RUN_ENDS = 7 };
+enum { RUN_TABLES = 21, RUN_NUMBERS = 23, RUN_LIVE = 13, RUN_SETTINGS = 10, RUN_GIVEN = 29, RUN_ENDS = 7 };
 
 /* Whether the forward kinematics of the sliders gives the platform's pose: on its side of the singular pose, in its turn. */
 static int pose_is_told(const MachineRun *m)
@@ -60,6 +60,31 @@ static void (*const CONTROL_FOLLOWS[])(MachineRun *, double, const double *, dou
 static void (*const CONTROL_TICKS[])(MachineRun *, const double *) = {control_tick_baseline};
 static void (*const CONTROL_FOLLOWS[])(MachineRun *, double, const double *, double *) = {control_follow_baseline};
 #endif
+
+/* The kernels of a run in one lane of every level. */
+enum { MOTIONS = 4 };
+typedef struct {
+    Motion *motions[MOTIONS];
+    Lane *place, *watch;
+} RunKernels;
+#define RUN_KERNELS(level)                                                                                       \
+    {                                                                                                            \
+        {lane_motion_apart_single_##level, lane_motion_symmetric_apart_single_##level,                           \
+         lane_motion_with_friction_apart_single_##level, lane_motion_with_friction_symmetric_apart_single_##level}, \
+            lane_place_single_##level, lane_limits_single_##level                                                \
+    }
+#if defined(P3DOF_X86_LEVELS)
+static const RunKernels RUN_LEVELS[] = {RUN_KERNELS(baseline), RUN_KERNELS(avx2), RUN_KERNELS(avx512)};
+#else
+static const RunKernels RUN_LEVELS[] = {RUN_KERNELS(baseline)};
+#endif
+static const struct {
+    const char *name;
+    int constants;
+} MOTION_NAMES[MOTIONS] = {{"motion", lane_motion_constants},
+                           {"motion_symmetric", lane_motion_symmetric_constants},
+                           {"motion_with_friction", lane_motion_with_friction_constants},
+                           {"motion_with_friction_symmetric", lane_motion_with_friction_symmetric_constants}};
 
 typedef struct {
     PyObject_HEAD
@@ -180,8 +205,9 @@ static int set_tables(RunObject *self, const Py_ssize_t *lengths)
     MachineRun *m = &self->run;
     double **tables = self->tables;
 
-    m->forward.constants = tables[0];
-    m->kinematics.constants = tables[1];
+    m->motion_constants = tables[0];
+    m->place_constants = tables[1];
+    m->watch_constants = tables[20];
     m->limits.constants = tables[2];
     memcpy(m->bound, tables[3], sizeof m->bound);
     memcpy(m->sign, tables[3] + LIMITS, sizeof m->sign);
@@ -323,26 +349,31 @@ static Bound bound_kernel(const Level *level, const Kernel *kernel)
     return found;
 }
 
-static int fill_run(RunObject *self, const Kernel *forward, PyObject *tables, PyObject *numbers)
+static int fill_run(RunObject *self, int motion, PyObject *tables, PyObject *numbers)
 {
-    const Kernel *kinematics = own_kernel("kinematics"), *limits = own_kernel("limits");
-    const Py_ssize_t expected[RUN_TABLES] = {forward->constants, kinematics->constants, limits->constants,
-                                         3 * LIMITS, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1,
-                                         -1, -1, -1, -1};
-    Py_ssize_t lengths[RUN_TABLES], count;
+    const Kernel *limits = own_kernel("limits");
+    const RunKernels *kernels = &RUN_LEVELS[self->level - LEVELS];
+    Py_ssize_t expected[RUN_TABLES], lengths[RUN_TABLES], count;
 
-    const int fits = forward->inputs == 12 && forward->outputs == 4;
-    if (!fits || !PyTuple_Check(tables) || PyTuple_GET_SIZE(tables) != RUN_TABLES) {
-        PyErr_SetString(PyExc_ValueError, "expected forward dynamics with a load, and a tuple of twenty tables");
+    if (!PyTuple_Check(tables) || PyTuple_GET_SIZE(tables) != RUN_TABLES) {
+        PyErr_Format(PyExc_ValueError, "expected a tuple of %d tables", RUN_TABLES);
         return -1;
     }
+    for (int k = 0; k < RUN_TABLES; ++k)
+        expected[k] = -1;
+    expected[0] = MOTION_NAMES[motion].constants;
+    expected[1] = lane_place_constants;
+    expected[2] = limits->constants;
+    expected[3] = 3 * LIMITS;
+    expected[20] = lane_limits_constants;
     for (int k = 0; k < RUN_TABLES; ++k) {
         self->tables[k] = copy_doubles(PyTuple_GET_ITEM(tables, k), "tables: one", expected[k], &lengths[k]);
         if (!self->tables[k])
             return -1;
     }
-    self->run.forward = bound_kernel(self->level, forward);
-    self->run.kinematics = bound_kernel(self->level, kinematics);
+    self->run.motion = kernels->motions[motion];
+    self->run.place = kernels->place;
+    self->run.watch = kernels->watch;
     self->run.limits = bound_kernel(self->level, limits);
     if (set_tables(self, lengths) < 0)
         return -1;
@@ -368,13 +399,17 @@ static PyObject *Run_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
     if (!PyArg_ParseTupleAndKeywords(args, keywords, "UUOO:MachineRun", names, &kernel_name, &level_name, &tables,
                                      &numbers))
         return NULL;
-    const Kernel *kernel = kernel_named(kernel_name);
-    const Level *level = kernel ? level_named(level_name) : NULL;
+    int motion = 0;
+    while (motion < MOTIONS && PyUnicode_CompareWithASCIIString(kernel_name, MOTION_NAMES[motion].name) != 0)
+        ++motion;
+    if (motion == MOTIONS)
+        PyErr_Format(PyExc_ValueError, "no kernel %R of motion", kernel_name);
+    const Level *level = motion < MOTIONS ? level_named(level_name) : NULL;
     RunObject *self = level ? (RunObject *)type->tp_alloc(type, 0) : NULL;
     if (!self)
         return NULL;
     self->level = level;
-    if (fill_run(self, kernel, tables, numbers) < 0)
+    if (fill_run(self, motion, tables, numbers) < 0)
         Py_CLEAR(self);
     return (PyObject *)self;
 }
@@ -395,10 +430,10 @@ PyDoc_STRVAR(Run_doc,
              "MachineRun(kernel, level, tables, numbers)\n--\n\n"
              "A run of one machine in time.\n\n"
              "Parameters\n----------\n"
-             "kernel : str\n    Of forward dynamics with a load.\n"
+             "kernel : str\n    `motion`, or with `_with_friction`, and with `_symmetric`, of lane_kernels.h.\n"
              "level : str\n    One of `levels`.\n"
-             "tables : tuple of twenty buffers of doubles\n"
-             "    Constants of that kernel, of kinematics and of limits; limits: bounds 12, signs 12, whether they\n"
+             "tables : tuple of 21 buffers of doubles\n"
+             "    Constants of that kernel, of lane_place and of limits; limits: bounds 12, signs 12, whether they\n"
              "    count 12; springs: stiffness 3, rest 3, damping 3, preload 3, or nothing; times of the load, its\n"
              "    rows of F_y, F_z, M_y; kinks; times of the samples. A controller of control.h, or eleven empty ones:\n"
              "    whether it is computed torque, noisy, counting, differencing, integrating, of a symmetric model,\n"
@@ -406,7 +441,7 @@ PyDoc_STRVAR(Run_doc,
              "    it measures is just so and its model has the machine's lengths; gains; its table; noise;\n"
              "    constants of assembly, torque and inverse. If it acts all the time, the motion: ends of its\n"
              "    pieces; six coefficients of y, z, theta of each, the highest power first; first and last pose and\n"
-             "    duration, 7; constants of place.\n"
+             "    duration, 7; constants of place. Always the constants of lane_limits.\n"
              "numbers : buffer of 23 doubles\n"
              "    r, R, L, period, rtol, atol, longest step, largest forces 3, whether a controller outside\n"
              "    acts at every tick, pose 3, velocity 3, 2 pi bandwidth of the drives 3, whether steps are equal,\n"
