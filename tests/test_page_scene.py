@@ -47,7 +47,10 @@ def result(machine):
 @pytest.fixture(scope="module")
 def written(machine, result, tmp_path_factory):
     path = tmp_path_factory.mktemp("pages") / "page.html"
-    path.write_text(page_html(page_document(machine, result)), encoding="utf-8")
+    motion = p3dof.paper_motion(101)
+    other = p3dof.Motion(motion.time, -motion.pose, -motion.velocity, -motion.acceleration)
+    document = page_document(machine, result, runs={"mirrored": other})
+    path.write_text(page_html(document), encoding="utf-8")
     return path.as_uri()
 
 
@@ -135,6 +138,16 @@ def test_with_other_lengths_the_machine_that_is_drawn_is_the_one_that_is_compute
     watched.page.evaluate("() => p3dof.state.set({ whatIf: {}, hand: null })")
     shown(watched)
     assert not watched.page.evaluate("p3dof.state.stage.contents.ghost?.group.visible ?? false")
+
+
+def test_a_run_that_is_compared_is_a_ghost_at_the_same_instant(watched, machine, result):
+    watched.page.evaluate("() => { p3dof.state.set({ compare: 1 }); p3dof.seek(0.5); }")
+    ghost = """() => p3dof.state.stage.contents.ghost.joints.flatMap(({ matrix }) => matrix.elements)"""
+    found = np.reshape(watched.page.evaluate(ghost), (-1, 4, 4)).transpose(0, 2, 1)
+    assert_allclose(found, expected(machine, -result.motion.pose[100]), rtol=0, atol=1e-12)
+    assert_allclose(placements(watched), expected(machine, result.motion.pose[100]), rtol=0, atol=1e-12)
+    watched.page.evaluate("() => { p3dof.state.set({ compare: null }); p3dof.state.refresh(); }")
+    assert not watched.page.evaluate("p3dof.state.stage.contents.ghost.group.visible")
 
 
 @pytest.mark.parametrize("view", VIEWS)

@@ -87,6 +87,44 @@ def test_a_five_bar_moves_with_the_forces_of_its_closure(browser, tmp_path):
         watched.healthy()
 
 
+def test_python_closes_the_loops_of_what_the_hand_drags(browser):
+    pytest.importorskip("tornado", reason="tornado is not installed")
+    from p3dof.viewer.live_viewer import LiveViewer
+
+    robot = p3dof.load_robot(GALLERY / "five_bar.urdf")
+    start = robot.assemble().q
+    document = robot_document(
+        robot, RobotFigure(robot, GALLERY / "five_bar.urdf"), JointMotion([0.0], start[None]), engine="ask"
+    )
+
+    def answered(question):
+        return {"q": robot.assemble(question["inputs"], guess=question["q"]).q}
+
+    with (
+        LiveViewer(document, lambda result: result, answered, port=0) as viewer,
+        opened(browser, viewer.url, 1200, 800, ready=READY) as watched,
+    ):
+        watched.wait("p3dof.state.connection.open && p3dof.state.engine !== null")
+        spots = [spot for spot in watched.page.evaluate(GRIPS) if spot[0] == "left_motor"]
+        _, place, *rest = spots[len(spots) // 2]
+        point, (x, y) = rest[:3], rest[3:]
+        watched.page.mouse.move(x, y)
+        watched.page.mouse.down()
+        watched.page.mouse.move(x + 3, y + 3, steps=3)
+        watched.wait("p3dof.state.hand !== null && !p3dof.state.engine.busy")
+        watched.page.evaluate(SHOWN)
+        q = np.array(watched.page.evaluate("() => [...p3dof.instant().q]"))
+        assert np.linalg.norm(robot.closure_error(q)) < 1e-9
+        assert abs(q - start).max() > 1e-3
+        assert_allclose(placements(watched), fixed(robot.model, q), rtol=0, atol=1e-12)
+        right = robot.model.joints[robot.model.getJointId("right_motor")].idx_q
+        assert q[right] == pytest.approx(start[right], abs=1e-9)  # the other motor stays
+        reached = np.array(watched.page.evaluate(SEEN, [place, point]))
+        assert np.linalg.norm(reached - [x, y]) > 1.0
+        watched.page.mouse.up()
+        watched.healthy()
+
+
 def test_a_tree_with_meshes_follows_the_hand_joint_by_joint(browser, tmp_path):
     example = pytest.importorskip("example_robot_data").load("solo12")
     robot = p3dof.ClosedLoopModel(example.model, p3dof.Sidecar.serial(example.model))

@@ -87,6 +87,8 @@ export class Solids {
             if (userData.solid.joint < 0) continue;
             material.clippingPlanes = planes;
             material.side = planes ? DoubleSide : FrontSide;
+            material.onBeforeCompile = planes ? capped : () => {};
+            material.customProgramCacheKey = () => (planes ? "cut" : "whole");
             material.needsUpdate = true;
         }
     }
@@ -111,6 +113,12 @@ export class Ghost {
         this.group.add(...this.joints);
         this.place = Solids.prototype.place;
     }
+}
+
+/** Paint what is seen of the inside of a cut solid in one colour, as if it were full. @param {{fragmentShader: string}} shader */
+function capped(shader) {
+    const inside = "if (!gl_FrontFacing) gl_FragColor = vec4(0.35 * diffuse + 0.08, 1.0);";
+    shader.fragmentShader = shader.fragmentShader.replace("#include <opaque_fragment>", `#include <opaque_fragment>\n${inside}`);
 }
 
 /** A group whose matrix is set, not composed. @param {Group} group */
