@@ -22,7 +22,7 @@ LOWEST := .venv-lowest
 COUNT ?= 300
 ONLY ?=
 
-.PHONY: help demo quick test lint types layers generated pytest docs fuzz mutants lowest benchmark export
+.PHONY: help demo quick test lint types layers generated pytest docs fuzz sanitize mutants lowest benchmark export
 .PHONY: pictures clean page page-check
 
 demo: $(VENV)/.demo ## run the main job on the paper's motion, into out/
@@ -72,6 +72,9 @@ docs: $(VENV)/.docs ## build the documentation site into out/docs, and check its
 fuzz: $(DEV) ## random searches with a fresh seed, which SEED=... repeats
 	@echo "repeat with: make fuzz SEED=$(SEED)"
 	$(BIN)/pytest -n auto -m "fuzz or hypothesis" --hypothesis-profile=fuzz --hypothesis-seed=$(SEED) tests
+
+sanitize: $(DEV) ## the compiled extension under the sanitizers of gcc
+	$(BIN)/pytest -q -m "fuzz or not fuzz" -k sanitizers tests
 
 # Breaks the sources on purpose, COUNT times (0: in every way), and lists what no test notices.
 mutants: $(DEV) ## break the sources in COUNT places, and list what no test notices

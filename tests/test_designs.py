@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import pickle
-import shutil
-import subprocess
-import sys
-import sysconfig
-from pathlib import Path
 
 import numpy as np
 import pytest
 from machines import random_machine
+from sanitized import LINUX, run_sanitized
 
 import p3dof
 from p3dof import (
@@ -711,12 +706,7 @@ def test_the_compiled_loop_refuses_what_does_not_fit():
 
 
 UNDER_SANITIZERS = """
-import importlib.util, sys
 import numpy as np
-import p3dof.compiled.extension as room
-spec = importlib.util.spec_from_file_location("p3dof.compiled.extension._compiled", sys.argv[1])
-room._compiled = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(room._compiled)
 import p3dof
 from p3dof.compiled.design_kernels import design_kernel
 from p3dof.compiled.kernels import levels
@@ -738,33 +728,7 @@ print("clean")
 
 
 @pytest.mark.fuzz
-@pytest.mark.skipif(sys.platform != "linux" or not shutil.which("gcc"), reason="gcc's sanitizers on Linux")
+@LINUX
 def test_the_compiled_loop_under_sanitizers(tmp_path):
-    """Compiling the extension so takes half a minute."""
-    root = Path(p3dof.__file__).parents[1]
-    source, made = root / "p3dof/compiled/extension/_compiled.c", tmp_path / "_compiled.so"
-    flags = [
-        "-shared",
-        "-fPIC",
-        "-O0",
-        "-fsanitize=address,undefined",
-        "-fno-sanitize-recover=all",
-        "-fno-math-errno",
-    ]
-    include = sysconfig.get_path("include")
-    subprocess.run(["gcc", *flags, f"-I{include}", str(source), "-o", str(made)], check=True)
-    libraries = [
-        subprocess.run(
-            ["gcc", f"-print-file-name={name}"], check=True, capture_output=True, text=True
-        ).stdout.strip()
-        for name in ("libasan.so", "libubsan.so")
-    ]
-    environment = {
-        **os.environ,
-        "LD_PRELOAD": " ".join(libraries),
-        "ASAN_OPTIONS": "detect_leaks=0",  # the interpreter has its own
-        "PYTHONPATH": str(root),
-    }
-    command = [sys.executable, "-W", "ignore", "-c", UNDER_SANITIZERS, str(made)]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    done = run_sanitized(tmp_path, UNDER_SANITIZERS)
     assert done.stdout == "clean\n", done.stderr[-3000:]

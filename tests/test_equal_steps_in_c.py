@@ -197,6 +197,27 @@ def test_another_controller_has_its_own_model():
     assert not np.array_equal(elsewhere.reference, found.reference)
 
 
+def test_one_controller_serves_runs_at_many_rates():
+    """What it follows is kept between runs of the same ticks, until it follows something else."""
+    motion = p3dof.paper_motion(1001).from_rest(0.2)
+    controller = PD(ROBOT, motion)
+    runs = {}
+    for rate, duration, push in (
+        (1000, 0.02, 0),
+        (500, 0.02, 0),
+        (500, 0.03, 0),
+        (500, 0.03, 9),
+        (1000, 0.02, 0),
+    ):
+        controller.holding = ROBOT.forces(*np.zeros((3, 3))) + push
+        how = {"controller": controller, "control": ControlLoop(rate), "start": motion.pose[0], "samples": 9}
+        found = in_c(ROBOT, duration, integration=EQUAL, **how)
+        exact = in_python(ROBOT, duration, integration=EQUAL, **how)
+        assert np.abs(found.forces - exact.forces).max() < 1e-10
+        runs[rate, duration, push] = found.forces
+    assert np.abs(runs[500, 0.03, 9] - runs[500, 0.03, 0]).max() > 1
+
+
 def test_progress_is_told():
     told = []
     ROBOT.simulate(

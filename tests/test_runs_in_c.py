@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from runs_in_c import both, difference, in_python, random_run, result
+from sanitized import LINUX, run_sanitized
 
 import p3dof
 from p3dof import PD, ComputedTorque, ControlLoop, Feedforward, Friction, Integration, Springs
@@ -586,3 +587,46 @@ def test_sanitizers_find_nothing(tmp_path):
     subprocess.run([compiler, *flags, "-o", program, source, "-lm"], check=True)
     ran = subprocess.run([program], check=True, capture_output=True, text=True)
     assert set(ran.stdout.split()) == {"0", "2", "3", "4", "5"}
+
+
+UNDER_SANITIZERS = """
+import os
+import numpy as np
+import p3dof
+import runs_in_c, test_equal_steps_in_c as equal, test_runs_in_c as own
+from p3dof.compiled import levels
+rough, motion = p3dof.Friction({"sliders": 5.0}, {"joints": 0.02}, smoothing=0.05), p3dof.paper_motion(51)
+for level in levels()[1:]:
+    os.environ["P3DOF_LEVEL"] = level
+    for seed in range(30):
+        for make in (runs_in_c.random_run, equal.random_run):
+            machine, duration, run = make(seed)
+            machine = p3dof.Manipulator(machine.parameters)
+            assert machine.kernels.level == level
+            runs_in_c.result(machine.simulate, duration / 4, method="compiled", **run)
+    own.test_what_the_extension_refuses()
+    start = np.where(np.arange(70) % 9, 0.1, np.nan)
+    for friction in ("friction.viscous.sliders", "start.y"):
+        columns = {"start.theta": start, "platform.mass": np.linspace(1, 90, 70)}
+        columns[friction] = np.linspace(0, 0.1, 70)
+        for kind in (p3dof.PD, p3dof.Feedforward, p3dof.ComputedTorque):
+            machine = p3dof.load(
+                own.replace(p3dof.PAPER, friction=rough if kind is p3dof.PD else p3dof.Friction())
+            )
+            for lanes in (True, False):
+                for late in (0.0, 2.3e-3):
+                    more = {"resolution": 1e-6, "delay": late, "bandwidth": 90}
+                    control = p3dof.ControlLoop(1000, noise=p3dof.Noise(1e-6), **more)
+                    controller = kind(p3dof.PAPER, motion)
+                    how = {"controller": controller, "control": control, "lanes": lanes, "histories": 5}
+                    machine.simulate_many(0.02, columns, **how)
+print("clean")
+"""
+
+
+@pytest.mark.fuzz
+@LINUX
+def test_the_extension_runs_clean_under_sanitizers(tmp_path):
+    """Single runs of every kind, and many runs with friction, at every level."""
+    done = run_sanitized(tmp_path, UNDER_SANITIZERS)
+    assert done.stdout == "clean\n", done.stderr[-3000:]

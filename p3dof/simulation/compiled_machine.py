@@ -15,17 +15,18 @@ import numpy as np
 from p3dof import kinematics
 from p3dof.checks import FloatArray
 from p3dof.compiled import runs
+from p3dof.compiled.kernels import MachineKernels
 from p3dof.compiled.runs import NO_CONTROLLER, CompiledRun, Forces, Samples, Timing, Watched
 from p3dof.errors import ControllerError, DynamicsError
 from p3dof.kinematics import reachable_poses
 from p3dof.methods import JointStates
 from p3dof.motion import Load, Motion, WrenchHistory
-from p3dof.parameters import Geometry
 from p3dof.simulation.compiled_controllers import controller_of, follows, has_table
 from p3dof.simulation.controllers import Springs
 from p3dof.simulation.integration import BEYOND, FAILED, NEAR
 from p3dof.simulation.limits import Limiter
 from p3dof.simulation.margins import Stop
+from p3dof.simulation.reference import Reference
 from p3dof.simulation.run import Simulation
 from p3dof.simulation.task import Task
 from p3dof.simulation.ways import why_python
@@ -78,16 +79,19 @@ def simulate_compiled(task: Task) -> Simulation | None:
 
 
 class LaterSimulation(Simulation):
-    """A run whose joints and closure errors are computed when they are first asked for.
+    """A run whose joints, closure errors, sliders and reference are computed when they are first asked for.
 
-    They take a hundred times as long as the run itself.
+    They take longer than a short run itself.
     """
 
     @classmethod
-    def of(cls, geometry: Geometry, **known: Any) -> Simulation:
-        """Return a run from the lengths of its machine and all that is known of it."""
+    def of(
+        cls, kernels: MachineKernels, samples: Samples, followed: Reference | None, **known: Any
+    ) -> Simulation:
+        """Return a run from its machine, samples, what it followed, and all else that is known of it."""
         run = object.__new__(cls)
-        for name, value in {**known, "_geometry": geometry}.items():
+        later = {"_kernels": kernels, "_samples": samples, "_followed": followed}
+        for name, value in {**known, **later}.items():
             object.__setattr__(run, name, value)
         return run
 
@@ -95,17 +99,38 @@ class LaterSimulation(Simulation):
         return Simulation, tuple(getattr(self, field.name) for field in fields(Simulation))
 
     def __getattr__(self, name: str) -> Any:
-        if name not in {"joints", "closure_error"}:
+        made = _LATER.get(name)
+        if made is None:
             raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
-        motion, geometry = self.motion, self._geometry
-        found = kinematics.mechanism_motion(
-            geometry, motion.pose, motion.velocity, motion.acceleration, "nan"
-        )
-        parts = found.position, found.velocity, found.acceleration
-        joints = JointStates.from_mappings(tuple(found.position), *parts)
-        object.__setattr__(self, "joints", joints)
-        object.__setattr__(self, "closure_error", kinematics.closure_error(geometry, found))
+        for each, value in made(self).items():
+            object.__setattr__(self, each, value)
         return self.__dict__[name]
+
+
+def _joints(run: Any) -> dict[str, Any]:
+    motion, geometry = run.motion, run._kernels.parameters.geometry
+    found = kinematics.mechanism_motion(geometry, motion.pose, motion.velocity, motion.acceleration, "nan")
+    parts = found.position, found.velocity, found.acceleration
+    joints = JointStates.from_mappings(tuple(found.position), *parts)
+    return {"joints": joints, "closure_error": kinematics.closure_error(geometry, found)}
+
+
+def _sliders(run: Any) -> dict[str, Any]:
+    positions, velocities = runs.sliders(run._kernels, run._samples)
+    return {"sliders": positions, "slider_velocities": velocities}
+
+
+def _reference(run: Any) -> dict[str, Any]:
+    return {"reference": None if run._followed is None else run._followed.poses(run._samples.time)}
+
+
+_LATER = {
+    "joints": _joints,
+    "closure_error": _joints,
+    "sliders": _sliders,
+    "slider_velocities": _sliders,
+    "reference": _reference,
+}
 
 
 class _Runner:
@@ -205,18 +230,15 @@ class _Runner:
         samples, wrench, acceleration = self._recorded()
         if not len(samples.time):
             return None
-        geometry, reference = machine.parameters.geometry, self._followed
-        sliders, speeds = runs.sliders(machine.kernels, samples)
         return LaterSimulation.of(
-            geometry,
+            machine.kernels,
+            samples,
+            self._followed,
             method="compiled",
             motion=Motion(samples.time, samples.pose, samples.velocity, acceleration, check=False),
             forces=samples.forces,
             asked=samples.asked,
-            sliders=sliders,
-            slider_velocities=speeds,
             wrench=wrench,
-            reference=None if reference is None else reference.poses(samples.time),
             stop=self._stop,
             evaluations=self._run.evaluations,
             seconds=self._seconds,

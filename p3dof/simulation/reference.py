@@ -69,16 +69,20 @@ class Reference:
 
     def over(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return poses, velocities and accelerations at times since the beginning (N,), shape (N, 3) each."""
-        inside = np.clip(times, 0.0, self.motion.duration)
-        if not self._curves:
-            still = np.zeros((len(times), 3))
-            return still + self.motion.pose[0], still, still.copy()
-        pose, velocity, acceleration = (np.asarray(curve(inside)) for curve in self._curves)
+        pose, velocity, acceleration = (self.derivative(times, order) for order in range(3))
+        return pose, velocity, acceleration
+
+    def derivative(self, times: FloatArray, order: int) -> FloatArray:
+        """Return one of them at times (N,), shape (N, 3): poses, velocities, accelerations are 0, 1, 2."""
         before, after = times < 0, times > self.motion.duration * (1 + 1e-14)
-        pose[before], pose[after] = self.motion.pose[0], self.motion.pose[-1]
-        moving = np.where(before | after, 0.0, 1.0)[:, None]
-        return pose, moving * velocity, moving * acceleration
+        if self._curves:
+            found = np.asarray(self._curves[order](np.clip(times, 0.0, self.motion.duration)))
+        else:
+            found = np.zeros((len(times), 3)) + (self.motion.pose[0] if order == 0 else 0.0)
+        found[before] = self.motion.pose[0] if order == 0 else 0.0
+        found[after] = self.motion.pose[-1] if order == 0 else 0.0
+        return found
 
     def poses(self, times: FloatArray) -> FloatArray:
         """Return the poses at times since the beginning, shape (N, 3)."""
-        return self.over(times)[0]
+        return self.derivative(times, 0)

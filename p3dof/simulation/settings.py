@@ -192,6 +192,8 @@ class ControlLoop(FrozenArrays):
         InputError
             If there are not as many bandwidths as actuators.
         """
+        if np.ndim(self.bandwidth) == 0 and self.bandwidth == math.inf:
+            return None
         bandwidth = _for_all("bandwidth", self.bandwidth, count)
         return bandwidth if np.isfinite(bandwidth).any() else None
 
