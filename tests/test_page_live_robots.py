@@ -7,6 +7,7 @@ from pathlib import Path
 
 import closed_loop_robots as robots
 import numpy as np
+import pinocchio as pin
 import pytest
 from browser import chromium, opened
 
@@ -289,7 +290,7 @@ def test_the_hand_goes_on_between_samples_of_a_coarse_motion_of_another_assembly
     home, *others = (mode.q for mode in loop.assembly_modes([0.4]))
     other = next(q for q in others if np.abs(q - home).max() > 0.5)
     ends = [other, loop.assemble([1.2], other).q]
-    between = JointMotion([0.0, 1.0], ends).at(loop.model, 0.5).q
+    between = pin.interpolate(loop.model, *ends, 0.5)
     assert np.abs(loop.closure_error(between)).max() > 1e-3
     hand = Hand(loop, home)
     hand.follow(between)
