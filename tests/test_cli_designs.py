@@ -132,7 +132,7 @@ BAD = {
     "an unknown column": ("R,colour\n.25,3\n", "designs.csv, column 2: unknown column 'colour'"),
     "a wrong unit": ("R [kg]\n.25\n", "column 1: column 'R [kg]': expected a length"),
     "millimetres without their unit": ("R,L\n.25,.4\n250,400\n", "row 2, column R: 250 m is more than 20 m"),
-    "one column twice": ("R,R\n.25,.4\n", "the column R is there twice"),
+    "one column twice": ("R,R\n.25,.4\n", "designs.csv: two columns are geometry.R: 'R' and 'R'"),
     "the same in two units": (
         "R,R [mm]\n.25,250\n",
         "designs.csv: two columns are geometry.R: 'R' and 'R [mm]'; leave one",

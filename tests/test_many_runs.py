@@ -26,7 +26,7 @@ from p3dof import (
 from p3dof.cli import main
 from p3dof.compiled import levels
 from p3dof.errors import InputError
-from p3dof.many_runs import figures_table, kind_of, running, stop_codes, stops_table
+from p3dof.many_runs import figures_table, kind_of, read_runs, running, stop_codes, stops_table
 
 ROBOT = p3dof.load()
 MOTION = p3dof.paper_motion(1001).from_rest(0.2)
@@ -511,13 +511,19 @@ def test_the_command_line_reads_runs_and_writes_figures(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "expected names of columns and at least one run"),
-        ("L\n", "expected names of columns and at least one run"),
-        ("L,L\n1,2\n", "expected different names of columns, got 'L'"),
-        ("L,\n1,2\n", "expected different names of columns"),
-        ("L,R\n1\n", "run 1: expected 2 numbers, got 1"),
-        ("L,R\n1,2\n1,x\n", "run 2: could not convert"),
-        ("wheel\n1\n", "runs.csv: unknown column 'wheel'"),
+        ("", "runs.csv: expected the names of columns first, got an empty file"),
+        ("L\n", "runs.csv: expected rows of numbers after the names of columns, got none"),
+        ("L,L\n1,2\n", "runs.csv: two columns are geometry.L: 'L' and 'L'"),
+        ("L,\n1,2\n", "runs.csv, column 2: unknown column ''"),
+        ("L,R\n1\n", "runs.csv, row 1 (line 2): expected 2 columns, got 1"),
+        ("L,R\n1,2\n1,x\n", "runs.csv, row 2 (line 3), column R: expected a number, got 'x'"),
+        ("L;R\n1;2\n", "runs.csv: expected commas between the columns, got semicolons"),
+        ('frequency\n"5,0"\n', "runs.csv, row 1 (line 2), column frequency: expected a number, got '5,0'"),
+        (
+            "# mm\nL\n400\n",
+            "runs.csv, row 1, column L: 400 m is more than 20 m: lengths are in metres; did you",
+        ),
+        ("wheel\n1\n", "runs.csv, column 1: unknown column 'wheel'"),
         (
             "R [mm],R\n240,.24\n",
             "runs.csv: two columns are geometry.R: 'R [mm]' and 'R'; leave one of them out",
@@ -536,6 +542,20 @@ def test_bad_tables_are_one_clear_error(tmp_path, capsys, text, message):
     assert error.startswith("p3dof: error: ")
     assert message in error
     assert error.count("\n") == 1
+
+
+def test_tables_of_runs_are_those_of_designs(tmp_path):
+    pa = pytest.importorskip("pyarrow")
+    import pyarrow.parquet as pq
+
+    (tmp_path / "runs.csv").write_text("# a note\nL [mm],frequency\n400,5\n\n401,6\n", "utf-8")
+    wanted = {"L [mm]": [400.0, 401.0], "frequency": [5.0, 6.0]}
+    pq.write_table(pa.table(wanted), tmp_path / "runs.parquet")
+    for name in ("runs.csv", "runs.parquet"):
+        found = read_runs(tmp_path / name)
+        assert {header: column.tolist() for header, column in found.items()} == wanted
+    (tmp_path / "large.csv").write_text("L\n400\n", "utf-8")
+    assert read_runs(tmp_path / "large.csv", any_size=True)["L"].tolist() == [400]
 
 
 def test_the_figure_has_all_finished_runs():

@@ -265,6 +265,7 @@ def run(tmp_path, data):
     p3dof.paper_motion(51).to_csv(tmp_path / "motion.csv")
     (tmp_path / "designs.csv").write_text("R,L\n.25,.4\n.26,.41\n", encoding="utf-8")
     (tmp_path / "runs.csv").write_text("L [mm],start.y [mm],frequency\n400,1,5\n401,2,6\n", encoding="utf-8")
+    (tmp_path / "large_runs.csv").write_text("L,start.y\n400,1\n", encoding="utf-8")
     (tmp_path / "load.csv").write_text(
         "t,fx,fy,fz,mx,my,mz\n0,0,0,0,0,0,0\n1,0,5,9,0,0,0\n", encoding="utf-8"
     )
@@ -359,6 +360,10 @@ WRONG = {
     r"sweep\.yaml: run: duration: expected": changed("run/duration", -1, RUNS),
     r"sweep\.yaml: run: step: expected": changed("run/step", 0, RUNS),
     r"sweep\.yaml: run: delay: expected zero or more": changed("run/delay", -1, RUNS),
+    r"sweep\.yaml: variables\.geometry\.R\.uniform: 280 m is more than 20 m: .*'280 mm'": changed(
+        "variables/R", {"uniform": [240, 280]}
+    ),
+    r"runs\.csv, row 1, column L: 400 m is more than 20 m": {"rows": "large_runs.csv", "run": {"rate": 500}},
     r"sweep\.yaml: figures: expected none with `run`": changed("figures", ["power"], RUNS),
     r"sweep\.yaml: reductions\[0\]: 3 smallest rms_err_y: .*did you mean rms_error_y": changed(
         "reductions/0/top", "rms_err_y", RUNS

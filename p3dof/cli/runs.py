@@ -11,7 +11,7 @@ from rich.console import Console
 from p3dof.cli.actuation import ActuationOptions, with_actuation
 from p3dof.cli.app import app
 from p3dof.cli.files import InputFile, OutputFile, protect, source
-from p3dof.cli.options import POSITIVE, Case, Number, Whole, with_load
+from p3dof.cli.options import POSITIVE, Case, Number, Whole, any_size, with_load
 from p3dof.cli.output import in_options, print_plain, print_warnings, progress_bar, show
 from p3dof.cli.payloads import print_payloads
 from p3dof.errors import InputError
@@ -72,15 +72,16 @@ def runs(
 ) -> int:
     """Follow a motion with many machines in time: tolerances, gains, starts, payloads, noise.
 
-    RUNS is a CSV file with a row for each run, or - for the standard input. Its columns are numbers of the
-    machine by their names in the parameter file, with dots (L [mm], platform.mass, payload.mass); start.y,
-    start.z, start.theta, start.vy, start.vz, start.vtheta; frequency, damping, integral_time; wrench.fy,
-    wrench.fz, wrench.my; seed. All else is the same for all runs. Runs that cannot be have a reason.
+    RUNS is a CSV or Parquet file with a row for each run, or - for CSV on the standard input. Its columns are
+    numbers of the machine by their names in the parameter file, with dots (L [mm], platform.mass,
+    payload.mass); start.y, start.z, start.theta, start.vy, start.vz, start.vtheta; frequency, damping,
+    integral_time; wrench.fy, wrench.fz, wrench.my; seed. All else is the same for all runs. Runs that cannot
+    be have a reason.
 
     Exit code 1 when not every run goes on to its end.
     """
     protect((table, case.parameters, case.motion_file, case.wrench_file), (out,))
-    columns = read_runs(source(table))
+    columns = read_runs(source(table), any_size())
     chosen = natural_ramp(case.motion) if ramp is None else ramp
     motion = case.motion.from_rest(chosen) if chosen else case.motion
     gains = {"integral_time": np.inf if integral_time is None else integral_time}

@@ -135,7 +135,7 @@ def _lines(stream: IO[str], name: str) -> Iterator[tuple[int, str]]:
 
 def _header(line: str, name: str, meaning: Meaning) -> list[str]:
     if not line:
-        raise InputError(f"{name}: expected designs, with the names of columns first, got an empty file")
+        raise InputError(f"{name}: expected the names of columns first, got an empty file")
     fields = [field.strip() for field in next(csv.reader([line]))]
     for separator, word in ((";", "semicolons"), ("\t", "tabs")):
         if len(fields) == 1 and separator in fields[0]:
@@ -151,9 +151,6 @@ def _check_names(fields: Sequence[str], name: str, meaning: Meaning) -> None:
             meaning([field])
         except InputError as error:  # noqa: PERF203 - a few names
             raise InputError(f"{name}, column {number}: {_bare(error)}") from error
-    if len(set(fields)) != len(fields):
-        twice = next(field for field in fields if fields.count(field) > 1)
-        raise InputError(f"{name}: the column {twice} is there twice")
     try:
         meaning(fields)
     except InputError as error:

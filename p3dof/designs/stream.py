@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from p3dof.checks import FloatArray
 from p3dof.designs.columns import BodiesOfDesigns, Designs
 from p3dof.designs.files import Rows
-from p3dof.designs.names import LENGTHS, column_of
+from p3dof.designs.names import LENGTHS, Column, columns_of
 from p3dof.designs.problem import BLOCK, DesignProblem
 from p3dof.designs.results import DesignForces
 from p3dof.designs.status import DesignStatus
@@ -115,16 +115,27 @@ def evaluated(
     for rows in blocks:
         designs = Designs(rows.columns, machine, bodies)
         if not any_size:
-            _require_size(designs, rows, source)
+            require_size(columns_of(rows.columns), rows, source)
         yield rows, problem.evaluate(designs)
 
 
-def _require_size(designs: Designs, rows: Rows, source: str) -> None:
-    for header in rows.columns:
-        name = column_of(header).name
-        large = np.flatnonzero(designs.columns[name] > LARGEST) if name in LENGTHS else np.zeros(0)
+def require_size(columns: Iterable[Column], rows: Rows, source: str) -> None:
+    """Raise `InputError` for a machine of more than 20 m: most are in millimetres without saying so.
+
+    Parameters
+    ----------
+    columns : iterable of Column
+        What the headers mean.
+    rows : Rows
+        Some rows of the file.
+    source : str
+        What to call the file.
+    """
+    for column, (header, given) in zip(columns, rows.columns.items(), strict=True):
+        values = column.in_si(given)
+        large = np.flatnonzero(values > LARGEST) if column.name in LENGTHS else np.zeros(0)
         if large.size:
-            value = designs.columns[name][large[0]]
+            value = values[large[0]]
             raise InputError(
                 f"{source}, row {rows.first + int(large[0])}, column {header}: {value:g} m is more than "
                 f"{LARGEST:g} m: lengths are in metres; did you mean '{header} [mm]'? "

@@ -23,9 +23,10 @@ from p3dof.blocks import (
 from p3dof.blocks.sampling import METHODS
 from p3dof.checks import shown
 from p3dof.designs.files import Meaning
-from p3dof.designs.names import QUANTITIES, columns_of, full_name
+from p3dof.designs.names import LENGTHS, QUANTITIES, columns_of, full_name
 from p3dof.errors import InputError
 from p3dof.many_runs.columns import run_columns_of, variable_of
+from p3dof.parameters.plain import LARGEST
 from p3dof.parameters.quantities import Quantity
 from p3dof.sweeps.fields import listed, mapping, named, number, read_beside
 from p3dof.sweeps.rows import FileRows
@@ -60,7 +61,9 @@ SPREADS: dict[str, Callable[..., Distribution]] = {
 }
 
 
-def sampling_of(data: Mapping[str, Any], folder: Path, name: str, naming: Naming) -> Sampling:
+def sampling_of(
+    data: Mapping[str, Any], folder: Path, name: str, naming: Naming, any_size: bool = False
+) -> Sampling:
     """Return where the inputs come from: the fields `rows`, or `variables`, `sampling` and `count`.
 
     Parameters
@@ -73,6 +76,8 @@ def sampling_of(data: Mapping[str, Any], folder: Path, name: str, naming: Naming
         What to call it.
     naming : Naming
         What may differ.
+    any_size : bool
+        Take machines of more than 20 m too.
 
     Returns
     -------
@@ -88,12 +93,14 @@ def sampling_of(data: Mapping[str, Any], folder: Path, name: str, naming: Naming
         if others or not isinstance(data["rows"], str):
             got = f"with {others[0]!r}" if others else shown(data["rows"])
             raise InputError(f"rows: expected a file of designs and no other inputs, got {got}")
-        return read_beside(lambda path: FileRows(path, naming.columns), folder, data["rows"], f"{name}: rows")
+        return read_beside(
+            lambda path: FileRows(path, naming.columns, any_size), folder, data["rows"], f"{name}: rows"
+        )
     variables = mapping(data.get("variables"), "variables", None)
     spreads = {}
     for given, value in variables.items():
         key, quantity = naming.variable(str(given))
-        spreads[key] = _spread(value, key, quantity)
+        spreads[key] = _spread(value, key, quantity, any_size)
     method = data.get("sampling", "grid" if all(isinstance(s, tuple) for s in spreads.values()) else "random")
     grid = {key: item for key, item in spreads.items() if isinstance(item, tuple)}
     free = {key: item for key, item in spreads.items() if isinstance(item, Distribution)}
@@ -111,7 +118,9 @@ def sampling_of(data: Mapping[str, Any], folder: Path, name: str, naming: Naming
     return Samples(free, data["count"], method)
 
 
-def _spread(value: Any, key: str, quantity: Quantity | None) -> Distribution | tuple[float, ...]:
+def _spread(
+    value: Any, key: str, quantity: Quantity | None, any_size: bool
+) -> Distribution | tuple[float, ...]:
     """Return how a variable is spread, or its values."""
     where = f"variables.{key}"
     spread = mapping(value, where, (*SPREADS, "values"))
@@ -120,6 +129,12 @@ def _spread(value: Any, key: str, quantity: Quantity | None) -> Distribution | t
         raise InputError(f"{where}: expected one of {known}, got {len(spread)} of them")
     ((kind, given),) = spread.items()
     numbers = [number(item, quantity, f"{where}.{kind}") for item in listed(given, f"{where}.{kind}")]
+    large = max(numbers, default=0.0)
+    if key in LENGTHS and large > LARGEST and not any_size:
+        raise InputError(
+            f"{where}.{kind}: {large:g} m is more than {LARGEST:g} m: lengths are in metres; did you mean "
+            f"'{large:g} mm'? (--any-size takes it as it is)"
+        )
     if kind == "values":
         return tuple(numbers)
     if len(numbers) != 2:

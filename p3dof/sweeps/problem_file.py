@@ -146,9 +146,9 @@ def _problem(data: Mapping[str, Any], folder: Path, name: str, any_size: bool) -
         for key in ("bodies", "figures"):
             if key in data:
                 raise InputError(f"{key}: expected none with `run`: runs keep their bodies, and have figures")
-        return run_sweep(data, sampling_of(data, folder, name, OF_RUNS), machine, folder, name)
+        return run_sweep(data, sampling_of(data, folder, name, OF_RUNS, any_size), machine, folder, name)
     return DesignSweep(
-        sampling_of(data, folder, name, OF_DESIGNS),
+        sampling_of(data, folder, name, OF_DESIGNS, any_size),
         motion_of(data.get("motion", {"paper": _SAMPLES}), folder, f"{name}: motion"),
         machine,
         data.get("bodies", "kept"),

@@ -15,6 +15,7 @@ from p3dof.blocks import Block
 from p3dof.checks import FloatArray
 from p3dof.designs.files import Meaning, read_designs
 from p3dof.designs.names import columns_of
+from p3dof.designs.stream import require_size
 from p3dof.errors import FileError, InputError
 from p3dof.files import called
 from p3dof.files.reading import reason
@@ -33,7 +34,9 @@ class FileRows:
     path : path-like
         CSV or Parquet, with names and units of columns as `p3dof designs` takes them.
     meaning : callable
-        Returns the columns that headers mean: those of designs, or `p3dof.many_runs.run_columns_of`.
+        Returns the columns that headers mean: those of designs by default, or of runs.
+    any_size : bool
+        Take machines of more than 20 m too.
 
     Raises
     ------
@@ -41,11 +44,13 @@ class FileRows:
         If it cannot be read, or a column does not fit.
     """
 
-    def __init__(self, path: str | os.PathLike[str], meaning: Meaning = columns_of) -> None:
+    def __init__(
+        self, path: str | os.PathLike[str], meaning: Meaning = columns_of, any_size: bool = True
+    ) -> None:
         self.path = Path(called(path)).absolute()
         self.sha256 = _sha256(self.path)
         self._meaning = meaning
-        self.names, self.count = _look(self.path, meaning)
+        self.names, self.count = _look(self.path, meaning, any_size)
 
     def settings(self) -> dict[str, Any]:
         """Return what the columns depend on."""
@@ -60,7 +65,7 @@ class FileRows:
         return {name: columns[name][block.start : block.stop] for name in self.names}
 
 
-def _look(path: Path, meaning: Meaning) -> tuple[tuple[str, ...], int]:
+def _look(path: Path, meaning: Meaning, any_size: bool) -> tuple[tuple[str, ...], int]:
     """Return names and number of rows, after a look at each of them."""
     if path.suffix.lower() != ".parquet" and path.stat().st_size > LARGEST_CSV:
         raise InputError(f"{path}: expected at most {LARGEST_CSV} bytes of CSV; Parquet may be larger")
@@ -68,6 +73,8 @@ def _look(path: Path, meaning: Meaning) -> tuple[tuple[str, ...], int]:
     count = 0
     for rows in read_designs(path, _ROWS, meaning):
         names = tuple(rows.columns)
+        if not any_size:
+            require_size(meaning(names), rows, path.name)
         count += len(next(iter(rows.columns.values())))
     return names, count
 
