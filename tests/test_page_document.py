@@ -4,6 +4,7 @@ import jsonschema
 import numpy as np
 import pinocchio as pin
 import pytest
+from documents import ROOT
 from machines import random_machine
 from page_documents import SCHEMA, curve_of, placements, read
 
@@ -186,6 +187,14 @@ def test_a_run_of_another_machine_says_so():
     np.testing.assert_array_equal(decoded(longer["q"]), expected.joints.q)
     with pytest.raises(InputError, match="expected a Manipulator"):
         page_document(ROBOT, runs={"wrong": (3, MOTION)})
+
+
+def test_pages_that_begin_elsewhere_are_of_the_schema_too():
+    found = read(p3dof.viewer.page(ROBOT, MOTION, at=0.5, speed=2.0, playing=False).document)
+    assert found["start"] == {"time": 0.5, "speed": 2.0, "playing": False}
+    five_bar = p3dof.load_robot(ROOT / "docs/_static/gallery/five_bar.urdf")
+    found = read(p3dof.viewer.robot_page(five_bar, closure_forces=True).document)
+    assert found["start"]["layers"] == {"closures": True, "multipliers": True}
 
 
 def test_a_run_in_time_has_what_it_followed():
