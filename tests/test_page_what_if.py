@@ -315,3 +315,36 @@ def test_how_far_the_platform_could_move_is_where_a_limit_is_met(watched):
             assert np.abs(slider - np.array(limits.travel)).min() < 1e-9
         factor = 180 / np.pi if axis == 2 else 1e3
         assert f"{factor * distance:.1f}" in cell.inner_text()
+
+
+def test_a_run_of_another_machine_is_computed_with_its_numbers(browser, tmp_path):
+    friction = p3dof.Friction({"sliders": 25.0})
+    other = replace(p3dof.of_solids(p3dof.Geometry(r=0.12, R=0.28, L=0.5, b=0.06)), friction=friction)
+    robot = p3dof.Manipulator(other)
+    runs = {"other": (robot, robot.inverse_dynamics(MOTION))}
+    document = page_document(MACHINE, MACHINE.inverse_dynamics(MOTION), runs=runs)
+    (tmp_path / "page.html").write_text(page_html(document), encoding="utf-8")
+    with opened(browser, (tmp_path / "page.html").as_uri(), 1400, 1300, ready=READY) as watched:
+        watched.page.locator("#run").select_option("1")
+        refreshed(watched)
+        line = watched.page.locator("#what-if .agreement").inner_text()
+        assert float(re.search(r"agree with the file's to (\S+) of", line)[1]) < 1e-13
+        assert watched.page.get_by_label("Legs L, number").input_value() == "500"
+        write(watched, "Payload, number", "2")
+        agrees(watched, other.carrying(p3dof.Body(2.0, [0, 0, 0], np.zeros((3, 3)))))
+        watched.page.locator("#run").select_option("0")
+        refreshed(watched)
+        write(watched, "Payload, number", "2")
+        agrees(watched, MACHINE.parameters.carrying(p3dof.Body(2.0, [0, 0, 0], np.zeros((3, 3)))))
+        watched.healthy()
+
+
+def test_the_axes_take_the_units_that_are_chosen(watched):
+    texts = "p3dof.charts[1].chart.plot.axes[1]._values.map((text) => Number(text.replace('−', '-')))"
+    watched.page.evaluate("() => { p3dof.state.set({units: 'mm'}); p3dof.state.refresh(); }")
+    before = watched.page.evaluate(texts)
+    watched.page.evaluate("() => { p3dof.state.set({units: 'SI'}); p3dof.state.refresh(); }")
+    after = watched.page.evaluate(texts)
+    watched.page.evaluate("() => { p3dof.state.set({units: 'mm'}); p3dof.state.refresh(); }")
+    assert max(before) == 2000
+    assert max(after) == 2

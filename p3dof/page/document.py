@@ -108,9 +108,9 @@ def _run(robot: Machine, machine: Machine, samples: Samples) -> dict[str, Any]:
     if engine_row(machine.parameters) == engine_row(robot.parameters):
         return found
     geometry = machine.parameters.geometry
-    note = "This run is of another machine; what the page computes is of the document's."
     lengths = {name: getattr(geometry, name) for name in ("r", "R", "L")}
-    return found | {"machine": lengths, "notes": [note, *found["notes"]]}
+    own = {"machine": lengths, "parameters": encoded(engine_row(machine.parameters))}
+    return found | own | {"notes": ["This run is of another machine.", *found["notes"]]}
 
 
 def engine_row(parameters: Parameters) -> list[float]:

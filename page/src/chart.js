@@ -86,7 +86,7 @@ export class Chart {
         plot.batch(() => {
             plot.setScale("x", { min: content.span[0], max: content.span[1] });
             plot.setScale("y", { min: y[0], max: y[1] });
-            plot.redraw(false);
+            plot.redraw(false, true); // its numbers too: units may have changed where scales did not
         });
     }
 

@@ -3,7 +3,7 @@ import { fastest, requireWay } from "./fastest.js";
 import { TaskError } from "./paths.js";
 import { durationsOf, namesOf, planned, stretchesOf } from "./plan.js";
 import { runOfMotion } from "./resolve.js";
-import { changedTo, engineOf } from "./solving.js";
+import { changedTo, engineOf, takeMachine } from "./solving.js";
 
 /** @typedef {import("./types").State} State */
 /** @typedef {import("./plan.js").Task} Task */
@@ -29,12 +29,12 @@ export function mount(state) {
     state.subscribe((_, changed) => {
         const engine = engineOf(state);
         if (!engine) return;
-        const start = performance.now(), { runs, engine: given } = state.document;
+        const start = performance.now(), { runs } = state.document;
         const own = runs.findIndex(({ computed }) => computed === "waypoints"), lost = changed.has("document") && own < 0 && state.planned;
         const slower = changed.has("whatIf") && state.pace.fastest && state.planned;
         if (!changed.has("task") && !changed.has("pace") && !slower && !lost) return;
-        if (lost && given.kind === "p3dof") engine.take(given.parameters.data); // Python sent another document
-        if (changed.has("whatIf") || lost) changedTo(engine, { ...runs[state.run]?.machine, ...state.whatIf });
+        takeMachine(engine, state.document); // the waypoints are the document's machine's, whatever run is shown
+        changedTo(engine, state.whatIf);
         state.planned = state.task.waypoints.length < 2 ? null : attempt(state, engine);
         const plan = state.planned?.plan;
         const kept = runs.filter((_run, k) => k !== own);

@@ -78,11 +78,13 @@ export function runOfMotion(engine, document, name, motion) {
         pose: table(motion.pose, 3), velocity: table(motion.velocity, 3), acceleration: table(motion.acceleration, 3),
         ...wrench,
     };
-    const whatIf = engine.whatIf;
+    const { whatIf, original } = engine;
+    if (document.engine.kind === "p3dof") engine.take(document.engine.parameters.data);
     engine.set({});
     try {
         return resolved(engine, document, run, "total");
     } finally {
+        engine.take(original);
         engine.set(whatIf);
     }
 }
@@ -161,13 +163,13 @@ export function gapsOf(engine, run) {
 }
 
 /**
- * By how much the forces of a document's run differ from the engine's, of the document's own machine.
+ * By how much the forces of a document's run differ from the engine's, of the machine that this has taken.
  * @param {Engine} engine @param {Document} document @param {Run} run
  * @returns {{share: number, worst: number, time: number, leg: number, samples: number} | null} null: it has none to compare,
- * or is of another machine
+ * or is of another machine whose numbers are not known
  */
 export function agreement(engine, document, run) {
-    if (!run.pose || !run.velocity || !run.acceleration || run.machine) return null;
+    if (!run.pose || !run.velocity || !run.acceleration || (run.machine && !run.parameters)) return null;
     const { whatIf } = engine;
     engine.set({});
     const mine = resolved(engine, document, run, "total");

@@ -14,12 +14,17 @@ export function mount(state) {
     state.subscribe((_, changed) => {
         const engine = engineOf(state);
         if (!engine || !WATCHED.some((field) => changed.has(field))) return;
-        const { engine: given } = state.document;
-        if (changed.has("document") && given.kind === "p3dof") engine.take(given.parameters.data);
+        takeMachine(engine, state.document, state.document.runs[state.run]);
         solve(state, engine);
         for (const field of ["solved", "before", "report"]) changed.add(field);
         state.version += 1;
     });
+}
+
+/** Compute with the machine of a run, or of the document. @param {Engine} engine @param {import("./types").Document} document @param {import("./types").Run} [run] */
+export function takeMachine(engine, { engine: given }, run) {
+    const numbers = run?.parameters ?? (given.kind === "p3dof" ? given.parameters : null);
+    if (numbers) engine.take(numbers.data);
 }
 
 /** Whether something is changed of the machine. @param {import("./types").WhatIf} whatIf */

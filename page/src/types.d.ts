@@ -44,8 +44,10 @@ export interface Run {
     curves: Curve[]; loads: Load[]; notes: string[]; placed?: Record<string, Table>;
     /** Made in this page, with this machine: waypoints, or a run that was kept. */
     computed?: "waypoints" | "kept";
-    /** How its machine differs from the document's. */
+    /** How its machine differs from the document's, or from `parameters` where these are. */
     machine?: WhatIf;
+    /** The numbers of its machine, where it is another one than the document's. */
+    parameters?: Table;
 }
 export interface Closure {
     name: string; kind: string; joint1: number; placement1: Placement; joint2: number; placement2: Placement;
