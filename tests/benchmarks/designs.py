@@ -17,9 +17,13 @@ import numpy as np
 from rich.console import Console
 
 import p3dof
+from p3dof.compiled.design_kernels import design_kernel
 from p3dof.compiled.kernels import MachineKernels, levels
+from p3dof.compiled.reduced import model_of
+from p3dof.compiled.reduced.friction import friction_numbers
 from p3dof.designs import DesignProblem, Designs
 from p3dof.designs.figures import FigureGroup
+from p3dof.designs.samples import samples_of
 
 SAMPLES, DESIGNS = 200, 32_768
 MOTION = p3dof.paper_motion(SAMPLES)
@@ -55,6 +59,19 @@ def kernel_alone(name: str, machine: p3dof.Parameters, level: str, rounds: int) 
 
     used, constants = kernels.prepared(name)
     call = _compiled.Call(used.name, level, constants, columns, outputs)
+    return least(lambda: [call() for _ in range(1000)], rounds) / 1000 / SAMPLES
+
+
+def own_kernel_alone(name: str, machine: p3dof.Parameters, level: str, rounds: int) -> float:
+    """Return the seconds that a kernel for designs takes for a sample, likewise."""
+    from p3dof.compiled.extension import _compiled
+
+    used, padded = design_kernel(name), -(-SAMPLES // 8) * 8
+    packed = samples_of(MOTION).packed()
+    inputs = [packed[k * padded :][:SAMPLES].copy() for k in range(len(used.inputs))]
+    outputs = [np.empty(SAMPLES) for _ in used.outputs]
+    friction = friction_numbers(machine.friction) if "friction" in name else ()
+    call = _compiled.Call(name, level, used.of(model_of(machine), friction), inputs, outputs)
     return least(lambda: [call() for _ in range(1000)], rounds) / 1000 / SAMPLES
 
 
@@ -96,7 +113,7 @@ def main() -> None:
     rng, level = np.random.default_rng(0), levels()[-1]
     say(
         f"{DESIGNS} designs, {SAMPLES} samples, {level}, one thread: million designs a second "
-        "(as a share of the kernel alone)"
+        "(as a share of the kernel of a machine alone)"
     )
     skew = p3dof.Designs({"leg.com.y [mm]": [1.0]})[0]
     rough = p3dof.Designs({"leg.com.y [mm]": [1.0], "friction.viscous.sliders": [1.0]})[0]
@@ -105,6 +122,13 @@ def main() -> None:
         "symmetric, of solids": kernel_alone("inverse_dynamics", p3dof.PAPER, level, rounds),
         "general": kernel_alone("inverse_dynamics", skew, level, rounds),
         "general, with friction": kernel_alone("inverse_dynamics_with_friction", rough, level, rounds),
+    }
+    own = {
+        "symmetric": own_kernel_alone("design_forces_symmetric", p3dof.PAPER, level, rounds),
+        "general": own_kernel_alone("design_forces", skew, level, rounds),
+        "general, with friction": own_kernel_alone(
+            "design_motion_with_friction_viscous", rough, level, rounds
+        ),
     }
     for kind, kernel in alone.items():
         designs = Designs(columns(kind, rng), bodies="solids" if "solids" in kind else "kept")
@@ -117,7 +141,9 @@ def main() -> None:
             problem = DesignProblem(MOTION, figures=figures, threads=1)
             rate = DESIGNS / least(partial(problem.evaluate, designs), rounds) / 1e6
             told.append(f"{name} {rate:.3f} ({rate * 1e6 * SAMPLES * kernel:.2f})")
-        say(f"{kind:24s} kernel {kernel * 1e9:.2f} ns a sample;  {';  '.join(told)}")
+        mine = own.get(kind, own["symmetric"])
+        kernels = f"kernel of a machine {kernel * 1e9:.2f}, of designs {mine * 1e9:.2f} ns a sample"
+        say(f"{kind:24s} {kernels};  {';  '.join(told)}")
     say("gradients, µs a design and column: on NumPy, compiled, ratio (the figures themselves, compiled)")
     for kind in ("symmetric", "general", "general, with friction"):
         for figures in (("singularity",), ("power",)):

@@ -2,7 +2,7 @@
 
 enum {
     DESIGN_LANES = 8,   /* numbers that are reduced side by side, at every level */
-    DESIGN_BLOCK = 160, /* samples at a time, two blocks of the kernels: with the columns of the motion they fit into the first cache */
+    DESIGN_BLOCK = 256, /* samples at a time: with the columns of the motion they fit into the first cache */
     DESIGN_LINE = DESIGN_BLOCK + 8,
     DESIGN_INPUTS = 13, /* of all kernels for designs */
     ROW_SINE = 2,
