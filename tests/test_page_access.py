@@ -169,6 +169,11 @@ def test_nothing_runs_out_of_the_page_sideways(browser, written, width):
             return width && right > innerWidth + 0.5 && !each.closest(".hidden");
         }).map((each) => each.outerHTML.slice(0, 100))""")
         assert wide == []
+        cut = "() => [...document.querySelectorAll('.legend .name')].filter((name) =>"
+        cut += " name.scrollWidth > name.clientWidth + 1).map((name) => name.textContent)"
+        assert watched.page.evaluate(cut) == []
+        watched.page.evaluate("p3dof.state.set({compare: null}); p3dof.state.refresh()")
+        assert watched.page.evaluate(cut) == []
         assert watched.page.evaluate("document.documentElement.scrollWidth <= innerWidth")
         watched.healthy()
 
