@@ -154,8 +154,6 @@ def test_the_engine_of_the_page_is_python(tmp_path):
     node = shutil.which("node")
     if node is None:
         pytest.skip("node is not installed")
-    if not WASM.exists():
-        pytest.skip("the WebAssembly of the page is not here yet")
     changes = []
     for seed, (name, (what_if, parameters)) in enumerate(CHANGES.items(), 20):
         changes.append(expected(name, parameters, seed, what_if.get("wrench")) | {"what_if": what_if})
