@@ -248,6 +248,14 @@ def test_outside_the_workspace_the_last_pose_stays_and_the_leg_is_named_and_red(
         .filter(({ userData }) => userData.solid.leg)
         .map(({ material, userData }) => [userData.solid.leg, material.emissive.getHex() > 0]))"""
     assert watched.page.evaluate(red) == {"a": True, "b": False, "c": False}
+    watched.page.mouse.move(x + 600, y)  # no leg reaches that far: the first to blame
+    shown(watched)
+    assert watched.page.evaluate("() => p3dof.state.refused.legs") == ["a"]
+    text = watched.page.locator("#stage .refused").inner_text()
+    short = float(text.partition("leg A is ")[2].partition(" mm")[0])
+    assert short > 100
+    assert "leg B" not in text
+    assert watched.page.evaluate("() => p3dof.instant().pose") == poses[-1]
     watched.page.mouse.up()
     shown(watched)
     assert watched.page.evaluate(red) == {"a": False, "b": False, "c": False}

@@ -8,7 +8,7 @@ import { Text, shown } from "./labels.js";
 const LONGEST = 0.5;
 /** Radius of a shaft, in radii of the scene. */
 const SHAFT = 0.011;
-const HEAD = 4.4, HEAD_RADIUS = 2.3, SECOND = 0.75; // in radii of the shaft, in heads
+const HEAD = 4.4, HEAD_RADIUS = 2.3, SLIMMEST = 0.35, SECOND = 0.75; // in radii of the shaft, in heads
 /** More loads than these have no values beside them. */
 const CROWD = 16;
 const LETTERS = 13, GAP = 4, EDGE = 6; // pixels
@@ -72,8 +72,9 @@ class Arrow {
         this.group.quaternion.copy(new Quaternion().setFromUnitVectors(UP, along));
         const head = Math.min(length, HEAD * radius);
         this.shaft.scale.set(radius, radius, Math.max(length - head, 1e-9));
+        const wide = HEAD_RADIUS * Math.max(head / HEAD, SLIMMEST * radius); // a short arrow is a small one, not a flat one
         this.heads.forEach((mesh, i) => {
-            mesh.scale.set(HEAD_RADIUS * radius, HEAD_RADIUS * radius, head);
+            mesh.scale.set(wide, wide, head);
             mesh.position.set(0, 0, Math.max(length - head - i * SECOND * head, 0));
         });
     }

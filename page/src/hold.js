@@ -1,16 +1,40 @@
 // Moves a machine by hand, from wherever it is done: the picture, a field, a key.
 import { instant } from "./instant.js";
+import { margins, reasons, told } from "./workspace.js";
 
 /** @typedef {import("./types").State} State */
 /** @typedef {import("./types").Input} Input */
 
-/** Why a pose cannot be; null where it can. */
-/** @param {State} state @param {number[]} pose @returns {import("./types").Refusal | null} */
-export function refusal({ engine }, pose) {
+const HALVINGS = 40;
+
+/**
+ * Why a pose cannot be, and the leg that comes first on the way to it; null where it can.
+ * @param {State} state @param {number[]} pose
+ * @returns {import("./types").Refusal | null}
+ */
+export function refusal(state, pose) {
+    const { engine } = state;
     if (!engine?.joints) return { text: "Without WebAssembly the platform cannot be moved in this page.", legs: [] };
-    const q = engine.joints(pose);
-    if (q.every(Number.isFinite)) return null;
-    return engine.why?.(pose) ?? { text: "The platform cannot go there.", legs: [] };
+    const can = (/** @type {number[]} */ one) => engine.joints(one).every(Number.isFinite);
+    if (can(pose)) return null;
+    const from = instant(state).pose;
+    const first = engine.why?.(from && can(from) ? beyond(can, from, pose) : pose);
+    const some = reasons(margins(engine, pose)).filter(({ leg }) => leg >= 0 && first?.legs.includes("abc"[leg]));
+    if (some.length) return { text: `The platform cannot go there: ${some.map(told).join(", ")}.`, legs: first.legs };
+    return first ?? engine.why?.(pose) ?? { text: "The platform cannot go there.", legs: [] };
+}
+
+/** The first pose that cannot be on the way from one that can to one that cannot. */
+/** @param {(pose: number[]) => boolean} can @param {number[]} from @param {number[]} to */
+function beyond(can, from, to) {
+    const at = (/** @type {number} */ part) => from.map((x, i) => x + part * (to[i] - x));
+    let [low, high] = [0, 1];
+    for (let i = 0; i < HALVINGS; i++) {
+        const middle = (low + high) / 2;
+        if (can(at(middle))) low = middle;
+        else high = middle;
+    }
+    return at(high);
 }
 
 /** Move the platform to a pose; where it cannot go, the last pose stays. @param {State} state @param {number[]} pose y, z [m], theta [rad] */
