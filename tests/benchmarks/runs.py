@@ -51,11 +51,17 @@ def cases(robot: p3dof.Manipulator) -> list[Case]:
     swing = {"start": [0.02, 0.03, 0.15], "controller": swinging, "samples": 2}
     place = {"start": [0, 0.01, 0], "samples": 2, "control": at_1_khz}
     follow = {"control": at_1_khz, "samples": 2}
+    equal, late = {"integration": Integration(scheme="rk4")}, {"control": ControlLoop(1000, delay=1.5e-3)}
+    torque = ComputedTorque(robot, motion)
     return [
         Case("falling, adaptive", 0.3, fall, plain=True),
         Case("swinging on springs, adaptive", 20.0, swing),
         Case("PD at 1 kHz", 1.0, {"controller": PD(robot, motion), **follow}),
-        Case("computed torque at 1 kHz", 1.0, {"controller": ComputedTorque(robot, motion), **follow}),
+        Case("computed torque at 1 kHz", 1.0, {"controller": torque, **follow}),
+        Case("PD at 1 kHz, rk4", 1.0, {"controller": PD(robot, motion), **follow, **equal}),
+        Case("computed torque at 1 kHz, rk4", 1.0, {"controller": torque, **follow, **equal}),
+        Case("PD at 1 kHz, late by 1.5 periods", 1.0, {"controller": PD(robot, motion), **follow, **late}),
+        Case("computed torque, continuous", 1.0, {"controller": torque, "samples": 2}),
         Case("springs held at 1 kHz", 1.0, {**place, "controller": swinging}),
         Case("Python's controller at 1 kHz", 1.0, {**place, "controller": python}),
     ]
@@ -100,7 +106,7 @@ def row(robot: p3dof.Manipulator, case: Case) -> list[str]:
         if case.plain:
             scipy.append(by_scipy(robot, case))
     theirs = in_python(robot, case)
-    exact = robot.simulate(case.duration, method="compiled", integration=EXACT, **case.how)
+    exact = robot.simulate(case.duration, method="compiled", **case.how | {"integration": EXACT})
     if len(run) != len(exact):
         raise SystemExit(f"{case.name}: the runs end in different places")
     error = float(np.abs(run.pose - exact.pose).max())
