@@ -77,8 +77,17 @@ function pause() {
 /** The 3D picture as it is now, with the time. @param {HTMLCanvasElement} canvas @param {State} state */
 export function draw(canvas, state) {
     const to = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d", { willReadFrequently: true }));
-    state.stage.refine(); // what WebGL drew can only be read in the same task
-    to.drawImage(state.stage.canvas, 0, 0, canvas.width, canvas.height);
+    const { stage } = state;
+    const handles = stage.contents.handles?.group;
+    const parent = handles?.parent;
+    handles?.removeFromParent(); // what the hand takes hold of is for the hand
+    try {
+        stage.refine(); // what WebGL drew can only be read in the same task
+        to.drawImage(stage.canvas, 0, 0, canvas.width, canvas.height);
+    } finally {
+        parent?.add(handles);
+        stage.redraw();
+    }
     const size = Math.max(11, Math.round(canvas.height / 28));
     to.font = `600 ${size}px system-ui, "DejaVu Sans", sans-serif`;
     to.fillStyle = getComputedStyle(document.documentElement).getPropertyValue("--ink") || "#16202b";
