@@ -96,6 +96,7 @@ benchmark: $(DEV) ## time a sample, of all contenders
 	$(BIN)/python tests/benchmarks/paths.py
 	$(BIN)/python tests/benchmarks/sweeps.py
 	$(BIN)/python tests/benchmarks/page.py
+	$(BIN)/python tests/benchmarks/live_page.py
 	$(BIN)/python tests/benchmarks/designs.py
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/benchmarks/loops.py
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/benchmarks/robots.py
