@@ -197,6 +197,31 @@ def test_a_link_of_a_report_leads_to_an_instant_of_the_page(robot, result, brows
         frame.wait_for_function("() => window.p3dof && p3dof.state && p3dof.state.time === 0.35")
 
 
+def test_waypoints_of_a_page_reach_python(browser, robot, result):
+    with robot.show(result, port=0, playing=False) as live:
+        seen = []
+        live.follow(seen.append, "waypoints")
+        context = browser.new_context()
+        try:
+            tab = context.new_page()
+            tab.goto(live.url)
+            tab.wait_for_function(READY)
+            tab.wait_for_function("() => p3dof.state.connection.follow")
+            tab.evaluate("() => p3dof.seek(0.5)")
+            tab.get_by_role("button", name="Add this pose").click()
+            tab.wait_for_function("() => p3dof.state.task.waypoints.length === 1")
+            pose = tab.evaluate("() => [...p3dof.state.task.waypoints[0].pose]")
+            for _ in range(500):
+                if seen:
+                    break
+                tab.wait_for_timeout(10)
+        finally:
+            context.close()
+    assert seen[-1] == live.waypoints
+    assert live.waypoints[0]["pose"] == pose
+    np.testing.assert_allclose(pose, result.motion.pose[500], atol=1e-3)  # the page rounds it
+
+
 def test_without_webassembly_python_answers(browser, robot, result):
     """The stored run plays, and a live page asks Python where the platform is moved by hand."""
     with robot.show(result, port=0, playing=False) as live:

@@ -179,7 +179,7 @@ class Session:
             self._work.put((id(follower), kind), lambda follower=follower: follower(value))  # type: ignore[misc]
 
     def _hello(self) -> Message:
-        return {"type": "hello", "version": self.version, "follow": bool(self._followers["selection"])}
+        return {"type": "hello", "version": self.version, "follow": any(self._followers.values())}
 
     def _tell(self, message: Message, key: Hashable) -> None:
         data = packed_message(message)

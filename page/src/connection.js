@@ -58,7 +58,10 @@ export class Connection {
         this.note.setAttribute("role", "status");
         element.append(this.note);
         this.tell("connecting to Python …");
-        state.subscribe((_, changed) => this.tellSelection(changed));
+        state.subscribe((_, changed) => {
+            this.tellSelection(changed);
+            if (this.follow && changed.has("task")) this.sendWaypoints(state.task?.waypoints ?? []);
+        });
     }
 
     /** @param {string} text */
