@@ -66,13 +66,13 @@ class Page:
         suffix_of(path, "animation")
         return write_atomic(path, self.html)
 
-    def frame(self, height: str = f"{HEIGHT}px", **attributes: str) -> str:
+    def frame(self, height: str | None = None, **attributes: str) -> str:
         """Return the page in a frame of another page, in which it can reach nothing.
 
         Parameters
         ----------
-        height : str
-            As in CSS.
+        height : str, optional
+            As in CSS; `HEIGHT` without it.
         **attributes : str
             Of the frame, such as ``id``.
 
@@ -81,11 +81,12 @@ class Page:
         str
             HTML.
         """
+        size = f"{HEIGHT}px" if height is None else height
         more = "".join(f' {name}="{html.escape(value)}"' for name, value in attributes.items())
         return (
             f'<iframe srcdoc="{html.escape(self.html)}" sandbox="allow-scripts allow-downloads" '
             f'title="{html.escape(str(self.document["title"]))}" '
-            f'style="display: block; width: 100%; height: {height}; border: 0"{more}></iframe>'
+            f'style="display: block; width: 100%; height: {size}; border: 0"{more}></iframe>'
         )
 
     def _repr_html_(self) -> str:
