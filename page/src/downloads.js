@@ -3,7 +3,7 @@ import { curvesCsv, motionColumns, motionCsv } from "./csv.js";
 import { canEncode, draw, gif, video } from "./film.js";
 import { glb } from "./glb.js";
 import { runOf } from "./instant.js";
-import { hashOf } from "./links.js";
+import { hashOf, leftOut } from "./links.js";
 import { make, write } from "./make.js";
 import { chartsPicture } from "./pictures.js";
 import { fileName, pngOf, save } from "./save.js";
@@ -31,8 +31,11 @@ export function mount(element, state) {
         const mine = job = { cancelled: false, progress: (share) => void (bar.value = share) };
         write(said, "");
         try {
-            const text = await act(mine);
-            write(said, mine.cancelled ? "Cancelled." : String(text ?? ""));
+            const told = await act(mine);
+            if (told instanceof HTMLElement) {
+                said.replaceChildren(told);
+                told.querySelector("input")?.select();
+            } else write(said, mine.cancelled ? "Cancelled." : String(told ?? ""));
         } catch (error) {
             write(said, `This could not be done: ${error instanceof Error ? error.message : error}`);
         } finally {
@@ -65,7 +68,7 @@ export function mount(element, state) {
             button("MP4", canEncode() ? "the motion as a film, at the speed of the time bar" : "this browser cannot encode films: take the GIF",
                 filmed(video, "mp4"), seen && canEncode()),
             button("glTF", "scene and motion for other programs, .glb", () => save(`${name()}.glb`, new Blob([glb(state)], { type: "model/gltf-binary" }))),
-            button("Link", "a link to this instant", () => copied(state, said))),
+            button("Link", "a link to this instant", () => copied(state))),
         film, said,
     );
     state.subscribe((_, changed) => {
@@ -81,9 +84,9 @@ function scenePicture(state) {
     return picture;
 }
 
-/** @param {State} state @param {HTMLElement} said */
-async function copied(state, said) {
-    const hash = hashOf(state);
+/** @param {State} state */
+async function copied(state) {
+    const hash = hashOf(state), without = leftOut(state);
     const link = location.href.replace(/#.*$/, "") + hash;
     try {
         history.replaceState(history.state, "", hash);
@@ -92,13 +95,9 @@ async function copied(state, said) {
     }
     try {
         await navigator.clipboard.writeText(link);
-        return `Copied: ${hash}`;
+        return `Copied: ${hash}${without && `. ${without}`}`;
     } catch {
         const field = make("input", { type: "text", readOnly: true, value: link, "aria-label": "Link to this instant" });
-        queueMicrotask(() => {
-            said.replaceChildren(field);
-            field.select();
-        });
-        return "";
+        return make("span", {}, field, without && ` ${without}`);
     }
 }

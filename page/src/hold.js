@@ -6,6 +6,9 @@ import { margins, reasons, told } from "./workspace.js";
 /** @typedef {import("./types").Input} Input */
 
 const HALVINGS = 40;
+const TURN = 2 * Math.PI * (1 + 1e-12);
+/** @param {number} angle */
+const degrees = (angle) => String(Number(((angle * 180) / Math.PI).toPrecision(6)));
 
 /**
  * Why a pose cannot be, and the leg that comes first on the way to it; null where it can.
@@ -15,6 +18,9 @@ const HALVINGS = 40;
 export function refusal(state, pose) {
     const { engine } = state;
     if (!engine?.joints) return { text: "Without WebAssembly the platform cannot be moved in this page.", legs: [] };
+    if (Math.abs(pose[2]) > TURN) {
+        return { text: `The platform cannot go there: expected a tilt within ±360°, got ${degrees(pose[2])}°.`, legs: [] };
+    }
     const can = (/** @type {number[]} */ one) => engine.joints(one).every(Number.isFinite);
     if (can(pose)) return null;
     const from = instant(state).pose;

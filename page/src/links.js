@@ -1,4 +1,5 @@
 // Links to an instant: #t=0.35 and #run=2, which counts from one.
+import { make, write } from "./make.js";
 import { within } from "./state.js";
 
 /** @typedef {import("./types").State} State */
@@ -7,28 +8,49 @@ import { within } from "./state.js";
  * What a link asks for; what makes no sense is left out.
  * @param {string} hash
  * @param {number} runs how many there are
- * @returns {{run?: number, time?: number}}
+ * @returns {{run?: number, time?: number, missing?: string}} missing: the run that it asks for, where there is none
  */
 export function wanted(hash, runs) {
     const asked = new URLSearchParams(hash.replace(/^#/, ""));
-    /** @type {{run?: number, time?: number}} */
+    /** @type {{run?: number, time?: number, missing?: string}} */
     const found = {};
     const run = Number(asked.get("run") ?? NaN) - 1;
     if (Number.isInteger(run) && run >= 0 && run < runs) found.run = run;
+    else if (asked.has("run")) found.missing = (asked.get("run") ?? "").slice(0, 20);
     const time = Number(asked.get("t") || NaN);
     if (Number.isFinite(time)) found.time = time;
     return found;
 }
 
-/** The part of a link that leads to what is shown. @param {State} state @returns {string} */
-export function hashOf(state) {
-    const time = `t=${+state.time.toFixed(9)}`;
-    return state.document.runs.length > 1 ? `#run=${state.run + 1}&${time}` : `#${time}`;
+/** The part of a link that leads to what is shown; of a run that this page made, to the file's first. */
+/** @param {State} state @returns {string} */
+export function hashOf({ document: { runs }, run, time }) {
+    const instant = `t=${+time.toFixed(9)}`, filed = runs.filter(({ computed }) => !computed);
+    return filed.length > 1 ? `#run=${Math.max(0, filed.indexOf(runs[run])) + 1}&${instant}` : `#${instant}`;
+}
+
+/** What a link does not carry, in a sentence; empty where it carries all. @param {State} state @returns {string} */
+export function leftOut({ document: { runs }, whatIf, hand }) {
+    const computed = (/** @type {string} */ kind) => runs.some((run) => run.computed === kind);
+    const texts = [
+        computed("waypoints") ? "planned runs (save the task)" : "",
+        computed("kept") ? "kept runs (save their curves or motion as CSV)" : "",
+        Object.values(whatIf).some((value) => value !== undefined) ? "what-if (save the curves as CSV)" : "",
+        hand ? "the pose by hand" : "",
+    ].filter(Boolean);
+    return texts.length ? `The link leads to the instant of the file's run. Not in it: ${texts.join(", ")}.` : "";
 }
 
 /** Go where a link leads. @param {State} state @param {string} hash */
 export function follow(state, hash) {
-    const { run, time } = wanted(hash, state.document.runs.length);
+    const { runs } = state.document, { run, time, missing } = wanted(hash, runs.length);
+    if (missing !== undefined) {
+        const there = runs.length === 1 ? "is one run" : `are ${runs.length} runs`;
+        const name = runs[state.run]?.name || `run ${state.run + 1}`;
+        state.set({ linked: `The link leads to run ${missing}, but there ${there} here: ${name} is shown, not what was linked.` });
+        return;
+    }
+    if (state.linked) state.set({ linked: "" });
     if (run !== undefined && run !== state.run) state.set({ run, whatIf: {}, zoom: null });
     if (time !== undefined) state.set({ time: within(state, time) });
     if (run !== undefined || time !== undefined) state.set({ playing: false, hand: null, refused: null });
@@ -41,6 +63,13 @@ export function mount(_element, state) {
     if (speed !== undefined) state.set({ speed });
     if (time !== undefined) state.set({ time: within(state, time) });
     if (playing) state.set({ playing });
+    const said = make("p", { className: "note alarm linked", role: "alert" });
+    document.getElementById("heading")?.append(said);
+    state.subscribe((_, changed) => {
+        if (changed.has("run") && !changed.has("linked")) state.linked = "";
+        write(said, state.linked);
+        said.hidden = !state.linked;
+    });
     addEventListener("hashchange", () => follow(state, location.hash));
     follow(state, location.hash);
 }

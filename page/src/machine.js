@@ -56,40 +56,67 @@ const PAPER = { r: 0.1, R: 0.25, L: 0.4, b: 0.05 };
  * @returns {Float64Array}
  */
 export function changed(original, whatIf) {
-    const numbers = Float64Array.from(original);
+    const fault = faultOf(original, whatIf), numbers = Float64Array.from(original);
     for (const name of /** @type {const} */ (["r", "R", "L"])) {
         const value = whatIf[name];
         if (value !== undefined) numbers[PLACES[name]] = value;
     }
-    requireLengths(numbers);
+    if (fault) throw new RangeError(fault.text);
     if (whatIf.gravity) numbers.set(whatIf.gravity, PLACES.gravity);
     if (whatIf.bodies === "solids") setSolids(numbers);
     for (const kind of /** @type {const} */ (["viscous", "coulomb"])) {
         const value = whatIf[kind] ?? 0;
-        if (!(value >= 0)) throw new RangeError(`${kind} friction: expected zero or more, got ${value}`);
         for (let slide = 0; slide < SLIDES; ++slide) numbers[PLACES[kind] + slide] += value;
     }
     const payload = whatIf.payload ?? 0;
-    if (!(payload >= 0)) throw new RangeError(`payload: expected zero or more, got ${payload} kg`);
     if (payload > 0) carry(numbers, payload, [0, 0, -(whatIf.below ?? 0)]);
     return numbers;
 }
 
+/** The largest payload, in moving masses of the machine, and how far from P it may be, in lengths of a leg. */
+const HEAVIEST = 1000, FARTHEST = 100;
+
 /**
- * Throws unless the lengths are those of a machine.
- * @param {Float64Array} numbers
+ * Returns why a machine cannot be, and what of the change is to blame; null where it can.
+ * @param {ArrayLike<number>} original
+ * @param {WhatIf} whatIf
+ * @returns {{text: string, keys: string[]} | null}
  */
-function requireLengths(numbers) {
-    const [r, R, L] = numbers;
+export function faultOf(original, whatIf) {
+    const [r, R, L] = /** @type {const} */ (["r", "R", "L"]).map((name, k) => whatIf[name] ?? original[k]);
+    const lengths = faultOfLengths(r, R, L);
+    if (lengths) return { text: `lengths: ${lengths}`, keys: ["r", "R", "L"].filter((name) => whatIf[/** @type {"r"|"R"|"L"} */ (name)] !== undefined) };
+    for (const kind of /** @type {const} */ (["viscous", "coulomb"])) {
+        const value = whatIf[kind] ?? 0;
+        if (!(value >= 0)) return { text: `${kind} friction: expected zero or more, got ${value}`, keys: [kind] };
+    }
+    const { payload = 0, below = 0 } = whatIf, heaviest = HEAVIEST * LINKS.reduce((sum, link) => sum + original[bodyPlace(link)], 0);
+    if (!(payload >= 0)) return { text: `payload: expected zero or more, got ${payload} kg`, keys: ["payload"] };
+    if (!(payload <= heaviest)) {
+        const text = `payload: expected at most ${HEAVIEST} times the moving mass, ${short(heaviest)} kg, got ${short(payload)} kg`;
+        return { text, keys: ["payload"] };
+    }
+    if (!(Math.abs(below) <= FARTHEST * L)) {
+        const text = `payload: expected at most ${FARTHEST} lengths of a leg from P, ${milli(FARTHEST * L)} mm, got ${milli(below)} mm`;
+        return { text, keys: ["below"] };
+    }
+    return null;
+}
+
+/** @param {number} r @param {number} R @param {number} L */
+function faultOfLengths(r, R, L) {
     const told = `r = ${milli(r)}, R = ${milli(R)}, L = ${milli(L)} mm`;
-    if (!(r > 0 && R > 0 && L > 0)) throw new RangeError(`lengths: expected more than zero, got ${told}`);
-    if (!(R - r >= PARALLEL * L))
-        throw new RangeError(`lengths: expected a base R larger than the platform r, got ${told}`);
-    if (!(R - r < L)) throw new RangeError(`lengths: the legs L do not bridge R - r = ${milli(R - r)} mm, got ${told}`);
+    if (!(r > 0 && R > 0 && L > 0)) return `expected more than zero, got ${told}`;
+    if (!(R - r >= PARALLEL * L)) return `expected a base R larger than the platform r, got ${told}`;
+    if (!(R - r < L)) return `the legs L do not bridge R - r = ${milli(R - r)} mm, got ${told}`;
+    return "";
 }
 
 /** @param {number} length */
-const milli = (length) => String(Number((1e3 * length).toPrecision(6)));
+const milli = (length) => short(1e3 * length);
+
+/** @param {number} value */
+const short = (value) => String(Number(value.toPrecision(6)));
 
 /**
  * Fixes a point mass to the platform.

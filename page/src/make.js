@@ -23,6 +23,12 @@ export function write(element, text) {
     if (element.textContent !== text) element.textContent = text;
 }
 
+/** Mark a field while what stands in it is refused. @param {HTMLElement} field @param {boolean} refused */
+export function mark(field, refused) {
+    if (refused) field.setAttribute("aria-invalid", "true");
+    else field.removeAttribute("aria-invalid");
+}
+
 /** Fill a list of choices, if it is another one. @param {HTMLSelectElement} select @param {[string, string][]} choices values and texts @param {string} value */
 export function choose(select, choices, value) {
     const now = [...select.options].map((option) => `${option.value}\n${option.text}`).join("\n\n");

@@ -2,6 +2,7 @@
 import { hold, letGo } from "./hold.js";
 import { instant } from "./instant.js";
 import { viewed } from "./state.js";
+import { fixed, shown } from "./units.js";
 
 /** @typedef {import("./types").State} State */
 
@@ -82,7 +83,9 @@ function tilt(element, state, stage) {
         const theta = instant(state).pose?.[2];
         if (hidden || theta === undefined) return;
         if (Number(bar.value) !== theta) bar.value = String(theta);
-        const text = `θ ${((theta * 180) / Math.PI).toFixed(1).replace("-", "−")}°`;
+        const { unit, factor } = shown("rad", state.units);
+        const text = `θ ${fixed(theta * factor, factor === 1 ? 3 : 1)}${unit === "°" ? unit : ` ${unit}`}`;
+        bar.setAttribute("aria-valuetext", text);
         if (words.textContent !== text) words.textContent = text;
     });
 }

@@ -1,7 +1,7 @@
 // Settings of the whole page, and fields for the pose.
 import { setInput, valueOf } from "./hold.js";
 import * as joints from "./joints.js";
-import { choose, make, write } from "./make.js";
+import { choose, make, mark, write } from "./make.js";
 import { fixed, shown } from "./units.js";
 
 /** @typedef {import("./types").State} State */
@@ -66,17 +66,26 @@ class Field {
         this.box = make("input", { type: "number", name: input.key });
         this.text = make("span");
         this.row = make("label", {}, this.text, this.box);
+        this.taken = false; // whether what stands here was tried
+        for (const kind of ["focus", "input"]) {
+            this.box.addEventListener(kind, () => state.playing && state.set({ playing: false })); // what is typed is kept
+        }
         this.box.addEventListener("change", () => this.take());
+        this.box.addEventListener("blur", () => this.show());
     }
 
     show() {
         const { unit, factor } = shown(this.input.unit, this.state.units);
         write(this.text, `${this.input.label} [${unit}]`);
         this.box.step = String(10 ** Math.floor(Math.log10(Math.max(1e-9, (this.input.high - this.input.low) * factor / 100))));
-        if (this.box === document.activeElement && !this.state.playing) return;
+        const refused = this.taken && this.state.refused !== null;
+        mark(this.box, refused || this.box.validity.badInput);
+        if (refused || this.box === document.activeElement) return;
+        this.taken = false;
         const value = this.value() * factor;
         const text = Number.isFinite(value) ? fixed(value, factor === 1 ? 4 : 2).replace("−", "-") : "";
-        if (this.box.value !== text) this.box.value = text;
+        if (this.box.value !== text || this.box.validity.badInput) this.box.value = text;
+        mark(this.box, false);
     }
 
     /** What it is now, in stored units. */
@@ -86,6 +95,8 @@ class Field {
 
     take() {
         const value = Number(this.box.value) / shown(this.input.unit, this.state.units).factor;
-        if (this.box.value !== "" && Number.isFinite(value)) setInput(this.state, this.input, value);
+        this.taken = this.box.value !== "" && Number.isFinite(value);
+        if (this.taken) setInput(this.state, this.input, value);
+        else this.state.set({ refused: null });
     }
 }

@@ -27,7 +27,7 @@ export function createState(document) {
         document, run: 0, time: document.runs[0]?.time.data[0] ?? 0, playing: false, speed: 1, loop: true,
         hand: null, refused: null, whatIf: {}, solved: null, before: null, report: null, case: "total", units: "mm", theme: "auto",
         layers: Object.fromEntries(layers.map(({ name, shown }) => [name, shown])),
-        view: "3d", charts: [], compare: null, difference: false, zoom: null, help: false, hover: null, map: null, shade: "force", task: NO_TASK, pace: ANY_PACE, planned: null, engine: null, stage: null, connection: null, guests: null,
+        view: "3d", charts: [], compare: null, difference: false, zoom: null, linked: "", help: false, hover: null, map: null, shade: "force", task: NO_TASK, pace: ANY_PACE, planned: null, engine: null, stage: null, connection: null, guests: null,
     };
     /** @type {Set<(state: State, changed: Set<string>) => void>} */
     const listeners = new Set();

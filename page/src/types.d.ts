@@ -113,6 +113,8 @@ export interface Fields {
     difference: boolean;
     /** What the charts show of the run [s]; null: all of it. */
     zoom: [number, number] | null;
+    /** Why a link could not be followed; empty where it could. */
+    linked: string;
     /** Whether the list of keys is open. */
     help: boolean;
     /** Instant under the pointer in a chart [s]. */

@@ -1,6 +1,6 @@
 // Forces with another machine than the document's: payload, friction, lengths, gravity, external load.
-import { PLACES } from "./machine.js";
-import { choose, make, write } from "./make.js";
+import { PLACES, faultOf } from "./machine.js";
+import { choose, make, mark, write } from "./make.js";
 import { agreement } from "./resolve.js";
 import { engineOf, isChanged } from "./solving.js";
 import { fixed, shown } from "./units.js";
@@ -112,13 +112,18 @@ function numbers(state) {
             const stepped = base + Math.round((value - base) / number.step) * number.step; // the document's own value is a step
             take(String(Number(stepped.toPrecision(12))), 1);
         });
-        box.addEventListener("input", () => take(box.value, shown(number.unit, state.units).factor));
+        box.addEventListener("input", () => {
+            if (box.validity.badInput) mark(box, true);
+            else take(box.value, shown(number.unit, state.units).factor);
+        });
+        box.addEventListener("blur", () => state.set({})); // back to what is in force
         return { row, bar, box, unit, number };
     });
     return {
         row: make("div", { className: "sliders" }, ...rows.map(({ row }) => row)),
         /** @param {Engine} engine */
         show(engine) {
+            const faulty = faultOf(engine.original, { ...ownOf(state), ...state.whatIf })?.keys ?? [];
             for (const { row, bar, box, unit, number } of rows) {
                 const { factor, unit: name } = shown(number.unit, state.units), base = baseOf(state, engine, number.key);
                 const [low, high] = number.range(base), value = state.whatIf[number.key] ?? base;
@@ -127,9 +132,11 @@ function numbers(state) {
                 bar.setAttribute("aria-valuetext", `${fixed(value * factor, number.digits)} ${name}`);
                 write(unit, name);
                 row.classList.toggle("changed", state.whatIf[number.key] !== undefined);
-                if (box === document.activeElement) continue;
+                const focused = box === document.activeElement;
+                mark(box, faulty.includes(number.key) || (focused && box.validity.badInput));
+                if (focused) continue;
                 const text = String(Number((value * factor).toPrecision(6)));
-                if (box.value !== text) box.value = text;
+                if (box.value !== text || box.validity.badInput) box.value = text;
             }
         },
     };
@@ -168,7 +175,7 @@ const GRAVITIES = {
 
 /** @param {State} state */
 function gravity(state) {
-    let chosen = "file", angle = 30;
+    let chosen = "file", angle = 30, fault = "";
     const select = make("select", { name: "gravity" });
     const box = make("input", { type: "number", min: "-180", max: "180", step: "5", value: "30", "aria-label": "Tilt of the base in degrees" });
     const tilt = make("span", {}, box, " °");
@@ -183,14 +190,21 @@ function gravity(state) {
     };
     select.addEventListener("change", () => {
         chosen = select.value;
+        fault = "";
         take();
+        state.set({});
     });
     box.addEventListener("input", () => {
-        if (!Number.isFinite(box.valueAsNumber)) return;
-        angle = box.valueAsNumber;
-        take();
+        const value = box.valueAsNumber, far = Math.abs(value) > 360;
+        fault = far ? `The tilt of the base: expected within ±360°, got ${Number(value.toPrecision(6))}°. ${angle}° is kept.` : "";
+        if (Number.isFinite(value) && !far) {
+            angle = value;
+            take();
+        }
+        state.set({});
     });
-    const vector = make("span", { className: "note" });
+    box.addEventListener("blur", () => state.set({}));
+    const vector = make("span", { className: "note", role: "status" });
     const row = make("label", { className: "field" }, "Gravity ", select, tilt, vector);
     return {
         row,
@@ -201,8 +215,13 @@ function gravity(state) {
             const choices = Object.entries(GRAVITIES).map(([key, [label]]) => [key, label]);
             choose(select, [["file", "as in the file"], ...choices, .../** @type {[string, string][]} */ (chosen === "set" ? [["set", "as set"]] : [])], chosen);
             tilt.hidden = chosen !== "x" && chosen !== "y";
+            if (tilt.hidden) fault = "";
+            const focused = box === document.activeElement;
+            if (!focused && !fault && box.valueAsNumber !== angle) box.value = String(angle);
+            mark(box, fault !== "" || (focused && box.validity.badInput));
+            vector.classList.toggle("alarm", fault !== "");
             row.classList.toggle("changed", state.whatIf.gravity !== undefined);
-            write(vector, tilt.hidden || !state.whatIf.gravity ? "" : `(${state.whatIf.gravity.map((x) => fixed(x, 2)).join(", ")}) m/s²`);
+            write(vector, fault || (tilt.hidden || !state.whatIf.gravity) ? fault : `(${state.whatIf.gravity.map((x) => fixed(x, 2)).join(", ")}) m/s²`);
         },
     };
 }
@@ -214,9 +233,12 @@ function wrench(state) {
     const boxes = WRENCH.map((name, k) => {
         const box = make("input", { type: "number", step: "any", value: "0", "aria-label": `${name} [${k < 3 ? "N" : "N m"}]` });
         box.addEventListener("input", () => {
-            const rows = boxes.map((one) => (Number.isFinite(one.valueAsNumber) ? one.valueAsNumber : 0));
+            const now = state.whatIf.wrench ?? ownOf(state).wrench;
+            const rows = boxes.map((one, i) => (Number.isFinite(one.valueAsNumber) ? one.valueAsNumber : now?.[i] ?? 0));
+            mark(box, box.validity.badInput);
             change(state, { wrench: rows.some((value) => value !== 0) || ownOf(state).wrench ? rows : undefined });
         });
+        box.addEventListener("blur", () => state.set({}));
         return box;
     });
     const grid = make("div", { className: "wrench" }, ...boxes.map((box, k) => make("label", {}, `${WRENCH[k]} `, box)));
@@ -226,7 +248,9 @@ function wrench(state) {
         show() {
             boxes.forEach((box, k) => {
                 const value = (state.whatIf.wrench ?? ownOf(state).wrench)?.[k] ?? 0;
-                if (box !== document.activeElement && box.valueAsNumber !== value) box.value = String(value);
+                if (box === document.activeElement) return;
+                mark(box, false);
+                if (box.valueAsNumber !== value) box.value = String(value);
             });
             row.classList.toggle("changed", state.whatIf.wrench !== undefined);
         },
