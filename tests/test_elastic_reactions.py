@@ -182,7 +182,7 @@ def test_they_are_those_of_springs_between_bodies(seed):
     motion = motion_of(states)
     result = p3dof.load(parameters).reactions(motion, "elastic", wrench=states.wrench, stiffness=stiffness)
     book = Bookkeeping(parameters, motion, states.wrench)
-    wrenches, fit = components(result), result.fit.reshape(2, len(motion), 13, 6)
+    wrenches, fit = components(result), np.moveaxis(result.fit, 1, 0).reshape(2, len(motion), 13, 6)
     scale = max(1.0, np.abs(wrenches).max())
     for i in range(len(motion)):
         springs = Springs(parameters, book, i, stiffness)

@@ -118,7 +118,8 @@ def hints_of(function):
     returned = getattr(function, "__annotations__", {}).get("return")
     if not isinstance(returned, str):
         return [returned]
-    names = {"Simulation": p3dof.Simulation, **getattr(inspect.unwrap(function), "__globals__", {})}
+    late = {"Simulation": p3dof.Simulation, "LiveViewer": p3dof.viewer.LiveViewer}
+    names = {**late, **getattr(inspect.unwrap(function), "__globals__", {})}
     return [eval(returned, names)]  # noqa: S307 - our own
 
 

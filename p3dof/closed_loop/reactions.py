@@ -86,6 +86,9 @@ class JointReactions:
         How many independent changes of the closures' wrenches leave the motion as it is.
     residual : float
         Largest error of (1) [N or N m].
+    fit : (2, n, 2, 3) array
+        What misfits of assembly may add to forces and moments, at worst and at random [N, N m]; zero unless
+        the solver knows any.
     """
 
     names: tuple[str, ...]
@@ -97,6 +100,7 @@ class JointReactions:
     positions: FloatArray
     undetermined: int
     residual: float
+    fit: FloatArray
 
 
 def loop_reactions(
@@ -259,6 +263,7 @@ class ReactionSolver:
             positions=found.positions[0],
             undetermined=int(found.undetermined[0]),
             residual=float(found.residual[0]),
+            fit=found.fit[:, 0].reshape(2, -1, 2, 3),
         )
 
     def state(

@@ -36,7 +36,7 @@ class BatchReactions:
         Where each reaction acts, in the world frame [m].
     undetermined : (N,) array of int
         How many independent changes of the closures' wrenches leave the motion as it is.
-    fit : (2, N, n, 2, 3) array
+    fit : (N, 2, n, 2, 3) array
         What misfits of assembly may add to forces and moments, at worst and at random [N, N m]; zero unless
         the solver knows any.
     errors : dict of int to DynamicsError
@@ -68,7 +68,7 @@ class BatchReactions:
         self.determined_forces[at], self.determined_moments[at] = determined[:, :, 0], determined[:, :, 1]
         self.rotations[at], self.positions[at] = found.rotations[good], found.positions[good]
         self.undetermined[at] = found.undetermined[good]
-        self.fit[:, at] = found.fit[:, good].reshape(2, len(good), -1, 2, 3)
+        self.fit[at] = np.moveaxis(found.fit[:, good], 0, 1).reshape(len(good), 2, -1, 2, 3)
 
 
 _ARRAYS = (
@@ -191,7 +191,7 @@ def _nothing(names: tuple[str, ...], count: int) -> BatchReactions:
         rotations=np.full((*shape, 3), np.nan),
         positions=np.full(shape, np.nan),
         undetermined=np.zeros(count, dtype=int),
-        fit=np.full((2, count, len(names), 2, 3), np.nan),
+        fit=np.full((count, 2, len(names), 2, 3), np.nan),
         errors={},
     )
 

@@ -536,9 +536,9 @@ class Manipulator:
     def page(self, result: Any = None, **options: Any) -> Any:
         """Return a page of the browser with the machine, its runs and forces: ``page.save("machine.html")``.
 
-        What moves may be a `Motion`, an `InverseDynamics` or a `Simulation`; without it the machine is held
-        at home. `options` are those of `p3dof.viewer.page`: wrench, runs to compare with, title, ... It shows
-        itself in a notebook, and needs no extra.
+        `result` is what moves: a `Motion`, an `InverseDynamics` or a `Simulation`; without it the machine is
+        held at home. `options` are those of `p3dof.viewer.page`: wrench, runs to compare with, title, ... It
+        shows itself in a notebook, and needs no extra.
         """
         from p3dof import viewer
 
@@ -547,9 +547,9 @@ class Manipulator:
     def show(self, result: Any = None, **options: Any) -> Any:
         """Show that page in the browser, live: more runs can be sent to it; needs the extra ``viz``.
 
-        `options` are those of `p3dof.viewer.show`: port, speed, ... It returns a `p3dof.viewer.LiveViewer`
-        with `url`, `show(result)` and `stop()`, which shows itself in a notebook. `MissingExtraError` if
-        tornado is not installed.
+        `result` is as of `page`, `options` are those of `p3dof.viewer.show`: port, speed, ... It returns a
+        `p3dof.viewer.LiveViewer` with `url`, `show(result)` and `stop()`, which shows itself in a notebook.
+        `MissingExtraError` if tornado is not installed.
         """
         from p3dof import viewer
 

@@ -46,7 +46,7 @@ class Reactions(ShownInNotebook):
         Origins of the joints' frames in the fixed frame [m].
     undetermined : ndarray of int, shape (N,)
         How many independent changes of the reactions leave the motion as it is.
-    fit : ndarray, shape (2, N, 13, 2, 3)
+    fit : ndarray, shape (N, 2, 13, 2, 3)
         What a misfit of assembly may add to each component of force and moment, either way: at worst, and at
         random (standard deviations, if the tolerances are some) [N, N m]; zero without any.
     residual : ndarray, shape (N,)
@@ -83,7 +83,7 @@ class Reactions(ShownInNotebook):
             self.moments[:, i],
             self.determined_forces[:, i],
             self.determined_moments[:, i],
-            self.fit[0, :, i],
+            self.fit[:, 0, i],
         )
 
     @property
