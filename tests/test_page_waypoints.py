@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 import p3dof
 from p3dof.cli import main
-from p3dof.manipulator import fastest_plan
+from p3dof.manipulator import fastest_plan, forces_of_task
 from p3dof.page.document import page_document
 from p3dof.page.html import page_html
 from p3dof.tasks import Task, Waypoint, read_task
@@ -148,9 +148,56 @@ def test_the_power_limit_and_a_payload_make_it_slower(watched, tmp_path):
     write(watched, "Most power of each actuator", "")
     write(watched, "Payload, number", "3")
     assert found(watched)["time"][-1] > bare
+    assert "the same motion without it" in watched.page.locator("#waypoints .result").inner_text()
     heavy = p3dof.Manipulator(MACHINE.parameters.carrying(p3dof.Body(3.0, [0, 0, 0], np.zeros((3, 3)))))
-    force = densely(heavy, read_task(saved(watched, "Save task", tmp_path)))[0]
+    task = read_task(saved(watched, "Save task", tmp_path))
+    force = densely(heavy, task)[0]
     assert_allclose(force.max(), LIMITS.force, rtol=1e-6)
+    assert task.carrying.to_dict() == {"mass": 3.0, "com": [0, 0, 0], "inertia": [[0.0] * 3] * 3}
+    assert np.abs(forces_of_task(MACHINE, task.plan()).forces).max() == pytest.approx(LIMITS.force, rel=1e-4)
+    write(watched, "Viscous friction, number", "20")
+    status = watched.page.locator("#waypoints").get_by_text("A task file cannot hold").inner_text()
+    assert "viscous friction of 20 N s/m more" in status
+    text = saved(watched, "Save task", tmp_path).read_text(encoding="utf-8")
+    assert "# left out, as a task has no field for it: viscous friction of 20 N s/m more" in text
+
+
+def test_peaks_stay_where_a_waypoint_waits_long(watched):
+    for pose in ((0, 0, 0), (120, 50, 17), (-100, 100, -17)):
+        add(watched, *pose)
+    watched.page.get_by_label("How long it takes").select_option("fastest")
+    refreshed(watched)
+    for wait in ("0", "500"):
+        write(watched, "Wait or blend at waypoint 2", wait)
+        assert np.abs(found(watched)["force"]).max() == pytest.approx(LIMITS.force, rel=1e-3)
+
+
+def test_limits_and_waits_that_are_none_are_refused(watched):
+    add(watched, 0, 0, 0)
+    add(watched, 100, 0, 0)
+    watched.page.get_by_label("How long it takes").select_option("fastest")
+    refreshed(watched)
+    alarm = watched.page.locator("#waypoints [role=alert]:visible")
+    fields = {
+        "Most force of each actuator": ("0", "500", "most force of each actuator: expected more than zero N"),
+        "Most speed of each actuator": ("", "1000", "most speed of each actuator: expected more than zero"),
+        "Most power of each actuator": (
+            "-5",
+            "",
+            "most power of each actuator: expected more than zero W, got -5",
+        ),
+        "Wait or blend at waypoint 2": ("-1", "0", "waypoint 2: wait: expected zero seconds or more, got -1"),
+    }
+    for label, (wrong, right, sentence) in fields.items():
+        field = watched.page.get_by_label(label, exact=True)
+        write(watched, label, wrong)
+        assert sentence in alarm.inner_text()
+        assert field.get_attribute("aria-invalid") == "true"
+        assert field.input_value() == wrong
+        assert watched.page.evaluate(RUN) is None
+        write(watched, label, right)
+        assert field.get_attribute("aria-invalid") is None
+        assert watched.page.evaluate(RUN) is not None
 
 
 def test_waypoints_are_moved_changed_and_deleted_by_keys_and_pointer(watched):

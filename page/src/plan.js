@@ -87,6 +87,8 @@ export function durationsOf(task, stretches, total) {
 }
 
 const GRID = 401;
+/** Intervals between samples of each way at least; the seven parts of the s-curve end at some of them. */
+const EACH = 280;
 
 /** The largest acceleration on a way that takes one second [m/s^2]. @param {Path} path @param {Task} task */
 function hardest(path, task) {
@@ -110,9 +112,10 @@ export function moved(path, profile, share, duration) {
  * A task in time.
  * @param {Task} task @param {Stretch[]} stretches @param {number[]} durations of the stretches [s]
  * @param {number} samples least number, evenly spaced; all stops and waypoints are samples besides
+ * @param {number} each intervals of each way at least: a way among long waits has its own even samples
  * @returns {Plan}
  */
-export function planned(task, stretches, durations, samples = 1001) {
+export function planned(task, stretches, durations, samples = 1001, each = EACH) {
     const { waypoints } = task, profile = PROFILES[task.profile];
     const times = waypoints.map(() => 0), ends = [0];
     /** @type {{start: number, end: number, wrench: number[] | null}[]} */
@@ -132,7 +135,8 @@ export function planned(task, stretches, durations, samples = 1001) {
         if (waypoints[last].dwell > 0) span(now, (now += waypoints[last].dwell), null);
         return start;
     });
-    const time = sampled(now, ends, samples);
+    const ways = begun.map((start, k) => ({ start, end: start + durations[k] }));
+    const time = sampled(now, ends, samples, ways.filter(({ start, end }) => (end - start) * (samples - 1) < each * now), each);
     /** @type {Plan} */
     const plan = {
         time,
@@ -159,13 +163,23 @@ export function planned(task, stretches, durations, samples = 1001) {
     return plan;
 }
 
-/** The times of samples: evenly spaced, and the ends of all spans, in the place of what is next to them. */
-/** @param {number} last @param {number[]} ends @param {number} samples */
-function sampled(last, ends, samples) {
+/**
+ * The times of samples: evenly spaced, in short ways more densely, and the ends of all spans, in the place of what is next to them.
+ * @param {number} last @param {number[]} ends @param {number} samples @param {{start: number, end: number}[]} dense one after the other @param {number} each
+ */
+function sampled(last, ends, samples, dense, each) {
     const close = 1e-12 * last, found = [...new Set(ends)].sort((a, b) => a - b);
+    const even = Array.from({ length: samples }, (_, k) => (k === samples - 1 ? last : k * (last / (samples - 1))));
+    let way = 0;
+    const times = even.filter((time) => {
+        while (way < dense.length && dense[way].end <= time) ++way;
+        return way === dense.length || time <= dense[way].start;
+    });
+    for (const { start, end } of dense) for (let i = 1; i < each; ++i) times.push(start + ((end - start) * i) / each);
+    times.sort((a, b) => a - b);
     let next = 0;
-    for (let k = 0, known = found.length; k < samples; ++k) {
-        const time = k === samples - 1 ? last : k * (last / (samples - 1));
+    const known = found.length;
+    for (const time of times) {
         while (next < known && found[next] < time - close) ++next;
         if (!(next < known && found[next] <= time + close)) found.push(time);
     }

@@ -24,6 +24,38 @@ export function easyDuration({ waypoints }) {
         + EASY * Math.max(0, stops - 1 - waypoints.filter(({ duration }) => duration !== null).length);
 }
 
+/** @typedef {{at: number | string, text: string}} Wrong a waypoint's or a field's entry that is no such number, and what was expected */
+
+/** @param {number} value */
+const got = (value) => (Number.isNaN(value) ? "nothing" : String(Number(value.toPrecision(6))));
+
+/** Waypoints whose wait or blend is none. @param {Task} task @returns {Wrong[]} */
+export function wrongWaits(task) {
+    const names = namesOf(task);
+    return task.waypoints.flatMap(({ dwell, blend }, at) => [
+        ...(dwell >= 0 ? [] : [{ at, text: `${names[at]}: wait: expected zero seconds or more, got ${got(dwell)}` }]),
+        ...(blend >= 0 ? [] : [{ at, text: `${names[at]}: blend: expected more than zero, got ${got(blend * 1e3)} mm` }]),
+    ]);
+}
+
+/**
+ * Limits, or a time in all, that nothing can be planned with; a limit that is left empty is one where the machine has one.
+ * @param {Task} task @param {import("./plan.js").Pace} pace @param {{force: number, speed: number}} own
+ * @returns {Wrong[]}
+ */
+export function wrongPace(task, pace, own) {
+    if (!pace.fastest) {
+        const { duration } = pace, given = task.waypoints.every((point, k) => !k || point.blend || point.duration !== null);
+        return given || duration === null || duration > 0 ? [] : [{ at: "duration", text: `time in all: expected more than zero seconds, got ${got(duration)}` }];
+    }
+    return /** @type {const} */ ([["force", "N"], ["speed", "m/s"], ["power", "W"]]).flatMap(([key, unit]) => {
+        const value = pace[key], most = key === "power" ? Infinity : own[key];
+        if (value === null || value > 0 || (Number.isNaN(value) && !Number.isFinite(most))) return [];
+        const machine = Number.isFinite(most) ? `; the machine's own is ${got(most)} ${unit}` : "";
+        return [{ at: key, text: `most ${key} of each actuator: expected more than zero ${unit}, got ${got(value)}${machine}` }];
+    });
+}
+
 /** @param {State} state */
 export function mount(state) {
     state.subscribe((_, changed) => {
@@ -58,9 +90,11 @@ export function mount(state) {
 function attempt(state, engine) {
     const { task, pace } = state, names = namesOf(task);
     try {
+        const wrong = [...wrongWaits(task), ...wrongPace(task, pace, engine.limits)];
+        if (wrong.length) throw new TaskError(wrong.map(({ text }) => text).join("; "));
         const stretches = stretchesOf(task), { force, speed } = engine.limits;
         for (const { path, first, last } of stretches) requireWay(engine, path, `${names[first]} to ${names[last]}`);
-        const limits = { force: pace.force ?? force, speed: pace.speed ?? speed, power: pace.power ?? Infinity };
+        const limits = { force: pace.force || force, speed: pace.speed || speed, power: pace.power || Infinity };
         const { durations, binding } = pace.fastest ? fastest(engine, task, stretches, limits)
             : { durations: durationsOf(task, stretches, pace.duration ?? easyDuration(task)), binding: [] };
         const plan = planned(task, stretches, durations);

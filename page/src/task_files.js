@@ -4,10 +4,12 @@ import { YamlError, parseYaml } from "./yaml.js";
 
 /** @typedef {import("./plan.js").Task} Task */
 /** @typedef {import("./paths.js").Waypoint} Waypoint */
+/** @typedef {import("./machine.js").WhatIf} WhatIf */
 /** @typedef {{time: Float64Array, pose: Float64Array, velocity: Float64Array, acceleration: Float64Array}} Motion rows of three */
 
 /** Units by kind: a power of ten, or a factor. @type {Record<string, Record<string, number | string>>} */
 const UNITS = {
+    mass: { kg: "e0", g: "e-3" },
     length: { m: "e0", cm: "e-2", mm: "e-3", um: "e-6", "µm": "e-6", km: "e3" },
     angle: { rad: "e0", mrad: "e-3", deg: Math.PI / 180, "°": Math.PI / 180 },
     time: { s: "e0", ms: "e-3", min: 60 },
@@ -32,7 +34,10 @@ const OF_WAYPOINT = ["pose", "name", "blend", "dwell", "duration", "pick_up", "p
 const ELSEWHERE = "this page does not plan it; save its motion with `p3dof plan TASK --out motion.csv` and load that";
 
 /** Read a task file. @param {string} text @returns {Task} */
-export function readTask(text) {
+export const readTask = (text) => readFile(text).task;
+
+/** Read a task file, and what the platform carries, if that is a point mass below P. @param {string} text @returns {{task: Task, carrying: WhatIf}} */
+export function readFile(text) {
     let data;
     try {
         data = parseYaml(text);
@@ -40,10 +45,14 @@ export function readTask(text) {
         if (!(error instanceof YamlError || error instanceof SyntaxError)) throw error;
         throw new TaskError(`not a task file: ${error.message}`);
     }
+    return { task: taskOf(data), carrying: carried(data.carrying) };
+}
+
+/** @param {any} data @returns {Task} */
+function taskOf(data) {
     requireFields(data, KNOWN, "task");
     if (!Array.isArray(data.waypoints)) throw new TaskError("waypoints: expected a list");
     if (data.path !== undefined && data.path !== "straight") throw new TaskError(`path: ${data.path}: ${ELSEWHERE}`);
-    if (data.carrying) throw new TaskError(`carrying: ${ELSEWHERE}`);
     const profile = data.profile ?? "quintic", smoothness = data.smoothness ?? 2;
     if (!Object.hasOwn(PROFILES, profile)) throw new TaskError(`profile: expected one of ${Object.keys(PROFILES).join(", ")}, got ${profile}`);
     if (smoothness !== 2 && smoothness !== 3) throw new TaskError(`smoothness: expected 2 or 3, got ${smoothness}`);
@@ -53,6 +62,19 @@ export function readTask(text) {
         name: String(data.name ?? ""), profile, smoothness, turning,
         waypoints: data.waypoints.map((/** @type {any} */ point, /** @type {number} */ k) => waypoint(point, `waypoint ${k + 1}`)),
     };
+}
+
+/** @param {any} data @returns {WhatIf} */
+function carried(data) {
+    if (!data) return {};
+    requireFields(data, ["mass", "com", "inertia"], "carrying");
+    const { com, inertia } = data, mass = quantity(data.mass, "mass", "carrying: mass");
+    if (!(mass >= 0)) throw new TaskError(`carrying: mass: expected zero or more, got ${mass} kg`);
+    if (!Array.isArray(com) || com.length !== 3) throw new TaskError("carrying: com: expected three lengths");
+    const [x, y, z] = com.map((value) => quantity(value, "length", "carrying: com"));
+    const point = Array.isArray(inertia) && inertia.flat().every((value) => value === 0);
+    if (x || y || !point) throw new TaskError(`carrying: other than a point mass below P: ${ELSEWHERE}`);
+    return { ...(mass ? { payload: mass } : {}), ...(mass && z ? { below: -z } : {}) };
 }
 
 /** @param {any} data @param {string[]} known @param {string} where */
@@ -86,23 +108,54 @@ function waypoint(data, where) {
     return found;
 }
 
-/** The text of a task file: `p3dof plan` makes the same motion of it. @param {Task} task @param {(number | null)[]} durations of the way to each waypoint [s] */
-export function writeTask(task, durations) {
+/**
+ * What is changed of the machine that a task file cannot hold, in words.
+ * @param {WhatIf} whatIf @param {Task} task @returns {string[]}
+ */
+export function leftOut(whatIf, task) {
+    const { viscous, coulomb, bodies, gravity, wrench } = whatIf;
+    const lengths = /** @type {const} */ (["L", "R", "r"]).filter((key) => whatIf[key] !== undefined);
+    return [
+        viscous ? `viscous friction of ${viscous} N s/m more` : "",
+        coulomb ? `Coulomb friction of ${coulomb} N more` : "",
+        lengths.length ? `lengths ${lengths.map((key) => `${key} = ${whatIf[key]} m`).join(", ")}` : "",
+        bodies === "solids" ? "steel solids of these lengths" : "",
+        gravity ? `gravity (${gravity.map(short).join(", ")}) m/s^2` : "",
+        acts(wrench) && task.waypoints.some(({ dwell }) => dwell > 0) ? `the external load (${wrench.map(short).join(", ")}) N, N m during waits` : "",
+    ].filter(Boolean);
+}
+
+/** @param {number[] | undefined} wrench @returns {wrench is number[]} */
+const acts = (wrench) => Boolean(wrench?.some((x) => x !== 0));
+/** @param {number} value */
+const short = (value) => String(Number(value.toPrecision(6)));
+
+/** What the platform bears on the way to a waypoint. @param {number[] | null} own @param {number[] | undefined} more */
+const together = (own, more) => (acts(more) ? more.map((x, i) => x + (own?.[i] ?? 0)) : own);
+
+/**
+ * The text of a task file: `p3dof plan` makes the same motion of it, and the same forces but for what is `leftOut`.
+ * @param {Task} task @param {(number | null)[]} durations of the way to each waypoint [s] @param {WhatIf} whatIf
+ */
+export function writeTask(task, durations, whatIf = {}) {
+    const { payload, below, wrench: load } = whatIf, missing = leftOut(whatIf, task);
     const rows = task.waypoints.map((point, k) => {
-        const duration = point.duration ?? durations[k] ?? null;
+        const duration = point.duration ?? durations[k] ?? null, wrench = k ? together(point.wrench, load) : point.wrench;
         const parts = [
             point.name ? `name: ${JSON.stringify(point.name)}` : "",
             `pose: [${point.pose.map(number).join(", ")}]`,
             point.blend ? `blend: ${number(point.blend)}` : "",
             point.dwell ? `dwell: ${number(point.dwell)}` : "",
             duration !== null && !point.blend ? `duration: ${number(duration)}` : "",
-            point.wrench ? `wrench: [${point.wrench.map(number).join(", ")}]` : "",
+            wrench ? `wrench: [${wrench.map(number).join(", ")}]` : "",
         ];
         return `- {${parts.filter(Boolean).join(", ")}}`;
     });
     return [
-        "# p3dof task: m, rad, s, kg, N, N m", `name: ${JSON.stringify(task.name)}`, "path: straight", `profile: ${task.profile}`,
-        `smoothness: ${task.smoothness}`, `turning_length: ${number(task.turning)}`, "waypoints:", ...rows, "",
+        "# p3dof task: m, rad, s, kg, N, N m", ...missing.map((what) => `# left out, as a task has no field for it: ${what}`), `name: ${JSON.stringify(task.name)}`, "path: straight", `profile: ${task.profile}`,
+        `smoothness: ${task.smoothness}`, `turning_length: ${number(task.turning)}`,
+        ...(payload ? [`carrying: {mass: ${number(payload)}, com: [0, 0, ${number(-(below ?? 0))}], inertia: [0, 0, 0]}`] : []),
+        "waypoints:", ...rows, "",
     ].join("\n");
 }
 

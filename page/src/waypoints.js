@@ -4,11 +4,11 @@ import { instant } from "./instant.js";
 import { choose, make, write } from "./make.js";
 import { PROFILES, TaskError } from "./paths.js";
 import { ANY_PACE, NO_TASK } from "./plan.js";
-import { durationsTo, easyDuration } from "./planning.js";
+import { durationsTo, easyDuration, wrongPace, wrongWaits } from "./planning.js";
 import { peaksOf, runOfMotion } from "./resolve.js";
 import { save } from "./save.js";
-import { engineOf } from "./solving.js";
-import { readMotion, readTask, writeTask } from "./task_files.js";
+import { engineOf, isChanged } from "./solving.js";
+import { leftOut, readFile, readMotion, writeTask } from "./task_files.js";
 import { fixed, shown } from "./units.js";
 
 /** @typedef {import("./types").State} State */
@@ -99,9 +99,9 @@ class Row {
 
     take() {
         const { state, k, amount } = this, value = amount.valueAsNumber, point = state.task.waypoints[k];
-        if (!(value >= 0)) return;
         if (!point.blend) changeWaypoint(state, k, { dwell: value });
-        else if (value > 0) changeWaypoint(state, k, { blend: value / shown("m", state.units).factor });
+        else if (value) changeWaypoint(state, k, { blend: value / shown("m", state.units).factor });
+        else state.set({}); // where it is passed there is a blend: the one before is shown again
     }
 
     /** @param {Waypoint} point @param {number} count */
@@ -115,6 +115,7 @@ class Row {
         choose(this.kind, [["stop", "stop"], .../** @type {[string, string][]} */ (end ? [] : [["pass", "pass"]])], point.blend ? "pass" : "stop");
         write(this.what, point.blend ? "blend" : "wait");
         write(this.unit, point.blend ? shown("m", state.units).unit : "s");
+        markWrong(this.amount, wrongWaits(state.task).some(({ at }) => at === k));
         fill(this.amount, point.blend ? point.blend * shown("m", state.units).factor : point.dwell);
         this.item.title = point.name;
     }
@@ -125,6 +126,12 @@ function fill(box, value) {
     const digits = Math.max(0, Math.min(4, 4 - Math.ceil(Math.log10(Math.abs(value) + 1e-9))));
     const text = Number.isFinite(value) ? String(Number(value.toFixed(digits))) : "";
     if (box !== document.activeElement && box.value !== text) box.value = text;
+}
+
+/** Say of a field that what is in it is refused. @param {HTMLInputElement} box @param {boolean} wrong */
+function markWrong(box, wrong) {
+    if (wrong) box.setAttribute("aria-invalid", "true");
+    else box.removeAttribute("aria-invalid");
 }
 
 /** @param {State} state @param {number} k */
@@ -180,17 +187,14 @@ function settings(state) {
     const mode = make("select", { "aria-label": "How long it takes" });
     mode.addEventListener("change", () => state.set({ pace: { ...state.pace, fastest: mode.value === "fastest" } }));
     const total = make("input", { type: "number", step: "0.1", min: "0", "aria-label": "Time in all" });
-    total.addEventListener("change", () => {
-        if (total.valueAsNumber > 0) state.set({ pace: { ...state.pace, duration: total.valueAsNumber } });
-    });
+    total.addEventListener("change", () => state.set({ pace: { ...state.pace, duration: total.valueAsNumber } }));
     const seconds = make("span", {}, total, " s");
     /** @type {[("force" | "speed" | "power"), string, string][]} */
     const kinds = [["force", "Force", "N"], ["speed", "Speed", "m/s"], ["power", "Power", "W"]];
     const boxes = kinds.map(([key, label, unit]) => {
         const box = make("input", { type: "number", step: "any", min: "0", placeholder: "none", "aria-label": `Most ${key} of each actuator` });
         box.addEventListener("change", () => {
-            const value = box.valueAsNumber / shown(unit, state.units).factor;
-            state.set({ pace: { ...state.pace, [key]: value > 0 ? value : null } });
+            state.set({ pace: { ...state.pace, [key]: box.valueAsNumber / shown(unit, state.units).factor } });
         });
         const name = make("span");
         return { key, label, unit, box, name, row: make("label", { className: "field" }, name, box) };
@@ -208,10 +212,12 @@ function settings(state) {
             seconds.hidden = pace.fastest || (task.waypoints.length > 1 && task.waypoints.every(({ duration, blend }, k) => !k || blend || duration !== null));
             limits.hidden = !pace.fastest;
             if (!pace.fastest) fill(total, pace.duration ?? easyDuration(task));
-            const own = engineOf(state)?.limits;
+            const own = engineOf(state)?.limits, wrong = own ? wrongPace(task, pace, own).map(({ at }) => at) : [];
+            markWrong(total, wrong.includes("duration"));
             for (const { key, label, unit, box, name } of boxes) {
                 const { factor, unit: text } = shown(unit, state.units);
                 write(name, `${label} [${text}]`);
+                markWrong(box, wrong.includes(key));
                 fill(box, (pace[key] ?? (key === "power" ? NaN : (own?.[key] ?? NaN))) * factor);
             }
         },
@@ -261,13 +267,14 @@ function adding(state) {
 /** Files out. @param {State} state */
 function files(state) {
     const task = make("button", { type: "button", title: "Task file (YAML), for p3dof plan" }, "Save task");
-    task.addEventListener("click", () => save("task.yaml", writeTask(state.task, durationsTo(state.task, state.planned)), "text/yaml"));
+    task.addEventListener("click", () => save("task.yaml", writeTask(state.task, durationsTo(state.task, state.planned), state.whatIf), "text/yaml"));
     const motion = make("button", { type: "button", title: "Motion file (CSV), for --motion" }, "Save motion");
     motion.addEventListener("click", () => {
         const run = state.document.runs.find(({ computed }) => computed === "waypoints");
         if (run) save("motion.csv", motionCsv(state.document, run) ?? "", "text/csv");
     });
-    const part = make("div", {}, make("div", { className: "buttons" }, task, motion));
+    const missing = make("p", { className: "note", role: "status" });
+    const part = make("div", {}, make("div", { className: "buttons" }, task, motion), missing);
     return {
         part,
         show() {
@@ -275,6 +282,9 @@ function files(state) {
             task.disabled = waypoints.length < 2 || !state.planned?.plan;
             motion.disabled = !state.planned?.plan;
             task.hidden = motion.hidden = waypoints.length < 2;
+            const left = task.disabled ? [] : leftOut(state.whatIf, state.task);
+            write(missing, left.length ? `A task file cannot hold ${left.join("; ")}: forces of p3dof plan are without it, unless a parameter file has it.` : "");
+            missing.hidden = task.hidden || !left.length;
         },
     };
 }
@@ -284,8 +294,8 @@ export function taken(state, name, text) {
     const engine = engineOf(state);
     if (!engine) return;
     if (!/\.csv$/i.test(name)) {
-        const task = readTask(text), total = task.waypoints.every(({ duration, blend }, k) => !k || blend || duration !== null);
-        state.set({ task, pace: total ? { ...ANY_PACE } : state.pace, hand: null });
+        const { task, carrying } = readFile(text), total = task.waypoints.every(({ duration, blend }, k) => !k || blend || duration !== null);
+        state.set({ task, pace: total ? { ...ANY_PACE } : state.pace, hand: null, whatIf: { ...state.whatIf, ...carrying } });
         return;
     }
     const motion = readMotion(text);
@@ -318,6 +328,7 @@ function told(state, { ways, milliseconds }, plan) {
     } else {
         texts.push(`${fixed(total, 3)} s in all.`);
     }
+    if (state.pace.fastest && isChanged(state.whatIf)) texts.push("What was before the change is the same motion without it.");
     const run = state.document.runs.find(({ computed }) => computed === "waypoints");
     const { force } = state.document.limits;
     if (run) {

@@ -3,6 +3,7 @@ import { test } from "node:test";
 import { changed } from "../src/machine.js";
 import { PROFILES, Path } from "../src/paths.js";
 import { durationsOf, planned, stretchesOf } from "../src/plan.js";
+import { wrongPace, wrongWaits } from "../src/planning.js";
 import { reasons, told } from "../src/workspace.js";
 
 const stop = (/** @type {number[]} */ pose, blend = 0, dwell = 0) => ({ name: "", pose, blend, dwell, duration: null, wrench: null });
@@ -52,6 +53,40 @@ test("samples are evenly spaced, with the ends of all pieces and none twice", ()
     for (let k = 1; k < time.length; ++k) assert.ok(time[k] - time[k - 1] > 1e-9);
     for (const at of [0.1, ...times, 2]) assert.ok(time.includes(at) || time.some((t) => Math.abs(t - at) < 1e-12), `${at}`);
     assert.deepEqual([...pose.slice(-3)], [0, 0, 0.1]);
+});
+
+test("each way has its own samples, however long the waits between are", () => {
+    for (const dwell of [0, 5, 50, 500]) {
+        const points = task([stop([0, 0, 0], 0, dwell), stop([0.1, 0, 0], 0, dwell), stop([0, 0, 0.1])]);
+        const stretches = stretchesOf(points), { time, velocity } = planned(points, stretches, [0.7, 0.4]);
+        const inside = (/** @type {number} */ start, /** @type {number} */ end) => time.filter((t) => t > start && t < end).length;
+        for (const [start, end] of [[dwell, dwell + 0.7], [2 * dwell + 0.7, 2 * dwell + 1.1]]) {
+            assert.ok(inside(start, end) >= 279, `${dwell}: ${inside(start, end)} samples of a way`);
+        }
+        const most = Math.max(...velocity.filter((_, k) => k % 3 === 0)); // of a quintic: 15/8 of the mean, exactly in the middle
+        assert.ok(Math.abs(most - (15 / 8) * (0.1 / 0.7)) < 1e-5 * most, `${dwell}: ${most}`);
+        assert.ok(time.length < 2000, `${time.length}`);
+        for (let k = 1; k < time.length; ++k) assert.ok(time[k] - time[k - 1] > 1e-12 * time[time.length - 1]);
+    }
+});
+
+test("limits and waits that are none are refused, each by its name", () => {
+    const own = { force: 500, speed: 1 }, none = { fastest: true, duration: null, force: null, speed: null, power: null };
+    const points = task([stop([0, 0, 0]), stop([0.1, 0, 0], 0, -1)]), good = task([stop([0, 0, 0]), stop([0.1, 0, 0], 0, 2)]);
+    const told = (/** @type {object} */ pace, machine = own) => wrongPace(good, { ...none, ...pace }, machine).map(({ at, text }) => `${at}: ${text}`);
+    assert.deepEqual(told({}), []);
+    assert.deepEqual(told({ power: NaN, force: 200 }), []); // no limit of power is one
+    assert.deepEqual(told({ force: NaN }, { ...own, force: Infinity }), []);
+    assert.deepEqual(told({ force: 0, speed: NaN, power: -3 }), [
+        "force: most force of each actuator: expected more than zero N, got 0; the machine's own is 500 N",
+        "speed: most speed of each actuator: expected more than zero m/s, got nothing; the machine's own is 1 m/s",
+        "power: most power of each actuator: expected more than zero W, got -3",
+    ]);
+    assert.deepEqual(told({ fastest: false, force: 0 }), []);
+    assert.deepEqual(told({ fastest: false, duration: 0 }), ["duration: time in all: expected more than zero seconds, got 0"]);
+    assert.deepEqual(wrongWaits(good), []);
+    assert.deepEqual(wrongWaits(points), [{ at: 1, text: "waypoint 2: wait: expected zero seconds or more, got -1" }]);
+    assert.deepEqual(wrongWaits(task([stop([0, 0, 0], 0, NaN), stop([1, 0, 0])])), [{ at: 0, text: "waypoint 1: wait: expected zero seconds or more, got nothing" }]);
 });
 
 test("a pose's reasons name what is beyond, out of reach alone", () => {

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { motionCsv } from "../src/csv.js";
-import { readMotion, readTask, writeTask } from "../src/task_files.js";
+import { leftOut, readFile, readMotion, readTask, writeTask } from "../src/task_files.js";
 import { parseYaml } from "../src/yaml.js";
 
 const TASK = `# a task
@@ -39,6 +39,22 @@ test("what is written is read back to the same numbers", () => {
     assert.deepEqual(readTask(writeTask(task, [])), task);
     task.waypoints[0].pose = [1e-7, 1e21, 0.1 + 0.2];
     assert.deepEqual(readTask(writeTask(task, [])), task);
+});
+
+test("a payload is carried in the file, an external load acts on its ways, and what it cannot hold is named", () => {
+    const task = readTask(TASK), whatIf = { payload: 3, below: 0.05, wrench: [0, 5, 0, 0, 0, 0] };
+    const text = writeTask(task, [], whatIf), read = readFile(text);
+    assert.deepEqual(parseYaml(text).carrying, { mass: 3, com: [0, 0, -0.05], inertia: [0, 0, 0] });
+    assert.deepEqual(read.carrying, { payload: 3, below: 0.05 });
+    assert.deepEqual(read.task.waypoints.map(({ wrench }) => wrench && wrench.slice(0, 3)), [null, ...Array(3).fill([0, 5, 0]), [0, 15, -50]]);
+    assert.deepEqual(leftOut(whatIf, task), ["the external load (0, 5, 0, 0, 0, 0) N, N m during waits"]);
+    const other = { viscous: 20, coulomb: 2, L: 0.45, bodies: /** @type {const} */ ("solids"), gravity: [0, 0, -1.62] }, lines = writeTask(task, [], other);
+    assert.deepEqual(readFile(lines), { task, carrying: {} });
+    const told = ["viscous friction of 20 N s/m more", "Coulomb friction of 2 N more", "lengths L = 0.45 m", "steel solids of these lengths", "gravity (0, 0, -1.62) m/s^2"];
+    assert.deepEqual(leftOut(other, task), told);
+    for (const what of told) assert.ok(lines.includes(`\n# left out, as a task has no field for it: ${what}\n`), what);
+    assert.throws(() => readTask("carrying: {mass: 1, com: [0.1, 0, 0], inertia: [0, 0, 0]}\nwaypoints: []"), /other than a point mass below P/);
+    assert.deepEqual(readFile("carrying: {mass: 200 g, com: [0, 0, -40 mm], inertia: [0, 0, 0]}\nwaypoints: []").carrying, { payload: 0.2, below: 0.04 });
 });
 
 /** @type {[string, string, RegExp][]} */
