@@ -55,7 +55,7 @@ from .simulation import (
 from .compiled import BoundInverseDynamics, MachineKernels
 
 # Many designs at once
-from .designs import DesignForces, DesignProblem, Designs, DesignStatus, forces_of_designs
+from .designs import DesignForces, DesignEvaluation, Designs, DesignStatus, forces_of_designs
 
 # Many runs at once
 from .many_runs import ManyRuns, RunHistories, simulate_many
@@ -127,8 +127,8 @@ __all__ = [
     "ControllerError",
     "Coupling",
     "Curve",
+    "DesignEvaluation",
     "DesignForces",
-    "DesignProblem",
     "DesignStatus",
     "Designs",
     "Dimensions",

@@ -24,10 +24,10 @@ from p3dof.compiled import designs as compiled_designs
 from p3dof.compiled.design_kernels import NAMES, design_kernel
 from p3dof.compiled.kernels import levels
 from p3dof.compiled.tangents import forces_tangent, sliders_tangent
+from p3dof.designs.evaluation import BLOCK, DesignEvaluation
 from p3dof.designs.figures import given, sampled
 from p3dof.designs.folding import folding_of
 from p3dof.designs.names import column_of
-from p3dof.designs.problem import BLOCK, DesignProblem
 from p3dof.designs.samples import samples_of
 
 MOTION = p3dof.paper_motion(101)
@@ -197,7 +197,7 @@ def test_a_wrong_constant_is_seen():
             table[:, 4] *= 1 + 1e-9
             return table
 
-    problem = DesignProblem(MOTION, level=levels()[-1])
+    problem = DesignEvaluation(MOTION, level=levels()[-1])
     if problem._loops(False) is None:
         pytest.skip("needs the extension")
     problem._loops(False)._kernels[True] = Wrong()
@@ -379,10 +379,10 @@ def test_compiled_gradients_are_those_of_numpy(case, monkeypatch):
         found = {}
         for level in ("numpy", levels()[-1]):
             if level != "numpy":
-                monkeypatch.setattr(p3dof.designs.problem, "gradient_of", None)
+                monkeypatch.setattr(p3dof.designs.evaluation, "gradient_of", None)
             columns = {name: column.copy() for name, column in designs.columns.items()}
             columns["geometry.L"][3] = 0.1  # out of reach
-            problem = DesignProblem(motion, load, EVERYTHING, by, level, 1)
+            problem = DesignEvaluation(motion, load, EVERYTHING, by, level, 1)
             found[level] = problem.evaluate(Designs(columns, designs.machine, designs.bodies)).gradients
             monkeypatch.undo()
         wanted, gradients = found.values()
@@ -514,7 +514,7 @@ def test_units_are_those_of_parameter_files():
 
 
 def test_a_problem_can_be_sent_elsewhere():
-    problem = DesignProblem(MOTION, [0, 0, -5.0, 0, 0, 0], EVERYTHING, ("R",), threads=1)
+    problem = DesignEvaluation(MOTION, [0, 0, -5.0, 0, 0, 0], EVERYTHING, ("R",), threads=1)
     designs = Designs(lengths(5))
     copy = pickle.loads(pickle.dumps(problem))  # noqa: S301 - our own
     sent = pickle.loads(pickle.dumps(designs))  # noqa: S301 - our own

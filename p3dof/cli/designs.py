@@ -14,7 +14,7 @@ from p3dof.cli.files import STREAM, InputFile, OutputFile, console_beside, prote
 from p3dof.cli.options import Case, Whole, any_size, with_load
 from p3dof.cli.output import in_options, print_plain, progress_bar, show
 from p3dof.cli.payloads import print_payloads
-from p3dof.designs import DesignProblem
+from p3dof.designs import DesignEvaluation
 from p3dof.designs.figures import BITS
 from p3dof.designs.files import ResultWriter, count_designs, read_designs, results_file
 from p3dof.designs.stream import ROWS, DesignSummary, evaluated, table_of_results
@@ -67,11 +67,11 @@ def designs(
     protect((table, case.parameters, case.motion_file, case.wrench_file), (out,))
     machine = case.robot.parameters
     asked: Any = figures or ("singularity",)
-    problem = DesignProblem(case.motion, case.wrench, asked, gradients, threads=threads)
+    evaluation = DesignEvaluation(case.motion, case.wrench, asked, gradients, threads=threads)
     summary = DesignSummary(best)
     name, given = called(source(table)), source(table)
     bodies: Any = "solids" if solids else "kept"
-    found = evaluated(read_designs(given, ROWS), problem, machine, bodies, name, any_size())
+    found = evaluated(read_designs(given, ROWS), evaluation, machine, bodies, name, any_size())
     with in_options({"bodies='solids'": "--solids"}), ExitStack() as stack:
         writer = _writer(stack, out)
         total = count_designs(given)

@@ -5,14 +5,14 @@
 - `folding`: columns to the few numbers of the dynamics, traced, with derivatives.
 - `samples`: the motion with the weights of its means and integrals.
 - `figures`, `formula`, `gradients`: what is computed, on NumPy, and its derivatives.
-- `problem`, `sweep`: all of it over blocks of designs, compiled where it can be; `results`.
+- `evaluation`, `sweep`: all of it over blocks of designs, compiled where it can be; `results`.
 - `files`, `stream`: tables of any length; `clients`: workers elsewhere.
 """
 
 from p3dof.designs.columns import Designs
-from p3dof.designs.problem import DesignProblem
+from p3dof.designs.evaluation import DesignEvaluation
 from p3dof.designs.results import DesignForces
 from p3dof.designs.status import DesignStatus
 from p3dof.designs.sweep import forces_of_designs
 
-__all__ = ["DesignForces", "DesignProblem", "DesignStatus", "Designs", "forces_of_designs"]
+__all__ = ["DesignEvaluation", "DesignForces", "DesignStatus", "Designs", "forces_of_designs"]

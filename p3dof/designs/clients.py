@@ -13,7 +13,7 @@ import numpy as np
 
 from p3dof.checks import Progress, shown
 from p3dof.designs.columns import Designs
-from p3dof.designs.problem import BLOCK, DesignProblem
+from p3dof.designs.evaluation import BLOCK, DesignEvaluation
 from p3dof.designs.results import DesignForces
 from p3dof.errors import InputError
 
@@ -25,7 +25,7 @@ _IN_FLIGHT = 32
 
 
 def evaluate_with(
-    client: Any, problem: DesignProblem, designs: Designs, progress: Progress | None = None
+    client: Any, evaluation: DesignEvaluation, designs: Designs, progress: Progress | None = None
 ) -> DesignForces:
     """Return what designs need over a motion, computed by the workers of a client.
 
@@ -33,7 +33,7 @@ def evaluate_with(
     ----------
     client : distributed.Client or concurrent.futures.Executor
         Who computes.
-    problem : DesignProblem
+    evaluation : DesignEvaluation
         What is asked of the designs.
     designs : Designs
         The machines.
@@ -54,7 +54,7 @@ def evaluate_with(
         raise InputError(
             f"client: expected a distributed.Client or an executor of concurrent.futures, got {shown(client)}"
         )
-    problem.check(designs)
+    evaluation.check(designs)
     options = {"pure": False} if hasattr(client, "scheduler_info") else {}  # Dask would hash all columns
     starts = range(0, len(designs), AT_A_TIME) or range(1)
     pending: deque[Any] = deque()
@@ -64,7 +64,7 @@ def evaluate_with(
         while len(found) < len(starts):
             while len(pending) < _IN_FLIGHT and (start := next(waiting, None)) is not None:
                 part = designs.part(start, min(start + AT_A_TIME, len(designs)))
-                pending.append(client.submit(problem.evaluate, part, **options))
+                pending.append(client.submit(evaluation.evaluate, part, **options))
             found.append(pending.popleft().result())
             if progress is not None:
                 progress(min(len(found) * AT_A_TIME, len(designs)), len(designs))

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray
 from p3dof.designs.columns import BodiesOfDesigns, Designs
+from p3dof.designs.evaluation import BLOCK, DesignEvaluation
 from p3dof.designs.files import Rows
 from p3dof.designs.names import LENGTHS, Column, columns_of
-from p3dof.designs.problem import BLOCK, DesignProblem
 from p3dof.designs.results import DesignForces
 from p3dof.designs.status import DesignStatus
 from p3dof.errors import InputError
@@ -81,7 +81,7 @@ class DesignSummary:
 
 def evaluated(
     blocks: Iterator[Rows],
-    problem: DesignProblem,
+    evaluation: DesignEvaluation,
     machine: Parameters,
     bodies: BodiesOfDesigns,
     source: str,
@@ -93,7 +93,7 @@ def evaluated(
     ----------
     blocks : iterator of Rows
         Designs, from `read_designs`.
-    problem : DesignProblem
+    evaluation : DesignEvaluation
         What is asked of them.
     machine, bodies
         As of `Designs`.
@@ -116,7 +116,7 @@ def evaluated(
         designs = Designs(rows.columns, machine, bodies)
         if not any_size:
             require_size(columns_of(rows.columns), rows, source)
-        yield rows, problem.evaluate(designs)
+        yield rows, evaluation.evaluate(designs)
 
 
 def require_size(columns: Iterable[Column], rows: Rows, source: str) -> None:

@@ -8,8 +8,8 @@ from typing import Any
 from p3dof.checks import Progress
 from p3dof.designs.clients import evaluate_with
 from p3dof.designs.columns import BodiesOfDesigns, Designs
+from p3dof.designs.evaluation import DesignEvaluation
 from p3dof.designs.figures import FigureGroup
-from p3dof.designs.problem import DesignProblem
 from p3dof.designs.results import DesignForces
 from p3dof.motion import Motion
 from p3dof.motion.wrenches import WrenchOverTime
@@ -80,7 +80,7 @@ def forces_of_designs(
     """
     if not isinstance(designs, Designs):
         designs = Designs(designs, machine, bodies)
-    problem = DesignProblem(motion, wrench, figures, gradients, level, threads)
+    evaluation = DesignEvaluation(motion, wrench, figures, gradients, level, threads)
     if client is not None:
-        return evaluate_with(client, problem, designs, progress)
-    return problem.evaluate(designs, progress)
+        return evaluate_with(client, evaluation, designs, progress)
+    return evaluation.evaluate(designs, progress)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from p3dof.blocks import Block, Sampling, digest
 from p3dof.compiled.designs import compiled_level
 from p3dof.compiled.kernels import NUMPY
-from p3dof.designs import DesignForces, DesignProblem, Designs
+from p3dof.designs import DesignEvaluation, DesignForces, Designs
 from p3dof.designs.columns import BodiesOfDesigns
 from p3dof.designs.figures import BITS, FigureGroup
 from p3dof.designs.names import QUANTITIES, columns_of
@@ -76,7 +76,7 @@ class DesignSweep:
         self.machine = PAPER if machine is None else machine
         load = None if wrench is None else Load(wrench).over(motion.time)
         self.level = compiled_level(level, 1)[0] or NUMPY
-        self.forces = DesignProblem(motion, load, figures, (), self.level, 1)
+        self.forces = DesignEvaluation(motion, load, figures, (), self.level, 1)
         self._load = load
         self._inputs = columns_of(sampling.names)
         Designs(dict.fromkeys(sampling.names, np.ones(1)), self.machine, bodies)  # names that fit each other

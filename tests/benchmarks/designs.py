@@ -21,7 +21,7 @@ from p3dof.compiled.design_kernels import design_kernel
 from p3dof.compiled.kernels import MachineKernels, levels
 from p3dof.compiled.reduced import model_of
 from p3dof.compiled.reduced.friction import friction_numbers
-from p3dof.designs import DesignProblem, Designs
+from p3dof.designs import DesignEvaluation, Designs
 from p3dof.designs.figures import FigureGroup
 from p3dof.designs.samples import samples_of
 
@@ -96,7 +96,7 @@ def gradients(designs: dict[str, np.ndarray], figures: tuple[FigureGroup, ...], 
     for level, count in (("numpy", 256), (None, 4096)):
         some = Designs({name: column[:count] for name, column in designs.items()})
         problems = [
-            DesignProblem(MOTION, figures=figures, gradients=names, level=level, threads=1)
+            DesignEvaluation(MOTION, figures=figures, gradients=names, level=level, threads=1)
             for names in ((), by)
         ]
         alone, both = (least(partial(one.evaluate, some), rounds) / count for one in problems)
@@ -138,7 +138,7 @@ def main() -> None:
             ("+ singularity", ("singularity",)),
             ("+ power", ("power",)),
         ):
-            problem = DesignProblem(MOTION, figures=figures, threads=1)
+            problem = DesignEvaluation(MOTION, figures=figures, threads=1)
             rate = DESIGNS / least(partial(problem.evaluate, designs), rounds) / 1e6
             told.append(f"{name} {rate:.3f} ({rate * 1e6 * SAMPLES * kernel:.2f})")
         mine = own.get(kind, own["symmetric"])

@@ -1,4 +1,4 @@
-"""`DesignProblem`: one motion, and what is asked of any designs over it."""
+"""`DesignEvaluation`: one motion, and what is asked of any designs over it."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ _DOUBTFUL = 2
 """What the compiled loop says of designs that are not clearly good."""
 
 
-class DesignProblem:
+class DesignEvaluation:
     """One motion, and what is asked of designs over it; it can be pickled and sent to other processes.
 
     Parameters
@@ -89,7 +89,7 @@ class DesignProblem:
     def __reduce__(self) -> Any:
         groups = tuple(group for group, bit in BITS.items() if self.asked & bit)
         level = self._level or NUMPY  # other processes take the same, so that their numbers are the same
-        return DesignProblem, (self.motion, self._wrench, groups, self.by, level, self._threads)
+        return DesignEvaluation, (self.motion, self._wrench, groups, self.by, level, self._threads)
 
     def _loops(self, friction: bool) -> DesignLoops | None:
         if self._level is None:
