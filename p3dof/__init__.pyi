@@ -5,6 +5,7 @@ from .manipulator import Manipulator, load
 from .parameters import (
     PAPER,
     SOLIDS,
+    Actuators,
     Bodies,
     Body,
     Dimensions,
@@ -113,6 +114,7 @@ __all__ = [
     "PAPER",
     "PD",
     "SOLIDS",
+    "Actuators",
     "AssemblyError",
     "AxisLimits",
     "Bodies",

@@ -13,18 +13,21 @@ from machines import SEEDS, random_machine
 from test_parameter_schema import ACCEPTED, REFUSED, VALIDATOR
 
 import p3dof
-from p3dof import PAPER, SOLIDS, Body, Friction, Limits, ParameterError, Parameters
+from p3dof import PAPER, SOLIDS, Actuators, Body, Friction, Limits, ParameterError, Parameters
 from p3dof.parameters import PASSIVE, SLIDES
 
 
 def rich_machine(seed):
-    """A random machine with friction, limits and payloads."""
+    """A random machine with friction, actuators, limits and payloads."""
     rng = np.random.default_rng(seed)
     some = {name: float(rng.uniform(0, 3)) for name in (*SLIDES, *PASSIVE) if rng.random() < 0.5}
     machine = dataclasses.replace(
         random_machine(seed),
         limits=Limits((-rng.random() - 1e-3, rng.random() + 1e-3), rng.random() + 0.1, rng.random() + 0.1),
         friction=Friction(some, {"sliders": rng.random()}, rng.random() + 1e-9),
+        actuators=Actuators(
+            {"sliders": rng.random()}, {"slide_c": rng.normal()}, {"slide_a": rng.normal()}, {"slide_b": 0.5}
+        ),
     )
     for _ in range(rng.integers(0, 3)):
         turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
@@ -125,6 +128,8 @@ ITSELF.append(ITSELF)
             "parameters: payload: expected the fields mass, com, inertia, about, got an",
         ),
         ("friction", {"viscous": {3: 1}}, "parameters: friction: viscous: unknown joint 3"),
+        ("actuators", {"spring": {3: 1}}, "parameters: actuators: spring: unknown slide 3"),
+        ("actuators", {"spring": 3}, "parameters: actuators: spring: expected numbers by slide, got 3"),
         (7, {}, "parameters: unknown field '7'"),
     ],
 )

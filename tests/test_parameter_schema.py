@@ -22,6 +22,7 @@ KINDS = {
     "limits": {"travel": [-0.2, 0.2], "speed": 2, "force": 500, "tilt": [-0.785, 0.785]},
     "gravity": [0, 0, -9.806],
     "friction": {"viscous": {"sliders": 20, "joints": 0.01}, "coulomb": {"hinge_platform": 0.05}},
+    "actuators": {"armature": {"sliders": 14.8}, "counterbalance": {"slide_a": -48}},
     "payload": BODY,
 }
 LINKS = {**KINDS, "bodies": dict.fromkeys([name for name, _ in p3dof.PAPER.bodies.items()], BODY)}
@@ -48,6 +49,17 @@ ACCEPTED = {
     "no b": changed("geometry.b", MISSING),
     "no friction": changed("friction", MISSING),
     "some limits": changed("limits", {"force": 100}),
+    "no actuators": changed("actuators", MISSING),
+    "no number of the actuators": changed("actuators", {}),
+    "actuators with units": changed(
+        "actuators",
+        {
+            "armature": {"sliders": "14.8 kg", "slide_b": "900 g"},
+            "counterbalance": {"slide_a": "0.05 kN"},
+            "spring": {"sliders": "-0.4 N/mm", "slide_c": -423},
+            "counterweight": {"slide_c": 5},
+        },
+    ),
     "empty friction": changed("friction", {}),
     "friction of every joint": changed(
         "friction.viscous",
@@ -74,6 +86,13 @@ REFUSED = {
     "a list": [1, 2],
     "no geometry": changed("geometry", MISSING),
     "no bodies": changed("bodies", MISSING),
+    "a negative armature": changed("actuators.armature", {"sliders": -1}),
+    "a negative counterweight": changed("actuators.counterweight", {"slide_b": "-1 kg"}),
+    "armature of a hinge": changed("actuators.armature", {"hinge_a": 1}),
+    "armature of all joints": changed("actuators.armature", {"joints": 1}),
+    "one armature for all": changed("actuators.armature", 14.8),
+    "an unknown number of the actuators": changed("actuators.inertia", {"sliders": 1}),
+    "a force in kg": changed("actuators.counterbalance", {"slide_a": "5 kg"}),
     "an unknown part": changed("colour", "red"),
     "an unknown length": changed("geometry.l", 0.4),
     "no L": changed("geometry.L", MISSING),

@@ -680,7 +680,8 @@ MALFORMED = {
     ),
     "empty": (
         "",
-        "file: expected the fields geometry, bodies, limits, gravity, friction, payload, got nothing",
+        "file: expected the fields geometry, bodies, limits, gravity, friction, actuators, payload, "
+        "got nothing",
     ),
     "list": ("- geometry\n- bodies\n", r"file: expected the fields geometry, .*got a list"),
     "text": ("hello", "file: expected the fields geometry, .*got 'hello'"),

@@ -77,6 +77,8 @@ def parameter_row(parameters: Parameters) -> list[float]:
     -------
     list of float
     """
+    if parameters.actuators:
+        raise ParameterError("parameters: actuators are not in the dynamics yet")
     geometry, friction = parameters.geometry, parameters.friction
     row = [geometry.r, geometry.R, geometry.L, *parameters.gravity.tolist()]
     for _, body in tuple(parameters.bodies.items()):

@@ -19,6 +19,7 @@ from p3dof.compiled.reduced import Moments, fold_moments, moments_of
 from p3dof.compiled.reduced.friction import folded
 from p3dof.designs.columns import BodiesOfDesigns, by_joint_of
 from p3dof.designs.names import DENSITY, GRAVITY, KINDS, LENGTHS, SIZES
+from p3dof.errors import InputError
 from p3dof.paper.formulas import Lengths
 from p3dof.paper.inertials import inertials, numbers
 from p3dof.parameters import LINKS, STEEL_DENSITY, Body, Dimensions, Parameters
@@ -186,6 +187,8 @@ def folding_of(names: tuple[str, ...], machine: Parameters, bodies: BodiesOfDesi
     -------
     Folding
     """
+    if machine.actuators:
+        raise InputError("parameters: actuators are not in the dynamics yet")
     tape = Tape()
     inputs = {name: tape.symbol(name, constant=True) for name in names if not name.startswith("limits.")}
     lengths = _lengths(inputs, machine, tape)

@@ -32,6 +32,8 @@ class ManipulatorModel:
     def __init__(self, parameters: Parameters) -> None:
         if not isinstance(parameters, Parameters):
             raise InputError(f"parameters: expected Parameters, got {type(parameters).__name__}")
+        if parameters.actuators:
+            raise InputError("parameters: actuators are not in the dynamics yet")
         self.parameters = parameters
         self.methods = Methods(self)
 

@@ -1,10 +1,11 @@
-"""What the machine is: geometry, bodies, limits, gravity; the paper's values and those of solid steel.
+"""What the machine is: geometry, bodies, limits, gravity, actuators; the paper's values, and solid steel.
 
 `PAPER` holds the printed numbers, completed by the mass centres that the paper leaves out; `SOLIDS` computes
 every body from the solids that reproduce the printed masses. All classes are frozen and check what they are
 given; `dataclasses.replace` makes variants.
 """
 
+from p3dof.parameters.actuators import Actuators
 from p3dof.parameters.bodies import Bodies
 from p3dof.parameters.body import Body
 from p3dof.parameters.friction import Friction
@@ -26,6 +27,7 @@ __all__ = [
     "SLIDES",
     "SOLIDS",
     "STEEL_DENSITY",
+    "Actuators",
     "Bodies",
     "Body",
     "Dimensions",

@@ -12,7 +12,7 @@ from p3dof.parameters.names import JOINT_GROUPS, PASSIVE, SLIDES
 _REST = 1e-3
 
 
-class _Coefficients(Mapping[str, float]):
+class Coefficients(Mapping[str, float]):
     """Numbers by joint that nobody can change; a copy of them is a plain dictionary."""
 
     def __init__(self, by_joint: Mapping[str, float]) -> None:
@@ -69,7 +69,7 @@ class Friction:
 
     def __post_init__(self) -> None:
         for name in ("viscous", "coulomb"):
-            object.__setattr__(self, name, _Coefficients(_by_joint(name, getattr(self, name))))
+            object.__setattr__(self, name, Coefficients(_by_joint(name, getattr(self, name))))
         object.__setattr__(self, "smoothing", positive("smoothing", self.smoothing, ParameterError))
 
     @property

@@ -8,6 +8,7 @@ from typing import Any
 
 from p3dof.checks import FloatArray, FrozenArrays, frozen_array
 from p3dof.errors import ParameterError
+from p3dof.parameters.actuators import Actuators
 from p3dof.parameters.bodies import Bodies
 from p3dof.parameters.body import Body
 from p3dof.parameters.friction import Friction
@@ -33,6 +34,8 @@ class Parameters(FrozenArrays, ShownInNotebook):
         Acceleration of gravity in the fixed frame [m/s²].
     friction : Friction
         What the joints lose; nothing by default.
+    actuators : Actuators
+        Reflected inertia and balance at the sliders; none by default.
 
     Raises
     ------
@@ -45,9 +48,16 @@ class Parameters(FrozenArrays, ShownInNotebook):
     limits: Limits = field(default_factory=Limits)
     gravity: FloatArray = (0.0, 0.0, -9.806)  # type: ignore[assignment]
     friction: Friction = field(default_factory=Friction)
+    actuators: Actuators = field(default_factory=Actuators)
 
     def __post_init__(self) -> None:
-        kinds = {"geometry": Geometry, "bodies": Bodies, "limits": Limits, "friction": Friction}
+        kinds = {
+            "geometry": Geometry,
+            "bodies": Bodies,
+            "limits": Limits,
+            "friction": Friction,
+            "actuators": Actuators,
+        }
         for name, kind in kinds.items():
             if not isinstance(getattr(self, name), kind):
                 got = type(getattr(self, name)).__name__
@@ -95,7 +105,7 @@ class Parameters(FrozenArrays, ShownInNotebook):
         -------
         dict
             With the names and the nesting of the parameter file, in SI units; each link has its own entry. No
-            friction and no payload if the machine has none.
+            friction, no actuators and no payload if the machine has none.
         """
         limits = {
             name: list(value) if isinstance(value, tuple) else value
@@ -109,6 +119,8 @@ class Parameters(FrozenArrays, ShownInNotebook):
         }
         if self.friction.to_dict() != Friction().to_dict():
             data["friction"] = self.friction.to_dict()
+        if self.actuators:
+            data["actuators"] = self.actuators.to_dict()
         payloads = [body.to_dict() for body in self.payloads]
         if payloads:
             data["payload"] = payloads[0] if len(payloads) == 1 else payloads

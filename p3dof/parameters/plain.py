@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 from p3dof.checks import shown
 from p3dof.errors import ParameterError
+from p3dof.parameters.actuators import Actuators
 from p3dof.parameters.bodies import Bodies
 from p3dof.parameters.body import Body
 from p3dof.parameters.friction import Friction
@@ -29,6 +30,7 @@ from p3dof.parameters.quantities import (
     RATE,
     SLIDE_DAMPING,
     SPEED,
+    STIFFNESS,
     Quantity,
 )
 
@@ -40,6 +42,7 @@ _GEOMETRY = dict.fromkeys(("r", "R", "L", "b"), LENGTH)
 _LIMITS = {"travel": LENGTH, "speed": SPEED, "force": FORCE, "tilt": ANGLE}
 _BODY = {"mass": MASS, "com": LENGTH, "inertia": INERTIA, "about": LENGTH}
 _FRICTION = {"viscous": (SLIDE_DAMPING, HINGE_DAMPING), "coulomb": (FORCE, MOMENT)}
+_ACTUATORS = {"armature": MASS, "counterbalance": FORCE, "spring": STIFFNESS, "counterweight": MASS}
 _SLIDES = {"sliders", *SLIDES}
 _KINDS = ("slider", "leg", "crossbar", "platform")
 _T = TypeVar("_T")
@@ -74,7 +77,7 @@ def read_parts(data: Any, source: str, any_size: bool) -> tuple[dict[str, Any], 
         data,
         source,
         required=("geometry", "bodies"),
-        optional=("limits", "gravity", "friction", "payload"),
+        optional=("limits", "gravity", "friction", "actuators", "payload"),
     )
     geometry = _record(data["geometry"], f"{source}: geometry", Geometry, _GEOMETRY, ("r", "R", "L"))
     if not any_size:
@@ -87,6 +90,8 @@ def read_parts(data: Any, source: str, any_size: bool) -> tuple[dict[str, Any], 
         parts["gravity"] = ACCELERATION.read(data["gravity"], f"{source}: gravity")
     if "friction" in data:
         parts["friction"] = _friction(data["friction"], f"{source}: friction")
+    if "actuators" in data:
+        parts["actuators"] = _actuators(data["actuators"], f"{source}: actuators")
     payloads = _payloads(data.get("payload", []), f"{source}: payload")
     if not any_size:
         for name, body in (*bodies.items(), *(("payload", payload) for payload in payloads)):
@@ -179,6 +184,17 @@ def _friction(data: Any, where: str) -> Friction:
         else:
             values[key] = RATE.read(value, f"{where}.{key}") if key == "smoothing" else value
     return named(where, lambda: Friction(**values))
+
+
+def _actuators(data: Any, where: str) -> Actuators:
+    data = read_fields(data, where, optional=_ACTUATORS)
+    values: dict[str, Any] = {}
+    for key, value in data.items():
+        values[key] = value
+        if isinstance(value, Mapping):
+            quantity = _ACTUATORS[key]
+            values[key] = {name: quantity.read(of, f"{where}.{key}.{name}") for name, of in value.items()}
+    return named(where, lambda: Actuators(**values))
 
 
 def _record(

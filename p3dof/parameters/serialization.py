@@ -14,6 +14,11 @@ The form::
       viscous: {sliders: 20, joints: 0.01}                                          # N s/m, N m s/rad
       coulomb: {sliders: 5, hinge_platform: 0.05}                                   # N, N m
       smoothing: 0.001                                                              # m/s, rad/s
+    actuators:                                                                      # optional
+      armature: {sliders: 14.8}             # kg, inertia of motor and screw reflected to the slider
+      counterbalance: {slide_a: 48, slide_b: 52, slide_c: 55}   # N, force on the slider along z0 at home
+      spring: {slide_a: 100}                # N/m, how fast that force falls as the slider rises
+      counterweight: {slide_b: 2}           # kg, on a rope over a pulley
     payload: {mass: 5, com: [0, 0, -0.1], inertia: [0.02, 0.02, 0.02]}    # optional, fixed to the platform;
                                                                           # or a list of several
 

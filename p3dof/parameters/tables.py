@@ -1,10 +1,11 @@
-"""Tables of a machine: lengths, bodies, limits, friction, and what it carries."""
+"""Tables of a machine: lengths, bodies, limits, friction, actuators, and what it carries."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from p3dof.checks import FloatArray
+from p3dof.parameters.actuators import Actuators
 from p3dof.parameters.body import Body
 from p3dof.parameters.friction import Friction
 from p3dof.parameters.geometry import Geometry
@@ -14,7 +15,7 @@ from p3dof.tables import Table, html_of, notebook_html, number, table_of
 
 
 def parameter_tables(parameters: Parameters) -> list[Table]:
-    """Return the tables of lengths, bodies, limits, gravity and friction.
+    """Return the tables of lengths, bodies, limits, gravity, friction and actuators.
 
     Parameters
     ----------
@@ -30,6 +31,7 @@ def parameter_tables(parameters: Parameters) -> list[Table]:
         _limits(parameters.limits, parameters.gravity),
         _bodies(parameters),
         _friction(parameters.friction),
+        _actuators(parameters.actuators),
     ]
 
 
@@ -124,6 +126,14 @@ def _friction(friction: Friction) -> Table:
     return table_of("Friction", header, rows, note if rows else "None.")
 
 
+def _actuators(actuators: Actuators) -> Table:
+    columns = (actuators.armature, actuators.counterbalance, actuators.spring, actuators.counterweight)
+    rows = {name: tuple(column.get(name, 0.0) for column in columns) for name in actuators.slides}
+    header = ("slide", "armature [kg]", "counterbalance [N]", "spring [N/m]", "counterweight [kg]")
+    note = "Reflected inertia, which gravity does not act on; force along z0 at home and how fast it falls."
+    return table_of("Actuators", header, rows, note if rows else "None.")
+
+
 @html_of.register(Parameters)
 def machine_html(parameters: Parameters, name: str = "Parameters") -> str:
     """Return how a notebook shows a machine.
@@ -140,9 +150,9 @@ def machine_html(parameters: Parameters, name: str = "Parameters") -> str:
     str
         HTML.
     """
-    geometry, limits, bodies, friction = parameter_tables(parameters)
+    geometry, limits, bodies, *others = parameter_tables(parameters)
     payload = payload_table(parameters)
     tables = [geometry, limits, bodies]
     tables += [] if payload is None else [payload]
-    tables += [friction] if friction.rows else []
+    tables += [table for table in others if table.rows]
     return notebook_html(name, f"{number(parameters.bodies.mass)} kg move", tables)
