@@ -230,6 +230,8 @@ def test_reactions_of_joints_are_curves_and_arrows_that_can_be_shown():
             load = loads[f"force {name}"]
             at = placements(document, run, sample)[load["joint"]] @ [*load["point"], 1.0]
             np.testing.assert_allclose(at[:3], reactions.elastic.positions[sample, i], atol=1e-9)
+    shown = read(ROBOT.page(MOTION, reactions=reactions).document)
+    assert [load["key"] for load in shown["runs"][0]["loads"]] == [load["key"] for load in run["loads"]]
     with pytest.raises(InputError, match="the motion that is shown first"):
         page_document(ROBOT, MOTION[:9], reactions=reactions)
     with pytest.raises(InputError, match="reactions: expected Reactions"):

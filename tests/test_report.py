@@ -7,6 +7,8 @@ import builtins
 import contextlib
 import re
 import shlex
+import shutil
+import subprocess
 import sys
 import threading
 from dataclasses import fields
@@ -507,6 +509,13 @@ def test_a_pdf_is_printed(tmp_path, capsys):
         assert title in titles
     assert b"/StructTreeRoot" in pdf
     assert len(re.findall(rb"/Width 960\b", pdf)) == 1
+    if shutil.which("pdftotext"):
+        for number in range(1, len(boxes) + 1):
+            ends = ["-f", str(number), "-l", str(number)]
+            text = subprocess.run(
+                ["pdftotext", "-layout", *ends, out, "-"], capture_output=True, check=True
+            ).stdout
+            assert re.search(rf"Ä page +{number} ?/ ?{len(boxes)}\s*$", text.decode())
     assert list(tmp_path.iterdir()) == [out]
 
 
@@ -535,7 +544,12 @@ def test_number():
 def test_the_command(tmp_path, capsys, monkeypatch):
     from p3dof.page import saved
 
-    monkeypatch.setattr(saved, "page_html", lambda document: f"<p>{document['runs'][0]['time']['shape']}</p>")
+    def brief(document):
+        (moving,) = document["runs"]
+        joints = sum(load["group"] == "reaction" for load in moving["loads"])
+        return f"<p>{moving['time']['shape']}, {joints} loads of joints</p>"
+
+    monkeypatch.setattr(saved, "page_html", brief)
     folder = tmp_path / "<img src=x onerror=alert(1)> ö"
     folder.mkdir()
     p3dof.write_parameters(p3dof.SOLIDS, folder / "m.yaml")
@@ -547,7 +561,7 @@ def test_the_command(tmp_path, capsys, monkeypatch):
     assert (code, err) == (0, "")
     assert f"wrote {out}" in text
     page = Page(out.read_text(encoding="utf-8"))
-    assert page.named("iframe")[0]["srcdoc"] == "<p>[11]</p>"
+    assert page.named("iframe")[0]["srcdoc"] == "<p>[11], 26 loads of joints</p>"
     assert all(image["src"].startswith("data:") for image in page.named("img"))
     assert f"--parameters={folder / 'm.yaml'}" in page.text
     assert "--payload=2.0,0.0,0.01,0.1" in page.text

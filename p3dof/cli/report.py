@@ -16,7 +16,7 @@ from p3dof.cli.output import print_plain, print_warnings, progress_bar
 from p3dof.cli.payloads import payloads_in_words, print_payloads
 from p3dof.files import suffix_of
 from p3dof.manipulator import InverseDynamics
-from p3dof.reactions import ALL, Choice
+from p3dof.reactions import ALL, Choice, of_result
 
 
 @app.command("report")
@@ -50,7 +50,15 @@ def make(case: Case, joints: Choice, stiffness: Path | None, out: Path, title: s
     result = comparison.second
     case.require_valid(result.valid)
     printed = suffix_of(out, "report") == ".pdf"
-    moving = case.robot.page(result).html if page and not printed else None
+    reactions = of_result(
+        case.robot.loop,
+        case.robot.parameters,
+        comparison.first,
+        joints,
+        case.on_invalid,  # type: ignore[arg-type]  # likewise
+        stiffness_in(stiffness),
+    )
+    moving = case.robot.page(result, reactions=reactions).html if page and not printed else None
     picture = _picture(case, result) if page and printed else None
     path = report.write(
         out,
@@ -62,10 +70,9 @@ def make(case: Case, joints: Choice, stiffness: Path | None, out: Path, title: s
         about=_about(case),
         command=_command(case, joints, stiffness, out, title, page),
         page=moving,
-        joints=joints,
-        stiffness=stiffness_in(stiffness),
         picture=picture,
         comparison=comparison,
+        reactions=reactions,
     )
     console = Console()
     print_payloads(console, case)

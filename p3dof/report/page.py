@@ -86,6 +86,7 @@ def render(
     stiffness: Stiffness | None = None,
     picture: bytes | None = None,
     comparison: Comparison | None = None,
+    reactions: AnyReactions | None = None,
 ) -> str:
     """Return the report on a motion as one HTML page that loads nothing from elsewhere.
 
@@ -120,6 +121,8 @@ def render(
         A picture of the machine (PNG), for paper, where nothing moves; it takes the place of that page.
     comparison : Comparison, optional
         What `robot.compare` found of this motion and load, if it is known already.
+    reactions : Reactions or ReactionsComparison, optional
+        Likewise, of the joints; `joints` and `stiffness` are not asked then.
 
     Returns
     -------
@@ -145,7 +148,10 @@ def render(
         raise InputError("comparison: expected what robot.compare found of this motion")
     if not (comparison.first.valid.any() and comparison.second.valid.any()):
         raise InputError(f"no sample of the motion is within what the machine can do ({len(motion)} samples)")
-    reactions = of_result(robot.loop, robot.parameters, comparison.first, joints, on_invalid, stiffness)
+    if reactions is None:
+        reactions = of_result(robot.loop, robot.parameters, comparison.first, joints, on_invalid, stiffness)
+    elif not isinstance(reactions, AnyReactions) or reactions.motion is not motion:
+        raise InputError("reactions: expected those of this motion")
     findings = Findings(robot, motion, comparison, robot.energy(comparison.first), reactions)
     when = datetime.now().astimezone() if date is None else date
     words: dict[str, Any] = {

@@ -165,15 +165,16 @@ def pdf_of(html: str) -> bytes:
     Returns
     -------
     bytes
-        With page numbers, an outline of the headings, and tags for screen readers.
+        With the title and page numbers on each page, an outline of the headings, and tags for screen readers.
 
     Raises
     ------
     MissingExtraError
         If playwright or a browser is missing, or it does not start.
     """
-    empty, number = "<span></span>", "<span class='pageNumber'></span> / <span class='totalPages'></span>"
-    style = "font: 8px sans-serif; width: 100%; text-align: center; color: #565656"
+    style = "font: 8px sans-serif; width: 100%; margin: 0 14mm; color: #565656; display: flex; gap: 2em"
+    number = "<span class='pageNumber'></span>&nbsp;/&nbsp;<span class='totalPages'></span>"
+    title = "<span class='title' style='flex: 1; overflow: hidden; white-space: nowrap'></span>"
 
     def take() -> bytes:
         with browser_of_system() as browser, scratch_folder() as folder:
@@ -185,8 +186,8 @@ def pdf_of(html: str) -> bytes:
                 prefer_css_page_size=True,
                 print_background=True,
                 display_header_footer=True,
-                header_template=empty,
-                footer_template=f"<div style='{style}'>{number}</div>",
+                header_template="<span></span>",
+                footer_template=f"<div style='{style}'>{title}<span>{number}</span></div>",
                 outline=True,
                 tagged=True,
             )

@@ -16,6 +16,7 @@ from p3dof.page.encoding import decoded, finite
 from p3dof.page.machine import Machine, require_machine
 from p3dof.page.machine_runs import Runnable, Samples, run_of
 from p3dof.page.saved import Page
+from p3dof.reactions import AnyReactions
 from p3dof.viewer.start import start_of
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ def page(
     *,
     wrench: WrenchOverTime = None,
     runs: Mapping[str, Runnable] | None = None,
+    reactions: AnyReactions | None = None,
     title: str = TITLE,
     at: float | None = None,
     speed: float = 1.0,
@@ -45,6 +47,8 @@ def page(
         External load at the samples of a `Motion`, as of `Manipulator.inverse_dynamics`.
     runs : mapping of str to Motion, InverseDynamics or Simulation, optional
         Further runs by name, to be compared with it.
+    reactions : Reactions or ReactionsComparison, optional
+        Of the joints over the same motion: curves, and arrows that can be shown.
     title : str
         Heading.
     at : float, optional
@@ -65,7 +69,7 @@ def page(
     InputError
         If an argument does not fit.
     """
-    return Page(_document(robot, result, wrench, runs, title, at, speed, playing))
+    return Page(_document(robot, result, wrench, runs, reactions, title, at, speed, playing))
 
 
 def show(
@@ -74,6 +78,7 @@ def show(
     *,
     wrench: WrenchOverTime = None,
     runs: Mapping[str, Runnable] | None = None,
+    reactions: AnyReactions | None = None,
     title: str = TITLE,
     port: int | None = None,
     at: float | None = None,
@@ -84,7 +89,7 @@ def show(
 
     Parameters
     ----------
-    robot, result, wrench, runs, title, at, speed, playing
+    robot, result, wrench, runs, reactions, title, at, speed, playing
         As of `page`.
     port : int, optional
         Of the server, 0 for any; the first free one from 7000 on by default.
@@ -105,7 +110,7 @@ def show(
     """
     from p3dof.viewer.live_viewer import LiveViewer
 
-    document = _document(robot, result, wrench, runs, title, at, speed, playing)
+    document = _document(robot, result, wrench, runs, reactions, title, at, speed, playing)
 
     def run(another: Any, wrench: WrenchOverTime = None) -> dict[str, Any]:
         return run_of(robot, Samples.of(robot, _solved(robot, another, wrench)))
@@ -131,6 +136,7 @@ def _document(
     result: Runnable | None,
     wrench: WrenchOverTime,
     runs: Mapping[str, Runnable] | None,
+    reactions: AnyReactions | None,
     title: str,
     at: float | None,
     speed: float,
@@ -138,7 +144,7 @@ def _document(
 ) -> dict[str, Any]:
     require_machine(robot)
     solved = _solved(robot, result, wrench)
-    document = page_document(robot, solved, runs=runs, title=title)
+    document = page_document(robot, solved, runs=runs, reactions=reactions, title=title)
     times = None if solved is None else solved.time
     return {**document, "start": start_of(times, at, speed, playing)}
 
