@@ -10,7 +10,7 @@ import yaml
 from test_cli import run
 
 import p3dof
-from p3dof import Body, Motion, Task, Waypoint, forces_of_task
+from p3dof import Body, Motion, Task, Waypoint, fastest_plan, forces_of_task
 from p3dof.errors import InputError, ReachError, TaskError
 from p3dof.tasks import PROFILES
 from p3dof.tasks.files import dump, parse
@@ -79,7 +79,7 @@ def test_derivatives_of_a_path_go_on_through_blends(smoothness, angle):
         smoothness=smoothness,
     )
     path = task.paths[0]
-    for corner in path._breaks[1:-1]:
+    for corner in path.breaks[1:-1]:
         h = 1e-7
         before, after = path.at(np.array([corner - h])), path.at(np.array([corner + h]))
         for order in range(3):
@@ -102,7 +102,7 @@ def test_derivatives_of_a_path_are_those_of_its_poses(task):
     ):
         h = 1e-4 * path.end
         inside = np.linspace(3 * h, path.end - 3 * h, 57)
-        inside = inside[np.abs(inside[:, None] - path._breaks).min(axis=1) > 2 * h]
+        inside = inside[np.abs(inside[:, None] - path.breaks).min(axis=1) > 2 * h]
         _, first, second = path.at(inside)
         for order, found in ((0, first), (1, second)):
             values = [path.at(inside + k * h)[order] for k in (-2, -1, 1, 2)]
@@ -151,6 +151,47 @@ def test_a_way_without_anything_else_is_a_motion_from_rest_to_rest():
     expected = Motion.rest_to_rest(start, end, 0.7, 301)
     for name in ("time", "pose", "velocity", "acceleration"):
         np.testing.assert_allclose(getattr(found, name), getattr(expected, name), rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("wait", [0.05, 50.0, 5e5])
+@pytest.mark.parametrize("profile", ["quintic", "septic", "s-curve"])
+def test_peaks_are_seen_however_long_the_task_waits(robot, wait, profile):
+    def planned(dwell, samples):
+        points = [
+            Waypoint([-0.15, 0, -0.2], dwell=dwell),
+            Waypoint([-0.15, 0.025], blend=0.02),
+            Waypoint([0.15, 0.025], blend=0.008),
+            Waypoint([0.15, 0, 0.2], duration=0.4, dwell=dwell),
+            Waypoint([0, 0.04, 0], duration=0.15, dwell=dwell),
+        ]
+        return Task(points, profile=profile).plan(samples=samples)
+
+    plan = planned(wait, 1001)
+    assert np.diff(plan.motion.time).min() > 1e-6
+    for piece in plan.pieces:
+        assert len(piece.motion.time) <= 22 if piece.dwells else len(piece.motion.time) > 140
+    found, dense = (forces_of_task(robot, one) for one in (plan, planned(0.0, 40_001)))
+    np.testing.assert_allclose(found.peak_forces, dense.peak_forces, rtol=1e-3)
+    limits = robot.parameters.limits
+    for one, other in zip(found.utilisations(limits), dense.utilisations(limits), strict=True):
+        assert one.value == pytest.approx(other.value, rel=1e-3)
+
+
+@pytest.mark.parametrize("dwell", [0.1, 0.3, 0.7, 1 / 3, 1.1])
+def test_no_two_samples_are_one_but_for_rounding(robot, dwell):
+    """Ends of waits and of blends, nodes of the fastest law, and even samples fall on each other."""
+    points = [
+        Waypoint([0, 0, 0], dwell=dwell),
+        Waypoint([0.1, 0, 0], blend=0.05),
+        Waypoint([0.1, 0.1, 0], blend=0.05),
+        Waypoint([0, 0.1, 0], dwell=dwell),
+        Waypoint([0, 0, 0], dwell=dwell, duration=dwell),
+    ]
+    task = Task(points)
+    for plan in (task.plan(4 * dwell + 0.8, 501), fastest_plan(robot, task, nodes=50, samples=501)):
+        assert np.diff(plan.motion.time).min() > 1e-9
+        for time in plan.times:
+            assert time in plan.motion.time
 
 
 def test_velocity_and_acceleration_belong_to_the_poses(task):

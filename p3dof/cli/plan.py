@@ -29,7 +29,7 @@ _OPTIONS = (
         type=Whole(2, 1_000_000),
         default=1001,
         show_default=True,
-        help="Least number of samples of the motion, evenly spaced.",
+        help="Least number of samples of the ways; waits have few besides.",
     ),
     METHOD,
     click.option(

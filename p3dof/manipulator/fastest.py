@@ -51,7 +51,7 @@ def fastest_plan(
     nodes : int
         Steps along each way, closer together at its ends.
     samples : int
-        Least number of samples; all nodes are samples besides.
+        Least number of samples, as of `Task.plan`; all nodes are samples besides.
     progress : callable, optional
         Called with (done, total) ways.
 

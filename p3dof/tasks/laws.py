@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from p3dof.checks import FloatArray
-from p3dof.tasks.profiles import Profile
+from p3dof.tasks.profiles import CORNERS, Profile
 
 _SMALL = 1e-4
 """Below this, series of two terms are exact to the last bit."""
@@ -22,7 +22,7 @@ class Law(Protocol):
 
     @property
     def kinks(self) -> FloatArray:
-        """Times at which the acceleration may jump, (K,) [s]."""
+        """Times at which the acceleration or its rate may jump, (K,) [s]."""
 
     def at(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the parameter and its first two derivatives by time, at times (N,) [s]."""
@@ -46,7 +46,7 @@ class ProfileLaw:
 
     def __init__(self, profile: Profile, length: float, duration: float) -> None:
         self._profile, self._length, self.duration = profile, length, duration
-        self.kinks: FloatArray = np.zeros(0)
+        self.kinks: FloatArray = duration * CORNERS.get(profile, np.zeros(0))
 
     def at(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the parameter and its first two derivatives by time, at times (N,) [s]."""

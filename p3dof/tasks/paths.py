@@ -46,6 +46,8 @@ class Path:
         The parameter at the end; it begins at 0.
     at_waypoints : ndarray, shape (K,)
         The parameter at every waypoint: for one that is passed by a blend, at the middle of that.
+    breaks : ndarray, shape (M,)
+        The parameter where the lines and blends, or the parts of the spline, begin and end.
 
     Raises
     ------
@@ -82,12 +84,12 @@ class Path:
             self.at_waypoints = np.append(0.0, np.cumsum(lengths))
             found, self._unit = splines.interpolating(self.at_waypoints, points, 5)
             self._curve: Any = found
-            self._breaks = self.at_waypoints
+            self.breaks: FloatArray = self.at_waypoints
         else:
             self._unit = 1.0
-            parts, self._breaks, self.at_waypoints = self._blended(waypoints, points, legs, lengths)
-            self._curve = BPoly(np.array(parts).transpose(1, 0, 2), self._breaks)
-        self.end = float(self._breaks[-1])
+            parts, self.breaks, self.at_waypoints = self._blended(waypoints, points, legs, lengths)
+            self._curve = BPoly(np.array(parts).transpose(1, 0, 2), self.breaks)
+        self.end = float(self.breaks[-1])
         if self._turn is not None:
             self._ways = np.append(0.0, np.cumsum([self._way(a, b) for a, b in self._pieces()]))
 
@@ -140,7 +142,7 @@ class Path:
         return parts, np.array(ends), np.array([*middles, ends[-1]])
 
     def _pieces(self) -> list[tuple[float, float]]:
-        return list(zip(self._breaks[:-1].tolist(), self._breaks[1:].tolist(), strict=True))
+        return list(zip(self.breaks[:-1].tolist(), self.breaks[1:].tolist(), strict=True))
 
     def _way(self, start: float, end: float) -> float:
         """Return the length in y and z of a piece of the curve [m]."""
@@ -152,8 +154,8 @@ class Path:
         self, parameter: FloatArray, first: FloatArray, second: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the share of the length in y and z, and its first two derivatives by the parameter."""
-        piece = np.clip(np.searchsorted(self._breaks, parameter, "right") - 1, 0, len(self._breaks) - 2)
-        starts = self._breaks[piece]
+        piece = np.clip(np.searchsorted(self.breaks, parameter, "right") - 1, 0, len(self.breaks) - 2)
+        starts = self.breaks[piece]
         half = (parameter - starts) / 2
         nodes = starts[:, None] + half[:, None] * (1 + _NODES)
         rates = np.asarray(self._curve(nodes.ravel() / self._unit, 1)) / self._unit

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -16,6 +18,11 @@ from p3dof.tasks.waypoints import Waypoint
 
 _JUMP = 1e-9
 """Share of a plan within which the wrench of a history changes from one constant value to the next."""
+_PARTS = 7
+"""Every part of a way has so many times fewer samples than all ways are asked to have, at least; and a wait
+so many times fewer again."""
+_CLOSE = 1e-9
+"""Share of the time that all ways take within which two samples are one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,8 +126,8 @@ class Plan:
 
 
 @dataclass(frozen=True, eq=False)
-class _Span:
-    """A part of a plan before its samples are known."""
+class Span:
+    """A part of a plan before its samples are known, as `Piece`."""
 
     first: int
     last: int
@@ -151,7 +158,7 @@ def planned(
     stretches : sequence of Stretch
         The ways between the stops.
     samples : int
-        Least number of samples.
+        Least number of samples of the ways together; see `sampled`.
     name : str
         Of the task.
 
@@ -160,11 +167,7 @@ def planned(
     Plan
     """
     spans = list(_spans(waypoints, carrying, stretches))
-    ends = np.array([0.0, *(span.end for span in spans)])
-    kinks = [np.asarray(begin + stretch.law.kinks) for begin, stretch in _begun(waypoints, stretches)]
-    time = np.union1d(np.linspace(0.0, ends[-1], samples), np.concatenate([ends, *kinks]))
-    time = time[time <= ends[-1]]
-    time = time[np.append(True, np.diff(time) > 1e-12 * ends[-1]) | np.isin(time, ends)]
+    time = sampled(spans, list(_begun(waypoints, stretches)), samples)
     motion = _moved(waypoints, stretches, time)
     pieces = []
     for span in spans:
@@ -176,6 +179,60 @@ def planned(
         if span.first != span.last:
             times[span.last] = span.end
     return Plan(name, motion, tuple(pieces), tuple(names), times)
+
+
+def sampled(spans: Sequence[Span], begun: Sequence[tuple[float, Stretch]], samples: int) -> FloatArray:
+    """Return the times of the samples of a plan.
+
+    They are even over each straight or blended part of a way, which has a seventh of `samples` at least, so
+    that no peak is lost whatever else the task does meanwhile; where the platform stays, few are enough.
+    Where loads or accelerations change at once, there is a sample.
+
+    Parameters
+    ----------
+    spans : sequence of Span
+        The parts of the plan in turn.
+    begun : sequence of (float, Stretch)
+        The ways with the times at which they begin [s].
+    samples : int
+        Least number of samples of the ways together.
+
+    Returns
+    -------
+    ndarray, shape (N,)
+        Rising, from 0 [s].
+    """
+    moving, total = sum(stretch.law.duration for _, stretch in begun), spans[-1].end
+    close = max(_CLOSE * moving, 1e-15 * total)
+    turns = _apart([begin + s.law.when(s.path.breaks) for begin, s in begun], np.zeros(0), close)
+    ends = np.array([0.0, *(span.end for span in spans)])
+    known = np.append(ends, _apart([begin + s.law.kinks for begin, s in begun], ends, close))
+    least = math.ceil((samples - 1) / _PARTS)
+    found = []
+    for span in spans:
+        inner = turns[(turns > span.start + close) & (turns < span.end - close)]
+        for start, end in pairwise([span.start, *inner.tolist(), span.end]):
+            count = max(least, math.ceil((samples - 1) * (end - start) / moving - 1e-9))
+            if span.first == span.last:
+                count = math.ceil(least / _PARTS)
+            count = min(count, max(1, int((end - start) / close)))
+            found.append(start + (end - start) * np.arange(count) / count)
+    return np.asarray(np.sort(np.append(known, _apart(found, known, close))))
+
+
+def _apart(times: Sequence[FloatArray], known: FloatArray, close: float) -> FloatArray:
+    """Return those of times, shape (N,), that are no closer to each other, and to known ones, than that."""
+    every: FloatArray = np.sort(np.concatenate(times))
+    every = every[np.append(True, np.diff(every) > close)[: len(every)]]
+    if not len(known):
+        return every
+    there = np.sort(known)
+    after = np.searchsorted(there, every)
+    gap = np.minimum(
+        np.abs(there[np.minimum(after, len(there) - 1)] - every),
+        np.abs(there[np.maximum(after - 1, 0)] - every),
+    )
+    return np.asarray(every[gap > close])
 
 
 def payloads(waypoints: Sequence[Waypoint], carrying: Body | None) -> list[Body | None]:
@@ -202,7 +259,7 @@ def payloads(waypoints: Sequence[Waypoint], carrying: Body | None) -> list[Body 
 
 def _spans(
     waypoints: Sequence[Waypoint], carrying: Body | None, stretches: Sequence[Stretch]
-) -> Iterator[_Span]:
+) -> Iterator[Span]:
     """Go through a task: dwells at stops, and ways from waypoint to waypoint."""
     none, time, carried = np.zeros(6), 0.0, payloads(waypoints, carrying)
     for stretch in (None, *stretches):
@@ -210,13 +267,13 @@ def _spans(
             passed = stretch.law.when(stretch.path.at_waypoints)
             for k in range(stretch.first, stretch.last):
                 begin, end = time + passed[k - stretch.first : k - stretch.first + 2]
-                yield _Span(k, k + 1, float(begin), float(end), carried[k + 1], waypoints[k + 1].wrench)
+                yield Span(k, k + 1, float(begin), float(end), carried[k + 1], waypoints[k + 1].wrench)
             time = float(time + passed[-1])
         stop = 0 if stretch is None else stretch.last
         point = waypoints[stop]
         if point.dwell > 0:
             here = carried[stop] if point.pick_up is None else point.pick_up
-            yield _Span(stop, stop, time, time + point.dwell, here, none)
+            yield Span(stop, stop, time, time + point.dwell, here, none)
             time += point.dwell
 
 

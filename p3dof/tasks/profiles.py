@@ -47,3 +47,7 @@ def s_curve(time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 PROFILES: Mapping[str, Profile] = MappingProxyType({"quintic": quintic, "septic": septic, "s-curve": s_curve})
 """The profiles by name. All have a continuous acceleration; that of `s_curve` has a bounded jerk of the least
 height among those of seven equal parts, that of `septic` a continuous one."""
+
+_SEVENTHS: FloatArray = np.arange(1, 7, dtype=np.float64) * _SEVENTH
+CORNERS: Mapping[Profile, FloatArray] = MappingProxyType({s_curve: _SEVENTHS})
+"""Shares of the time at which the jerk of a profile jumps."""

@@ -148,7 +148,9 @@ class Task:
             stops have no duration of their own, so that the largest acceleration is the same in all of them,
             in the metric (y, z, ℓ θ). Not needed where all have one.
         samples : int
-            Least number of samples, evenly spaced; all stops and waypoints are samples besides.
+            Least number of samples of the ways together. They are even over each straight or blended part of
+            a way, which has a seventh of so many at least, so that the peaks are seen however long the
+            platform waits; all stops and waypoints are samples.
 
         Returns
         -------

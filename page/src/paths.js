@@ -27,6 +27,9 @@ export const PROFILES = {
     "s-curve": sCurve,
 };
 
+/** Shares of the time at which the jerk of a profile jumps. @type {Record<string, number[]>} */
+export const CORNERS = { "s-curve": [1, 2, 3, 4, 5, 6].map((k) => k / 7) };
+
 /** Seven equal parts with constant jerk: up, none, down, none, down, none, up. @type {Profile} */
 function sCurve(time) {
     const h = 1 / 7, jerk = 1 / (8 * h ** 3), part = Math.min(6, Math.max(0, Math.trunc(time / h)));

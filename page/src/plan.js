@@ -1,5 +1,5 @@
 // A task in time: waypoints, the ways between stops, and how long each takes, as `p3dof plan` has them.
-import { PROFILES, Path, TaskError } from "./paths.js";
+import { CORNERS, PROFILES, Path, TaskError } from "./paths.js";
 
 /** @typedef {import("./paths.js").Waypoint} Waypoint */
 
@@ -42,6 +42,8 @@ export const ANY_PACE = { fastest: false, duration: null, force: null, speed: nu
  * @property {number[]} times when the platform gets to each waypoint [s]
  * @property {number[]} durations of the ways between stops [s]
  */
+
+/** A part of a plan, from waypoint to waypoint or at one. @typedef {{start: number, end: number, wrench: number[] | null, waits: boolean}} Span */
 
 /** The waypoints' names, or numbers. @param {Task} task */
 export const namesOf = (task) => task.waypoints.map(({ name }, k) => name || `waypoint ${k + 1}`);
@@ -87,8 +89,10 @@ export function durationsOf(task, stretches, total) {
 }
 
 const GRID = 401;
-/** Intervals between samples of each way at least; the seven parts of the s-curve end at some of them. */
-const EACH = 280;
+/** Each part of a way has so many times fewer samples than all ways, at least; a wait so many times fewer again. */
+const PARTS = 7;
+/** Samples closer than that share of the time that the ways take are one. */
+const CLOSE = 1e-9;
 
 /** The largest acceleration on a way that takes one second [m/s^2]. @param {Path} path @param {Task} task */
 function hardest(path, task) {
@@ -111,32 +115,35 @@ export function moved(path, profile, share, duration) {
 /**
  * A task in time.
  * @param {Task} task @param {Stretch[]} stretches @param {number[]} durations of the stretches [s]
- * @param {number} samples least number, evenly spaced; all stops and waypoints are samples besides
- * @param {number} each intervals of each way at least: a way among long waits has its own even samples
+ * @param {number} samples least number of the ways together, even over each line or blend; all stops and waypoints are samples
  * @returns {Plan}
  */
-export function planned(task, stretches, durations, samples = 1001, each = EACH) {
+export function planned(task, stretches, durations, samples = 1001) {
     const { waypoints } = task, profile = PROFILES[task.profile];
-    const times = waypoints.map(() => 0), ends = [0];
-    /** @type {{start: number, end: number, wrench: number[] | null}[]} */
+    const times = waypoints.map(() => 0);
+    /** @type {Span[]} */
     const spans = [];
-    /** @param {number} start @param {number} end @param {number[] | null} wrench */
-    const span = (start, end, wrench) => void (ends.push(end), spans.push({ start, end, wrench }));
+    /** @param {number} start @param {number} end @param {number[] | null} wrench @param {boolean} waits */
+    const span = (start, end, wrench, waits) => void spans.push({ start, end, wrench, waits });
     let now = 0;
     const begun = stretches.map(({ first, last, path }, k) => {
-        if (k === 0 && waypoints[0].dwell > 0) span(now, (now += waypoints[0].dwell), null);
+        if (k === 0 && waypoints[0].dwell > 0) span(now, (now += waypoints[0].dwell), null, true);
         const start = now;
         const passed = path.atWaypoints.map((place) => durations[k] * when(profile, place / path.end));
         for (let way = first; way < last; ++way) {
             times[way + 1] = start + passed[way + 1 - first];
-            span(start + passed[way - first], times[way + 1], waypoints[way + 1].wrench);
+            span(start + passed[way - first], times[way + 1], waypoints[way + 1].wrench, false);
         }
         now = start + passed[last - first];
-        if (waypoints[last].dwell > 0) span(now, (now += waypoints[last].dwell), null);
+        if (waypoints[last].dwell > 0) span(now, (now += waypoints[last].dwell), null, true);
         return start;
     });
-    const ways = begun.map((start, k) => ({ start, end: start + durations[k] }));
-    const time = sampled(now, ends, samples, ways.filter(({ start, end }) => (end - start) * (samples - 1) < each * now), each);
+    const turns = begun.flatMap((start, k) => {
+        const { path } = stretches[k];
+        return path.pieces.map(({ end }) => start + durations[k] * when(profile, end / path.end));
+    });
+    const kinks = begun.flatMap((start, k) => (CORNERS[task.profile] ?? []).map((share) => start + durations[k] * share));
+    const time = sampled(spans, turns, kinks, durations.reduce((sum, one) => sum + one, 0), samples);
     /** @type {Plan} */
     const plan = {
         time,
@@ -164,30 +171,41 @@ export function planned(task, stretches, durations, samples = 1001, each = EACH)
 }
 
 /**
- * The times of samples: evenly spaced, in short ways more densely, and the ends of all spans, in the place of what is next to them.
- * @param {number} last @param {number[]} ends @param {number} samples @param {{start: number, end: number}[]} dense one after the other @param {number} each
+ * The times of samples, as `p3dof.tasks.plan` has them: even over each part of a way, few in waits.
+ * @param {Span[]} spans @param {number[]} turns where lines and blends end @param {number[]} kinks of the profile
+ * @param {number} moving how long all ways take [s] @param {number} samples
  */
-function sampled(last, ends, samples, dense, each) {
-    const close = 1e-12 * last, found = [...new Set(ends)].sort((a, b) => a - b);
-    const even = Array.from({ length: samples }, (_, k) => (k === samples - 1 ? last : k * (last / (samples - 1))));
-    let way = 0;
-    const times = even.filter((time) => {
-        while (way < dense.length && dense[way].end <= time) ++way;
-        return way === dense.length || time <= dense[way].start;
-    });
-    for (const { start, end } of dense) for (let i = 1; i < each; ++i) times.push(start + ((end - start) * i) / each);
-    times.sort((a, b) => a - b);
-    let next = 0;
-    const known = found.length;
-    for (const time of times) {
-        while (next < known && found[next] < time - close) ++next;
-        if (!(next < known && found[next] <= time + close)) found.push(time);
+function sampled(spans, turns, kinks, moving, samples) {
+    const total = spans[spans.length - 1].end, close = Math.max(CLOSE * moving, 1e-15 * total);
+    const parts = apart(turns, [], close), ends = [0, ...spans.map(({ end }) => end)];
+    const known = [...ends, ...apart(kinks, ends, close)], least = Math.ceil((samples - 1) / PARTS);
+    /** @type {number[]} */
+    const found = [];
+    for (const { start, end, waits } of spans) {
+        const inner = parts.filter((time) => time > start + close && time < end - close);
+        [start, ...inner].forEach((from, k) => {
+            const to = inner[k] ?? end;
+            const even = Math.max(least, Math.ceil(((samples - 1) * (to - from)) / moving - 1e-9));
+            const count = Math.min(waits ? Math.ceil(least / PARTS) : even, Math.max(1, Math.trunc((to - from) / close)));
+            for (let i = 0; i < count; ++i) found.push(from + ((to - from) * i) / count);
+        });
     }
-    return Float64Array.from(found).sort();
+    return Float64Array.from([...known, ...apart(found, known, close)]).sort();
+}
+
+/** Those of times that are no closer to each other, and to known ones, than that. @param {number[]} times @param {number[]} known @param {number} close */
+function apart(times, known, close) {
+    const every = Float64Array.from(times).sort(), there = Float64Array.from(known).sort();
+    let next = 0;
+    return [...every].filter((time, k) => {
+        if (k && time - every[k - 1] <= close) return false;
+        while (next < there.length && there[next] < time - close) ++next;
+        return !(next < there.length && there[next] <= time + close);
+    });
 }
 
 /** The external load at samples; of two spans that meet, the earlier one counts. */
-/** @param {Float64Array} time @param {{start: number, end: number, wrench: number[] | null}[]} spans */
+/** @param {Float64Array} time @param {Span[]} spans */
 function wrenches(time, spans) {
     if (!spans.some(({ wrench }) => wrench?.some((x) => x !== 0))) return null;
     const rows = new Float64Array(6 * time.length);

@@ -108,7 +108,7 @@ test("tasks become the motions that Python plans", options, () => {
     for (const wanted of reference.tasks) {
         const stretches = stretchesOf(wanted.task);
         const durations = durationsOf(wanted.task, stretches, wanted.duration);
-        const plan = planned(wanted.task, stretches, durations, wanted.samples, 0); // evenly, as Python
+        const plan = planned(wanted.task, stretches, durations, wanted.samples);
         for (const what of /** @type {const} */ (["time", "pose", "velocity", "acceleration", "times"])) {
             same(plan[what], wanted[what], `${wanted.task.name}: ${what}`, 1e-11);
         }
