@@ -105,6 +105,7 @@ from . import (
     sweeps,
     tasks,
     viewer,
+    workspace,
 )
 
 # The version
@@ -229,6 +230,7 @@ __all__ = [
     "sweeps",
     "tasks",
     "viewer",
+    "workspace",
     "write_parameters",
     "write_task",
 ]
