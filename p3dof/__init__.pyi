@@ -61,6 +61,9 @@ from .designs import DesignForces, DesignEvaluation, Designs, DesignStatus, forc
 # Many runs at once
 from .many_runs import ManyRuns, RunHistories, simulate_many
 
+# Machines that are not what their drawings say
+from .tolerances import ForceTolerance, PoseTolerance, tolerance
+
 # Sweeps of any size
 from .blocks import Histogram, Moments, ParetoArchive, Sweep, TopK, sweep
 
@@ -104,6 +107,7 @@ from . import (
     simulation,
     sweeps,
     tasks,
+    tolerances,
     viewer,
     workspace,
 )
@@ -145,6 +149,7 @@ __all__ = [
     "FileError",
     "ForceDerivatives",
     "ForceRegressor",
+    "ForceTolerance",
     "FrameTarget",
     "Friction",
     "Geometry",
@@ -179,6 +184,7 @@ __all__ = [
     "ParetoArchive",
     "Peak",
     "Plan",
+    "PoseTolerance",
     "ReachError",
     "Reactions",
     "ReactionsComparison",
@@ -229,6 +235,8 @@ __all__ = [
     "sweep",
     "sweeps",
     "tasks",
+    "tolerance",
+    "tolerances",
     "viewer",
     "workspace",
     "write_parameters",

@@ -185,14 +185,26 @@ def _of_machines(machines: Sequence[Parameters]) -> dict[str, FloatArray]:
     for machine in machines:
         if not isinstance(machine, Parameters):
             raise InputError(f"designs: expected Parameters, got {shown(machine)}")
-    rows = [_numbers(machine) for machine in machines]
+    rows = [numbers_of(machine) for machine in machines]
     joints = dict.fromkeys(name for row in rows for name in row if name.startswith("friction."))
     return {
         name: np.array([row.get(name, 0.0) for row in rows]) for name in dict.fromkeys((*rows[0], *joints))
     }
 
 
-def _numbers(machine: Parameters) -> dict[str, float]:
+def numbers_of(machine: Parameters) -> dict[str, float]:
+    """Return all numbers of a machine by the names of columns, those of every link.
+
+    Parameters
+    ----------
+    machine : Parameters
+        The machine.
+
+    Returns
+    -------
+    dict of str to float
+        In SI units.
+    """
     found = {f"geometry.{name}": value for name, value in asdict(machine.geometry).items()}
     found |= {f"gravity.{axis}": float(g) for axis, g in zip("xyz", machine.gravity, strict=True)}
     for link, body in machine.bodies.items():

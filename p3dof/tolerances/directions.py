@@ -1,0 +1,264 @@
+"""What may vary about a machine: a number of the parameter file, and the columns of designs it moves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol, TypeAlias
+
+import numpy as np
+
+from p3dof.checks import FloatArray, positive, shown
+from p3dof.designs.columns import BodiesOfDesigns, Designs, numbers_of
+from p3dof.designs.names import COMPONENTS, DENSITY, KINDS, QUANTITIES, SIZES, full_name
+from p3dof.errors import InputError, ParameterError
+from p3dof.parameters import LINKS, PAPER, STEEL_DENSITY, Dimensions, Parameters
+from p3dof.parameters.names import JOINT_GROUPS
+from p3dof.parameters.quantities import Quantity
+
+
+class HasParameters(Protocol):
+    """A machine with its parameters, such as `Manipulator`."""
+
+    @property
+    def parameters(self) -> Parameters:
+        """What the machine is."""
+
+
+AnyMachine: TypeAlias = Parameters | HasParameters | None
+"""A machine, its parameters, or the paper's machine."""
+
+
+def parameters_of(robot: AnyMachine) -> Parameters:
+    """Return the parameters of a machine; those of the paper's for None.
+
+    Parameters
+    ----------
+    robot : Parameters, Manipulator or None
+        What the user gave.
+
+    Returns
+    -------
+    p3dof.Parameters
+
+    Raises
+    ------
+    InputError
+        If it is something else.
+    """
+    if robot is None:
+        return PAPER
+    found = robot if isinstance(robot, Parameters) else getattr(robot, "parameters", None)
+    if not isinstance(found, Parameters):
+        raise InputError(f"robot: expected a Manipulator or Parameters, got {shown(robot)}")
+    return found
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A number of a machine that varies, and what moves with it.
+
+    Parameters
+    ----------
+    name : str
+        Its full name, as columns of designs have it.
+    nominal : float
+        Its number at the machine, in SI units.
+    unit : str
+        Its SI unit.
+    rates : dict of str to float
+        How columns of designs change by it: 1 for itself; a body's inertia keeps its ratio to the mass.
+    """
+
+    name: str
+    nominal: float
+    unit: str
+    rates: Mapping[str, float] = field(default_factory=dict)
+
+
+def direction_of(name: str, machine: Parameters, bodies: BodiesOfDesigns) -> Direction:
+    """Return what moves with a number of the parameter file.
+
+    A mass takes the body's inertia about its mass centre with it, as a body of another density would; a kind
+    of bodies (``leg``) or a group of joints (``sliders``) moves all of its members together.
+
+    Parameters
+    ----------
+    name : str
+        As columns of designs are called: ``R``, ``platform.mass``, ``friction.viscous.sliders``.
+    machine : Parameters
+        The machine.
+    bodies : {"kept", "solids"}
+        Where its bodies come from.
+
+    Returns
+    -------
+    Direction
+
+    Raises
+    ------
+    InputError
+        If there is no such number, or it cannot vary here.
+    """
+    if not isinstance(name, str):
+        raise InputError(f"expected names of parameters, got {shown(name)}")
+    known = full_name(name)
+    if known.startswith("limits."):
+        raise InputError(f"{known}: a limit moves no force")
+    if known.startswith("bodies.") and bodies == "solids":
+        raise InputError(f"{known}: bodies of solids follow from their sizes and density; let {DENSITY} vary")
+    if known in (*SIZES, DENSITY) and bodies == "kept":
+        raise InputError(f"{known}: sizes need bodies of solids: bodies='solids'")
+    numbers = numbers_of(machine) | _of_solids(machine)
+    unit = QUANTITIES[known].unit
+    members = _members(known)
+    nominal = numbers.get(members[0], 0.0)
+    if known.endswith(".mass") and known != "payload.mass":
+        return Direction(known, nominal, unit, _with_inertia(known, members, numbers))
+    return Direction(known, nominal, unit, dict.fromkeys(members, 1.0))
+
+
+def _of_solids(machine: Parameters) -> dict[str, float]:
+    sizes = Dimensions.scaled(machine.geometry)
+    return {name: getattr(sizes, name.partition(".")[2]) for name in SIZES} | {DENSITY: STEEL_DENSITY}
+
+
+def _members(name: str) -> list[str]:
+    """Return the columns of the links or joints that a name stands for."""
+    room, _, rest = name.partition(".")
+    if room == "bodies":
+        kind, _, what = rest.partition(".")
+        links = (kind,) if kind in LINKS else KINDS[kind]
+        return [f"bodies.{link}.{what}" for link in links]
+    if room == "friction" and rest != "smoothing":
+        law, _, joint = rest.partition(".")
+        return [f"friction.{law}.{member}" for member in JOINT_GROUPS.get(joint, (joint,))]
+    return [name]
+
+
+def _with_inertia(name: str, members: list[str], numbers: Mapping[str, float]) -> dict[str, float]:
+    """Return how masses and inertias change with the mass of the first member: all by the same share."""
+    first, rates = numbers[members[0]], {}
+    if first <= 0:
+        raise InputError(f"{name}: has no mass in this machine, which therefore cannot vary by a share")
+    for member in members:
+        link = member.removesuffix("mass")
+        for item in ("mass", *(each for each in COMPONENTS if each.startswith("inertia"))):
+            if numbers[f"{link}{item}"]:
+                rates[f"{link}{item}"] = numbers[f"{link}{item}"] / first
+    return rates
+
+
+def columns_of_directions(
+    directions: tuple[Direction, ...], machine: Parameters, moved: FloatArray
+) -> dict[str, FloatArray]:
+    """Return columns of designs that are moved along directions.
+
+    Parameters
+    ----------
+    directions : tuple of Direction
+        What varies.
+    machine : Parameters
+        The machine.
+    moved : ndarray, shape (D, P)
+        By how much each direction is moved, in SI units.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (D,)
+    """
+    numbers = numbers_of(machine) | _of_solids(machine)
+    columns: dict[str, FloatArray] = {}
+    for direction, change in zip(directions, moved.T, strict=True):
+        for column, rate in direction.rates.items():
+            start = columns.get(column, np.full(len(moved), numbers.get(column, 0.0)))
+            columns[column] = start + rate * change
+    return columns
+
+
+def designs_of(
+    directions: tuple[Direction, ...], machine: Parameters, bodies: BodiesOfDesigns, moved: FloatArray
+) -> Designs:
+    """Return the machines that are moved along directions, as designs; see `columns_of_directions`."""
+    return Designs(columns_of_directions(directions, machine, moved), machine, bodies)
+
+
+def amount_of(value: Any, nominal: float, quantity: Quantity, where: str) -> float:
+    """Return a positive number in SI units of one with a unit (``0.1 mm``) or a share (``2 %``).
+
+    Parameters
+    ----------
+    value : float or str
+        What the user gave; a number is in SI units.
+    nominal : float
+        What shares are of.
+    quantity : Quantity
+        What kind of number it is.
+    where : str
+        What to call it in an error.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    InputError
+        If it is no such number, is not positive, or is a share of nothing.
+    """
+    if isinstance(value, str) and value.strip().endswith("%"):
+        share = _share(value, where)
+        if not nominal:
+            raise InputError(f"{where}: expected {quantity.name}, got {shown(value)} of a number that is 0")
+        return share * abs(nominal)
+    try:
+        number = quantity.read(value, where)
+    except ParameterError as error:
+        raise InputError(f"{error.args[0]}, or a share such as '2 %'") from error
+    return positive(where, number, InputError)
+
+
+def _share(text: str, where: str) -> float:
+    try:
+        share = float(text.strip().removesuffix("%")) / 100
+    except ValueError:
+        raise InputError(f"{where}: expected a share such as '2 %', got {shown(text)}") from None
+    return positive(where, share, InputError)
+
+
+def directions_of(
+    given: Mapping[str, Any], what: str, machine: Parameters, bodies: BodiesOfDesigns
+) -> tuple[tuple[Direction, ...], tuple[Any, ...]]:
+    """Return what varies, each once, and the values that the user gave for it.
+
+    Parameters
+    ----------
+    given : mapping
+        By names of parameters.
+    what : str
+        What to call it in an error.
+    machine, bodies
+        As of `direction_of`.
+
+    Returns
+    -------
+    directions : tuple of Direction
+    values : tuple
+
+    Raises
+    ------
+    InputError
+        If it is no mapping, is empty, or a number would vary twice.
+    """
+    if not isinstance(given, Mapping) or not given:
+        raise InputError(f"{what}: expected numbers by names of parameters, such as {{'R': '0.1 mm'}}")
+    found: dict[str, Direction] = {}
+    for name in given:
+        try:
+            direction = direction_of(name, machine, bodies)
+        except InputError as error:
+            raise InputError(f"{what}: {error.args[0].removeprefix('designs: ')}") from error
+        if direction.name in found:
+            raise InputError(f"{what}: {direction.name} is there twice")
+        found[direction.name] = direction
+    return tuple(found.values()), tuple(given.values())
