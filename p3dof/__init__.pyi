@@ -58,6 +58,9 @@ from .compiled import BoundInverseDynamics, MachineKernels
 # Many designs at once
 from .designs import DesignForces, DesignEvaluation, Designs, DesignStatus, forces_of_designs
 
+# Better machines
+from .optimisation import DesignProblem
+
 # Many runs at once
 from .many_runs import ManyRuns, RunHistories, simulate_many
 
@@ -100,6 +103,7 @@ from . import (
     codegen,
     drives,
     engines,
+    optimisation,
     page,
     plots,
     reactions,
@@ -136,6 +140,7 @@ __all__ = [
     "Curve",
     "DesignEvaluation",
     "DesignForces",
+    "DesignProblem",
     "DesignStatus",
     "Designs",
     "Dimensions",
@@ -219,6 +224,7 @@ __all__ = [
     "load",
     "load_robot",
     "of_solids",
+    "optimisation",
     "page",
     "paper_motion",
     "plots",

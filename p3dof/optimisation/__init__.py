@@ -1,0 +1,25 @@
+"""Which machine would be better: variables, objectives, constraints, and the ways to optima.
+
+- `variables`, `box`, `constraints`: what may change, which poses count, what must be kept.
+- `measure`, `of_motion`, `of_poses`, `of_solids`, `measures`: what designs are measured by, with gradients.
+- `population`, `problem`, `evaluated`: `DesignProblem`, and what is computed of many designs at once.
+"""
+
+from p3dof.optimisation.box import Box
+from p3dof.optimisation.constraints import Constraint, relation
+from p3dof.optimisation.evaluated import Evaluated
+from p3dof.optimisation.measure import FunctionMeasure, Measure, Pieces
+from p3dof.optimisation.measures import MEASURES
+from p3dof.optimisation.problem import DesignProblem
+
+__all__ = [
+    "MEASURES",
+    "Box",
+    "Constraint",
+    "DesignProblem",
+    "Evaluated",
+    "FunctionMeasure",
+    "Measure",
+    "Pieces",
+    "relation",
+]

@@ -1,0 +1,176 @@
+"""Design problems: measures of designs, their exact gradients, constraints that say what is missed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from design_problems import BETTER, PAPER_DESIGN, paper_problem
+
+import p3dof
+from p3dof import DesignProblem, InputError
+from p3dof.optimisation import MEASURES, Box, FunctionMeasure, relation
+
+NEAR = [[0.11, 0.27, 0.41, 0.008], [0.09, 0.22, 0.36, 0.006], PAPER_DESIGN]
+
+
+def test_the_papers_design_has_the_published_numbers_of_the_problem() -> None:
+    problem = paper_problem()
+    found = problem.evaluate(PAPER_DESIGN)
+    assert found["peak_force"][0] == pytest.approx(119.93761, abs=1e-5)
+    assert found["width"][0] == pytest.approx(0.5, abs=1e-15)
+    assert found["rms_power"][0] == pytest.approx(58.44702, abs=1e-5)
+    assert found.feasible[0]
+    assert problem.start == pytest.approx(PAPER_DESIGN, abs=1e-15)
+
+
+def test_the_gradient_of_the_papers_peak_is_the_published_one() -> None:
+    gradient = paper_problem().gradient(PAPER_DESIGN)["peak_force"]
+    assert gradient == pytest.approx([1632.4, -434.67, 219.59, 4369.5], rel=2e-5)
+
+
+@pytest.mark.parametrize("design", NEAR)
+def test_gradients_of_all_measures_are_those_of_differences(design: list[float]) -> None:
+    problem = paper_problem(objectives=list(MEASURES), constraints=())
+    gradient, step = problem.gradient(design), 1e-6
+    moved = np.array([np.array(design) + sign * step * axis for axis in np.eye(4) for sign in (1, -1)])
+    found = problem.evaluate(moved)
+    for name in MEASURES:
+        ahead, behind = found[name][::2], found[name][1::2]
+        scale = max(np.abs(found[name]).max(), 1e-3)
+        # Differences of step h miss by h² of the third derivative and by rounding of the values over h.
+        assert gradient[name] == pytest.approx((ahead - behind) / (2 * step), rel=1e-6, abs=1e-5 * scale), (
+            name
+        )
+
+
+def test_gradients_by_the_place_of_the_motion_and_by_masses_are_those_of_differences() -> None:
+    variables = {"offset.y": (-0.05, 0.05), "offset.theta": (-0.2, 0.2), "platform.mass": (4, 12)}
+    problem = DesignProblem(variables, objectives=["peak_force", "rms_power", "stroke_margin", "moving_mass"])
+    design, step = np.array([0.013, 0.07, 7.0]), 1e-6
+    gradient = problem.gradient(design)
+    moved = np.array([design + sign * step * axis for axis in np.eye(3) for sign in (1, -1)])
+    found = problem.evaluate(moved)
+    for name, values in gradient.items():
+        assert values == pytest.approx(
+            (found[name][::2] - found[name][1::2]) / (2 * step), rel=1e-5, abs=1e-5
+        )
+    assert gradient["moving_mass"] == pytest.approx([0, 0, 1], abs=1e-12)
+
+
+def test_measures_of_one_design_are_those_of_its_machine() -> None:
+    problem = paper_problem(objectives=list(MEASURES), constraints=())
+    found, robot = problem.evaluate(NEAR[0]), p3dof.load(problem.machine(NEAR[0]))
+    dynamics = robot.inverse_dynamics(p3dof.paper_motion(201))
+    assert found["peak_force"][0] == pytest.approx(np.abs(dynamics.forces).max(), rel=1e-12)
+    assert found["rms_force"][0] == pytest.approx(dynamics.rms_forces.max(), rel=1e-12)
+    power = np.abs(dynamics.forces * dynamics.slider_velocities).sum(axis=1)
+    assert found["rms_power"][0] == pytest.approx(np.sqrt(np.trapezoid(power**2, dynamics.time)), rel=1e-12)
+    assert found["moving_mass"][0] == pytest.approx(
+        sum(body.mass for _, body in robot.parameters.bodies.items()), rel=1e-13
+    )
+    y, theta = problem.setting.box.poses
+    poses = np.stack([y, 0 * y, theta], axis=1)
+    singular = robot.singularity(poses)
+    assert found["singularity"][0] == pytest.approx(singular.actuation.min(), rel=1e-12)
+    J = robot.jacobian(poses)
+    errors = np.abs(np.linalg.inv(J)).sum(axis=2).max(axis=0)
+    for name, value in zip(("accuracy_y", "accuracy_z", "accuracy_theta"), errors, strict=True):
+        assert found[name][0] == pytest.approx(value, rel=1e-10)
+    sliders = robot.inverse_kinematics(poses).sliders
+    assert found["box_height"][0] == pytest.approx(0.4 - (sliders.max() - sliders.min()), rel=1e-12)
+
+
+def test_the_lowest_frequency_is_that_of_the_published_table() -> None:
+    problem = DesignProblem(
+        {"R": (0.2, 0.3)},
+        objectives=["lowest_frequency"],
+        box=Box((-1e-9, 1e-9), (-1e-9, 1e-9)),
+        bodies="solids",
+    )
+    robot = p3dof.load(p3dof.SOLIDS)
+    M, J = robot.mass_matrix([0, 0, 0]), robot.jacobian([0, 0, 0])
+    rod = 210e9 * np.pi * 0.01**2 / 0.4 * (1 - 0.375**2)
+    K = J.T @ np.diag([1 / (1e-7 + 1 / (n * rod)) for n in (1, 1, 2)]) @ J
+    expected = np.sqrt(np.linalg.eigvals(np.linalg.solve(M, K)).real.min()) / (2 * np.pi)
+    assert problem.evaluate([0.25])["lowest_frequency"][0] == pytest.approx(expected, rel=1e-7)
+
+
+@pytest.mark.parametrize(("name", "peak", "design"), BETTER)
+def test_published_optima_have_their_peaks_and_are_feasible_but_for_rounding(
+    name: str, peak: float, design: list[float]
+) -> None:
+    found = paper_problem().evaluate(design)
+    assert found["peak_force"][0] == pytest.approx(peak, abs=0.01), name
+    assert found.violation[0] < 3e-3
+
+
+def test_a_missed_constraint_is_named_with_what_is_missing() -> None:
+    found = paper_problem().evaluate([0.1, 0.25, 0.27, 0.003])
+    assert not found.feasible[0]
+    assert found.reason(0).startswith("serial_reach ≥ 0.4: missed by 0.")
+    far = paper_problem().evaluate([0.08, 0.5, 0.3, 0.003])
+    assert far.reason(0) == "no geometry: 0 < r < R, L > R - r >= 1e-6 L and b > 0 do not hold"
+    assert np.isnan(far.objectives[0, 0])
+    assert far.violation[0] > 10
+
+
+def test_relations_are_read_as_they_are_written() -> None:
+    problem = DesignProblem({"r": (0.05, 0.2)}, constraints=["L >= 1.02*(R - r + 0.1)", "2*R/4 <= r + 0.1"])
+    found = problem.evaluate([[0.1], [0.02]])
+    assert found.margins[0] == pytest.approx([0.4 - 1.02 * 0.25, 0.2 - 0.125], abs=1e-15)
+    assert found.margins[1] == pytest.approx([0.4 - 1.02 * 0.33, 0.12 - 0.125], abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    "text", ["R", "R >= r * L", "R > 0 > r", "1 >= 0", "R >= __import__('os')", "R >= density", "R >= (", 3]
+)
+def test_what_is_no_linear_relation_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match=r"relation|expected|columns"):
+        relation(text)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"variables": {}}, "expected bounds by name"),
+        ({"variables": {"R": (0.3, 0.2)}}, "lower bound below"),
+        ({"variables": {"R": ("200 kg", 1)}}, "expected a length"),
+        ({"variables": {"limits.force": (1, 2)}}, "limits are no part"),
+        ({"variables": {"R": (0.2, 0.3), "geometry.R": (0.2, 0.3)}}, "twice"),
+        ({"objectives": ["peak_forc"]}, "did you mean peak_force"),
+        ({"objectives": []}, "one measure or more"),
+        ({"constraints": {"width": {"most": 1}}}, "expected {'min'"),
+        ({"constraints": {"width": {"max": "wide"}}}, "finite number"),
+        ({"constraints": {"singularity": {"min": 0.2}}}, "need a box"),
+        ({"constraints": {"rod_frequency": {"min": 100}}}, "bodies='solids'"),
+        ({"fixed": {"R": 0.25}}, "is a variable, too"),
+        ({"box": (1, 2)}, "expected a Box"),
+    ],
+)
+def test_what_is_no_problem_is_refused_in_one_line(arguments: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        DesignProblem(**{"variables": {"R": (0.2, 0.3)}, **arguments})
+    assert "\n" not in str(caught.value)
+
+
+def test_measures_of_ones_own_have_values_and_gradients() -> None:
+    def ratio(designs: p3dof.Designs, by: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray | None]:
+        r, L = designs.columns["geometry.r"], designs.columns["geometry.L"]
+        gradient = (
+            np.stack([{"geometry.r": 1 / L, "geometry.L": -r / L**2}[name] for name in by], axis=1)
+            if by
+            else None
+        )
+        return r / L, gradient
+
+    own = FunctionMeasure("slenderness", "", ratio)
+    problem = DesignProblem({"r": (0.05, 0.2), "L": (0.3, 0.5)}, objectives=[own, "peak_force"])
+    assert problem.evaluate([[0.1, 0.4]])["slenderness"] == pytest.approx(0.25)
+    assert problem.gradient([0.1, 0.4])["slenderness"] == pytest.approx([2.5, -0.625])
+
+
+def test_what_is_evaluated_becomes_an_xarray_with_units() -> None:
+    found = paper_problem().evaluate([PAPER_DESIGN, NEAR[0]]).to_xarray()
+    assert found["peak_force"].attrs["units"] == "N"
+    assert found["R"].attrs["units"] == "m"
+    assert found["violation"].values.tolist() == [0, 0]
