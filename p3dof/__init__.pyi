@@ -23,7 +23,7 @@ from .description import Mechanism
 # What it does, and what acts on it
 from .motion import Curve, Motion, WrenchHistory, paper_motion
 from .tasks import AxisLimits, Plan, Task, Waypoint, read_task, write_task
-from .manipulator import TaskForces, fastest_plan, forces_of_task, size_drives
+from .manipulator import BestBalance, TaskForces, best_balance, fastest_plan, forces_of_task, size_drives
 
 # Where it is
 from .kinematics import BodyMotion, InverseKinematics, MechanismMotion, Singularity
@@ -126,6 +126,7 @@ __all__ = [
     "Actuators",
     "AssemblyError",
     "AxisLimits",
+    "BestBalance",
     "Bodies",
     "Body",
     "BodyMotion",
@@ -213,6 +214,7 @@ __all__ = [
     "WrenchHistory",
     "__version__",
     "bearings",
+    "best_balance",
     "blocks",
     "closed_loop",
     "codegen",

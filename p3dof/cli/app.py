@@ -31,6 +31,7 @@ LONGEST = 1000
 
 
 COMMANDS = {
+    "balance": ("p3dof.cli.balance", "Find the balance that spares the actuators most."),
     "bearings": ("p3dof.cli.bearings", "Say how long bearings live, and if rods are safe."),
     "codegen": ("p3dof.cli.codegen", "Write C99 for a controller."),
     "compare": ("p3dof.cli.compare", "Compute the forces by both methods, and compare them."),

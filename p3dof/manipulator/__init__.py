@@ -1,5 +1,6 @@
 """The facade: `Manipulator` puts parameters, description and both dynamics behind a few calls."""
 
+from p3dof.manipulator.balance import BalanceKind, BestBalance, balance_table, best_balance
 from p3dof.manipulator.comparison import Comparison, Opinion
 from p3dof.manipulator.facade import Manipulator, load
 from p3dof.manipulator.fastest import fastest_plan
@@ -11,6 +12,8 @@ from p3dof.methods.registry import METHODS, Method
 
 __all__ = [
     "METHODS",
+    "BalanceKind",
+    "BestBalance",
     "Comparison",
     "Exceedance",
     "InverseDynamics",
@@ -20,6 +23,8 @@ __all__ = [
     "Opinion",
     "TaskForces",
     "agreement_table",
+    "balance_table",
+    "best_balance",
     "fastest_plan",
     "forces_of_task",
     "load",

@@ -1,5 +1,6 @@
 """Figures; they need the extra ``plot`` (matplotlib), which is imported when one is drawn."""
 
+from p3dof.plots.balance import balance_figure
 from p3dof.plots.common import save, save_all
 from p3dof.plots.designs import designs_figure
 from p3dof.plots.drives import drives_figure
@@ -15,6 +16,7 @@ from p3dof.plots.tasks import task_figure
 from p3dof.plots.tracking import tracking_figure
 
 __all__ = [
+    "balance_figure",
     "designs_figure",
     "drives_figure",
     "energy_figure",
