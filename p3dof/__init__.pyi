@@ -65,7 +65,7 @@ from .optimisation import DesignProblem
 from .many_runs import ManyRuns, RunHistories, simulate_many
 
 # Machines that are not what their drawings say
-from .tolerances import ForceTolerance, PoseTolerance, tolerance
+from .tolerances import ForceTolerance, LocalSensitivity, PoseTolerance, SobolIndices, sensitivity, tolerance
 
 # Sweeps of any size
 from .blocks import Histogram, Moments, ParetoArchive, Sweep, TopK, sweep
@@ -169,6 +169,7 @@ __all__ = [
     "JointLoad",
     "JointStates",
     "Limits",
+    "LocalSensitivity",
     "MachineKernels",
     "Manipulator",
     "ManyRuns",
@@ -200,6 +201,7 @@ __all__ = [
     "Simulation",
     "Singularity",
     "SingularityError",
+    "SobolIndices",
     "Springs",
     "Stiffness",
     "Stop",
@@ -236,6 +238,7 @@ __all__ = [
     "read_task",
     "report",
     "robot_page",
+    "sensitivity",
     "show_robot",
     "simulate_many",
     "simulation",

@@ -1,12 +1,26 @@
-"""Machines are never what their drawings say: tolerances of forces and poses.
+"""Machines are never what their drawings say: tolerances of forces and poses, and sensitivity.
 
 - `directions`: what may vary about a machine, and what moves with it.
 - `forces`: forces to first order; `pose`: closures of machines whose legs differ; `draws`: machines drawn at
   random, in blocks; `tolerance`: all of it; `results`, `tables`.
+- `sobol`: Sobol' indices of anything; `sensitivity`: of figures of forces, and their exact derivatives.
 """
 
 from p3dof.tolerances.draws import DrawnForces, DrawnPoses
 from p3dof.tolerances.results import ForceTolerance, PoseTolerance
+from p3dof.tolerances.sensitivity import LocalSensitivity, sensitivity
+from p3dof.tolerances.sobol import MatchedSamples, SobolIndices, sobol_indices
 from p3dof.tolerances.tolerance import tolerance
 
-__all__ = ["DrawnForces", "DrawnPoses", "ForceTolerance", "PoseTolerance", "tolerance"]
+__all__ = [
+    "DrawnForces",
+    "DrawnPoses",
+    "ForceTolerance",
+    "LocalSensitivity",
+    "MatchedSamples",
+    "PoseTolerance",
+    "SobolIndices",
+    "sensitivity",
+    "sobol_indices",
+    "tolerance",
+]

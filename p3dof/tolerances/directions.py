@@ -150,7 +150,7 @@ def _with_inertia(name: str, members: list[str], numbers: Mapping[str, float]) -
 
 
 def columns_of_directions(
-    directions: tuple[Direction, ...], machine: Parameters, moved: FloatArray
+    directions: tuple[Direction, ...], machine: Parameters, bodies: BodiesOfDesigns, moved: FloatArray
 ) -> dict[str, FloatArray]:
     """Return columns of designs that are moved along directions.
 
@@ -160,6 +160,9 @@ def columns_of_directions(
         What varies.
     machine : Parameters
         The machine.
+    bodies : {"kept", "solids"}
+        Where bodies come from. Sizes of solids that do not vary stay those of the machine's drawing, whatever
+        its lengths are.
     moved : ndarray, shape (D, P)
         By how much each direction is moved, in SI units.
 
@@ -168,7 +171,8 @@ def columns_of_directions(
     dict of str to ndarray, shape (D,)
     """
     numbers = numbers_of(machine) | _of_solids(machine)
-    columns: dict[str, FloatArray] = {}
+    fixed = SIZES if bodies == "solids" else ()
+    columns: dict[str, FloatArray] = {name: np.full(len(moved), numbers[name]) for name in fixed}
     for direction, change in zip(directions, moved.T, strict=True):
         for column, rate in direction.rates.items():
             start = columns.get(column, np.full(len(moved), numbers.get(column, 0.0)))
@@ -180,7 +184,7 @@ def designs_of(
     directions: tuple[Direction, ...], machine: Parameters, bodies: BodiesOfDesigns, moved: FloatArray
 ) -> Designs:
     """Return the machines that are moved along directions, as designs; see `columns_of_directions`."""
-    return Designs(columns_of_directions(directions, machine, moved), machine, bodies)
+    return Designs(columns_of_directions(directions, machine, bodies, moved), machine, bodies)
 
 
 def amount_of(value: Any, nominal: float, quantity: Quantity, where: str) -> float:

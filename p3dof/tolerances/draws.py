@@ -172,7 +172,7 @@ class DrawnForces:
     def _forces(self, moved: FloatArray) -> FloatArray:
         """Return the forces of machines at all samples (n, 3, N)."""
         case, samples = self.case, self.forces.samples
-        columns = columns_of_directions(case.directions, case.machine, moved)
+        columns = columns_of_directions(case.directions, case.machine, case.bodies, moved)
         folded = folding_of(tuple(columns), case.machine, case.bodies).fold(columns)
         offsets = np.stack([columns.get(name, np.zeros(len(moved))) for name in OFFSETS], axis=1)
         found = np.empty((len(moved), 3, len(samples)))

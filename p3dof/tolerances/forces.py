@@ -84,7 +84,9 @@ def force_gradients(case: ForceCase) -> tuple[FloatArray, FloatArray]:
     -------
     forces, gradients : ndarray
     """
-    columns = columns_of_directions(case.directions, case.machine, np.zeros((1, len(case.sigma))))
+    columns = columns_of_directions(
+        case.directions, case.machine, case.bodies, np.zeros((1, len(case.sigma)))
+    )
     samples = samples_of(case.motion, case.wrench)
     folding = folding_of(tuple(columns), case.machine, case.bodies)
     offsets = np.array([[float(columns[name][0]) if name in columns else 0.0 for name in OFFSETS]])
