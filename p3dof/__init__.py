@@ -17,6 +17,7 @@ The rooms, from the bottom; each imports only from below:
 - `methods`: the ways to the forces, with one kind of result; `engines`: second opinions from other programs.
 - `simulation`: runs in time, under control; `energy`; `reactions`: joint forces;
   `workspace`: where the machine can work; `bearings`: how long they live; `codegen`: C code.
+- `load_friction`: friction that grows with the loads of joints.
 - `designs`: the forces of many designs over one motion, by columns; `sweeps`: by the million, in blocks.
 - `viewer`: moving robots in the browser; `manipulator`: one object with everything about one machine.
 - `plots`: figures; `report`: one page; `cli`: the command line.

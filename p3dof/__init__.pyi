@@ -32,6 +32,7 @@ from .kinematics import BodyMotion, InverseKinematics, MechanismMotion, Singular
 from .manipulator import Comparison, Opinion
 from .methods import Exceedance, InverseDynamics, JointStates, Utilisation
 from .energy import DriveLoads, Energy
+from .load_friction import LoadFriction, LoadFrictionEffect, read_load_friction
 from .reactions import JointLoad, OpenPeak, Peak, Reactions, ReactionsComparison, Stiffness, read_stiffness
 from .methods.compiled import ForceDerivatives
 from .methods.regressor import ForceRegressor
@@ -103,6 +104,7 @@ from . import (
     codegen,
     drives,
     engines,
+    load_friction,
     optimisation,
     page,
     plots,
@@ -169,6 +171,8 @@ __all__ = [
     "JointLoad",
     "JointStates",
     "Limits",
+    "LoadFriction",
+    "LoadFrictionEffect",
     "LocalSensitivity",
     "MachineKernels",
     "Manipulator",
@@ -226,6 +230,7 @@ __all__ = [
     "forces_of_designs",
     "forces_of_task",
     "load",
+    "load_friction",
     "load_robot",
     "of_solids",
     "optimisation",
@@ -233,6 +238,7 @@ __all__ = [
     "paper_motion",
     "plots",
     "reactions",
+    "read_load_friction",
     "read_parameters",
     "read_stiffness",
     "read_task",

@@ -17,6 +17,7 @@ from p3dof.checks import LARGEST, shown
 from p3dof.cli.files import InputFile, OutputFile, protect, source
 from p3dof.cli.output import progress_bar
 from p3dof.errors import ParameterError, SampleError
+from p3dof.load_friction import LoadFriction, LoadFrictionEffect, read_load_friction
 from p3dof.manipulator import InverseDynamics, Manipulator, load
 from p3dof.methods import DEFAULT_METHOD, METHODS
 from p3dof.motion import Motion, WrenchHistory, paper_motion
@@ -102,6 +103,13 @@ STIFFNESS = click.option(
     "--stiffness",
     type=InputFile(),
     help="YAML file with the stiffness of joints and rods, and the misfit of assembly.",
+)
+
+
+LOAD_FRICTION = click.option(
+    "--load-friction",
+    type=InputFile(),
+    help="YAML file with friction of guides, screws and hinges that grows with their loads.",
 )
 
 
@@ -227,9 +235,9 @@ class Case:
     wrench_file: Path | None
     on_invalid: str = "raise"
 
-    def protect(self, *outputs: Path | None) -> None:
+    def protect(self, *outputs: Path | None, read: tuple[Path | None, ...] = ()) -> None:
         """Refuse to write over a file that is read, twice to one file, or where nothing can be written."""
-        protect((self.parameters, self.motion_file, self.wrench_file), outputs)
+        protect((self.parameters, self.motion_file, self.wrench_file, *read), outputs)
 
     @functools.cached_property
     def robot(self) -> Manipulator:
@@ -307,16 +315,41 @@ class Case:
                 param_hint=option,
             )
 
-    def reactions(self, joints: Choice = ALL, stiffness: Stiffness | None = None) -> AnyReactions:
+    def load_friction(
+        self, friction: LoadFriction, method: str, stiffness: Stiffness | None
+    ) -> tuple[LoadFrictionEffect, float]:
+        """Solve with friction by load and a progress bar; return the result and the seconds that it took."""
+        with progress_bar(method, len(self.motion)) as progress:
+            start = time.perf_counter()
+            found = self.robot.load_friction(
+                self.motion,
+                friction,
+                method=method,
+                wrench=self.wrench,
+                on_invalid=self.on_invalid,  # type: ignore[arg-type]  # likewise
+                progress=progress,
+                stiffness=stiffness,
+            )
+            seconds = time.perf_counter() - start
+        self.require_valid(found.result.valid)
+        return found, seconds
+
+    def reactions(
+        self,
+        joints: Choice = ALL,
+        stiffness: Stiffness | None = None,
+        load_friction: LoadFriction | None = None,
+    ) -> AnyReactions:
         """Return the reactions of all joints, with a progress bar."""
         with progress_bar("reactions", len(self.motion)) as progress:
-            result = self.robot.reactions(  # type: ignore[call-overload,unused-ignore]  # on_invalid: see solve
+            result = self.robot.reactions(  # type: ignore[call-overload,misc,unused-ignore]  # on_invalid: see solve
                 self.motion,
                 joints,
                 wrench=self.wrench,
                 on_invalid=self.on_invalid,
                 progress=progress,
                 stiffness=stiffness,
+                load_friction=load_friction,
             )
         self.require_valid(result.valid)
         return cast(AnyReactions, result)
@@ -332,6 +365,11 @@ class Case:
 def stiffness_in(path: Path | None) -> Stiffness | None:
     """Return how joints and rods give way by a file, if there is one."""
     return None if path is None else read_stiffness(source(path))
+
+
+def load_friction_in(path: Path | None) -> LoadFriction | None:
+    """Return friction that grows with loads by a file, if there is one."""
+    return None if path is None else read_load_friction(source(path))
 
 
 def with_case(command: Callable[..., Any]) -> Callable[..., Any]:

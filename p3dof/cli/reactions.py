@@ -8,7 +8,16 @@ import click
 
 from p3dof.cli.app import app
 from p3dof.cli.files import OutputFile, console_beside, write_results
-from p3dof.cli.options import FIGURE, JOINTS, STIFFNESS, Case, stiffness_in, with_case
+from p3dof.cli.options import (
+    FIGURE,
+    JOINTS,
+    LOAD_FRICTION,
+    STIFFNESS,
+    Case,
+    load_friction_in,
+    stiffness_in,
+    with_case,
+)
 from p3dof.cli.output import print_plain, print_warnings, show
 from p3dof.cli.payloads import print_payloads
 from p3dof.reactions import JOINTS as ALL_JOINTS
@@ -21,6 +30,7 @@ _KEY = "\n".join(f"  {joint.label}  {joint.name:15} {joint.meaning}" for joint i
 @with_case
 @JOINTS
 @STIFFNESS
+@LOAD_FRICTION
 @click.option(
     "--out",
     type=OutputFile("table", stream=True),
@@ -28,7 +38,12 @@ _KEY = "\n".join(f"  {joint.label}  {joint.name:15} {joint.meaning}" for joint i
 )
 @FIGURE
 def reactions(
-    case: Case, joints: Choice, stiffness: Path | None, out: Path | None, figure: Path | None
+    case: Case,
+    joints: Choice,
+    stiffness: Path | None,
+    load_friction: Path | None,
+    out: Path | None,
+    figure: Path | None,
 ) -> int:
     """Compute the forces and moments in all joints over a motion: peaks on the screen, samples in a file.
 
@@ -37,8 +52,8 @@ def reactions(
 
     Exit code 1 when the machine cannot make the motion: there are no peaks then.
     """
-    case.protect(out, figure)
-    result = case.reactions(joints, stiffness_in(stiffness))
+    case.protect(out, figure, read=(load_friction, stiffness))
+    result = case.reactions(joints, stiffness_in(stiffness), load_friction_in(load_friction))
     from p3dof import plots
 
     written = write_results(result.to_csv, out, lambda: plots.reactions_figure(result), figure)

@@ -9,7 +9,19 @@ import click
 
 from p3dof.cli.app import app
 from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, source, write_results
-from p3dof.cli.options import FIGURE, METHOD, PARAMETERS, POSITIVE, Number, Whole, machine_of
+from p3dof.cli.options import (
+    FIGURE,
+    LOAD_FRICTION,
+    METHOD,
+    PARAMETERS,
+    POSITIVE,
+    STIFFNESS,
+    Number,
+    Whole,
+    load_friction_in,
+    machine_of,
+    stiffness_in,
+)
 from p3dof.cli.output import print_plain, progress_bar, show
 from p3dof.drives import (
     GENERIC,
@@ -55,6 +67,8 @@ from p3dof.tasks import read_task
 )
 @click.option("--top", type=Whole(1), default=10, show_default=True, help="How many drives to list.")
 @METHOD
+@LOAD_FRICTION
+@STIFFNESS
 @click.option(
     "--out",
     type=OutputFile("table", stream=True),
@@ -71,6 +85,8 @@ def size(
     samples: int,
     top: int,
     method: str,
+    load_friction: Path | None,
+    stiffness: Path | None,
     out: Path | None,
     figure: Path | None,
 ) -> int:
@@ -81,12 +97,16 @@ def size(
     """
     from p3dof import plots
 
-    protect((task_file, parameters, catalogue_file), (out, figure))
+    protect((task_file, parameters, catalogue_file, load_friction, stiffness), (out, figure))
     task = read_task(source(task_file))
     catalogue = GENERIC if catalogue_file is None else read_catalogue(source(catalogue_file))
     robot = machine_of(parameters)
     plan = task.plan(duration, samples)
-    found = forces_of_task(robot, plan, method)  # type: ignore[arg-type,unused-ignore]  # a choice
+    friction = load_friction_in(load_friction)
+    if friction is None and stiffness is not None:
+        raise click.UsageError("--stiffness decides the loads of --load-friction, which is not given")
+    given = stiffness_in(stiffness)
+    found = forces_of_task(robot, plan, method, load_friction=friction, stiffness=given)
     with progress_bar("drives", len(catalogue)) as progress:
         ranked = size_drives(robot, found, catalogue, rest=rest, brake_safety=brake_safety, progress=progress)
     console = console_beside(out)

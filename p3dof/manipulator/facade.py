@@ -16,6 +16,8 @@ from p3dof.closed_loop import ClosedLoopModel
 from p3dof.compiled import MachineKernels
 from p3dof.energy import Energy, energy_of
 from p3dof.kinematics import InverseKinematics, MechanismMotion, Singularity
+from p3dof.load_friction import LoadFriction, LoadFrictionEffect
+from p3dof.load_friction import over_motion as friction_over_motion
 from p3dof.manipulator.comparison import TOLERANCE, Comparison, compare
 from p3dof.manipulator.model import ManipulatorModel
 from p3dof.manipulator.sampling import refined, remarks_on, warnings_about
@@ -44,7 +46,9 @@ from p3dof.reactions import (
     ReactionsComparison,
     Stiffness,
     Way,
+    of_result,
     over_motion,
+    ways_of,
 )
 from p3dof.samples import OnInvalid
 from p3dof.simulation import ControllerLike, ControlLoop, InitialState, Integration, Simulation
@@ -418,16 +422,61 @@ class Manipulator:
         on_invalid: OnInvalid = "raise",
         method: Method = DEFAULT_METHOD,
         progress: Progress | None = None,
+        load_friction: LoadFriction | None = None,
+        stiffness: Stiffness | None = None,
     ) -> InverseDynamics:
         """Return the actuator forces over a motion, with joints, closure error, power balance and warnings.
 
-        Where the motion crosses a singularity between samples, those near by are invalid.
+        Where the motion crosses a singularity between samples, those near by are invalid. `load_friction` and
+        `stiffness`: as of the method `load_friction`, whose `result` this then is.
         """
+        if load_friction is not None:
+            return self.load_friction(
+                motion,
+                load_friction,
+                wrench=wrench,
+                on_invalid=on_invalid,
+                method=method,
+                progress=progress,
+                stiffness=stiffness,
+            ).result
         dynamics, states = self._model.methods[method], states_over(motion, wrench, on_invalid)
         solution, crossings = without_crossings(motion.time, dynamics.solve(states, progress), on_invalid)
         history = wrench if isinstance(wrench, WrenchHistory) else None
         examine = partial(warnings_about, self.parameters, wrench=history)
         return with_evidence(method, motion, solution, states.wrench, crossings, examine)
+
+    def load_friction(
+        self,
+        motion: Motion,
+        friction: LoadFriction,
+        *,
+        wrench: WrenchOverTime = None,
+        on_invalid: OnInvalid = "raise",
+        method: Method = DEFAULT_METHOD,
+        progress: Progress | None = None,
+        stiffness: Stiffness | None = None,
+    ) -> LoadFrictionEffect:
+        """Return the forces over a motion with `friction` that grows with the loads of the joints.
+
+        The loads are those of elastic joints, with the `stiffness` of joints and rods: `p3dof.load_friction`.
+        By ``"pinocchio"`` or ``"virtual-power"``; kernels and runs in time have the constant friction of the
+        parameters only. `DynamicsError` if friction and loads do not settle: the machine would jam.
+        """
+        history = wrench if isinstance(wrench, WrenchHistory) else None
+        return friction_over_motion(
+            self.loop,
+            self.parameters,
+            self._model.methods[method],
+            method,
+            motion,
+            friction,
+            wrench=wrench,
+            on_invalid=on_invalid,
+            stiffness=stiffness,
+            progress=progress,
+            examine=partial(warnings_about, self.parameters, wrench=history),
+        )
 
     def inverse_dynamics_derivatives(
         self,
@@ -483,6 +532,7 @@ class Manipulator:
         on_invalid: OnInvalid = ...,
         progress: Progress | None = ...,
         stiffness: Stiffness | None = ...,
+        load_friction: LoadFriction | None = ...,
     ) -> ReactionsComparison: ...
     @overload
     def reactions(
@@ -494,6 +544,7 @@ class Manipulator:
         on_invalid: OnInvalid = ...,
         progress: Progress | None = ...,
         stiffness: Stiffness | None = ...,
+        load_friction: LoadFriction | None = ...,
     ) -> Reactions: ...
     @overload
     def reactions(
@@ -505,6 +556,7 @@ class Manipulator:
         on_invalid: OnInvalid = ...,
         progress: Progress | None = ...,
         stiffness: Stiffness | None = ...,
+        load_friction: LoadFriction | None = ...,
     ) -> AnyReactions: ...
     def reactions(
         self,
@@ -515,12 +567,25 @@ class Manipulator:
         on_invalid: OnInvalid = "raise",
         progress: Progress | None = None,
         stiffness: Stiffness | None = None,
+        load_friction: LoadFriction | None = None,
     ) -> AnyReactions:
         """Return the force and moment in every joint over a motion: `p3dof.reactions`.
 
         Rigid bodies leave some loads open. `joints` is how these are found: ``"elastic"``, by the `stiffness`
-        of joints and rods; ``"paper"`` or ``"points"``, two idealisations of the joints; or ``"all"``.
+        of joints and rods; ``"paper"`` or ``"points"``, two idealisations of the joints; or ``"all"``. With
+        `load_friction`, friction that grows with the loads is part of them: see the method of that name.
         """
+        if load_friction is not None:
+            ways_of(joints)
+            found = self.load_friction(
+                motion,
+                load_friction,
+                wrench=wrench,
+                on_invalid=on_invalid,
+                progress=progress,
+                stiffness=stiffness,
+            )
+            return of_result(self.loop, self.parameters, found.result, joints, on_invalid, stiffness)
         given = wrench, on_invalid, progress, stiffness
         return over_motion(self.loop, self.parameters, motion, joints, *given)
 

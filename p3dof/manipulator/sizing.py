@@ -68,6 +68,12 @@ def size_drives(
         raise InputError(f"robot: expected a Manipulator, got {shown(robot)}")
     if not isinstance(found, InverseDynamics | TaskForces):
         raise InputError(f"found: expected forces over a motion or a task, got {shown(found)}")
+    results = [found] if isinstance(found, InverseDynamics) else found.results
+    if any(result.coulomb is not None and result.coulomb.screws for result in results):
+        raise DriveError(
+            "found: the forces have losses of screws (screw of the load friction), and drives have "
+            "efficiencies of their own: leave one of them out"
+        )
     chosen = [drives] if isinstance(drives, Drive) else list(drives)
     if not chosen:
         raise DriveError("drives: expected at least one, got none")

@@ -12,11 +12,13 @@ import numpy as np
 from p3dof.checks import FloatArray, Progress, shown
 from p3dof.errors import InputError, SampleError
 from p3dof.files import write_table
+from p3dof.load_friction import LoadFriction
 from p3dof.manipulator.facade import Manipulator
 from p3dof.methods import InverseDynamics
 from p3dof.methods.registry import Method
 from p3dof.methods.utilisation import Utilisation, utilisations
 from p3dof.parameters import LEGS, Limits
+from p3dof.reactions import Stiffness
 from p3dof.tables import NONE, ShownInNotebook, Table, html_of, notebook_html, number, table_of
 from p3dof.tasks import Piece, Plan
 
@@ -144,7 +146,12 @@ class TaskForces(ShownInNotebook):
 
 
 def forces_of_task(
-    robot: Manipulator, plan: Plan, method: Method = "compiled", progress: Progress | None = None
+    robot: Manipulator,
+    plan: Plan,
+    method: Method = "compiled",
+    progress: Progress | None = None,
+    load_friction: LoadFriction | None = None,
+    stiffness: Stiffness | None = None,
 ) -> TaskForces:
     """Return the actuator forces over a planned task.
 
@@ -158,6 +165,10 @@ def forces_of_task(
         How to compute them.
     progress : callable, optional
         Called with (done, total) pieces.
+    load_friction : LoadFriction, optional
+        Friction that grows with the loads of the joints; not by ``"compiled"``.
+    stiffness : Stiffness, optional
+        How joints and rods give way, for these loads; guesses by default.
 
     Returns
     -------
@@ -186,7 +197,15 @@ def forces_of_task(
                 laden[key] = Manipulator(robot.parameters.carrying(piece.payload))
             machine = laden[key]
         try:
-            results.append(machine.inverse_dynamics(piece.motion, method=method, wrench=piece.wrench))
+            results.append(
+                machine.inverse_dynamics(
+                    piece.motion,
+                    method=method,
+                    wrench=piece.wrench,
+                    load_friction=load_friction,
+                    stiffness=stiffness,
+                )
+            )
         except SampleError as error:
             error.args = (f"{piece.name}: {error}", *error.args[1:])
             raise

@@ -1,5 +1,6 @@
 """The two ways from the platform's motion to the forces, over samples, with one kind of result."""
 
+from p3dof.methods.coulomb import CoulombLimits
 from p3dof.methods.crossings import without_crossings
 from p3dof.methods.evidence import with_evidence
 from p3dof.methods.exceedances import Exceedance, exceedances_of
@@ -13,6 +14,7 @@ from p3dof.methods.way import DynamicsMethod
 __all__ = [
     "DEFAULT_METHOD",
     "METHODS",
+    "CoulombLimits",
     "DynamicsMethod",
     "Exceedance",
     "InverseDynamics",

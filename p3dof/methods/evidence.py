@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from p3dof.checks import FloatArray
+from p3dof.methods.coulomb import CoulombLimits
 from p3dof.methods.results import InverseDynamics
 from p3dof.methods.solution import Solution
 from p3dof.motion import Motion
@@ -21,6 +22,7 @@ def with_evidence(
     wrench: FloatArray | None,
     crossings: FloatArray | None = None,
     examine: Callable[[InverseDynamics], tuple[str, ...]] | None = None,
+    coulomb: CoulombLimits | None = None,
 ) -> InverseDynamics:
     """Balance the power of actuators and wrench with the losses and the rate of change of the energy.
 
@@ -38,6 +40,8 @@ def with_evidence(
         Times of the samples after which the motion crosses a singularity [s]; none by default.
     examine : callable, optional
         Finds the warnings of the result.
+    coulomb : CoulombLimits, optional
+        Friction that depends on loads, where the solution has any.
 
     Returns
     -------
@@ -60,4 +64,5 @@ def with_evidence(
         solution.actuation,
         np.zeros(0) if crossings is None else crossings,
         examine,
+        coulomb,
     )

@@ -13,6 +13,8 @@ import pinocchio as pin
 from p3dof.checks import FloatArray
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.closed_loop.batch.kinematics import Sweep
+from p3dof.methods.coulomb import CoulombLimits
+from p3dof.methods.solution import JointStates
 from p3dof.parameters import PLATFORM, Friction
 
 _UNIVERSALS = ("universal_a", "universal_b")
@@ -49,6 +51,13 @@ class Resistance:
         """Return all wrenches on frames: these, and one on the platform at P if there is one."""
         return self.external if wrench is None else {PLATFORM: wrench, **self.external}
 
+    def plus(self, other: Resistance) -> Resistance:
+        """Return both together."""
+        external = dict(self.external)
+        for frame, wrench in other.external.items():
+            external[frame] = external[frame] + wrench if frame in external else wrench
+        return Resistance(self.joint_forces + other.joint_forces, external, self.power + other.power)
+
 
 class FrictionForces:
     """Friction of a machine in its closed-loop model.
@@ -63,17 +72,49 @@ class FrictionForces:
 
     def __init__(self, loop: ClosedLoopModel, friction: Friction | None) -> None:
         self._model = loop.model
-        self._friction = friction or Friction()
-        self._frictionless = not self._friction
-        joints = self._friction.joints
-        names = [str(name) for name in self._model.names]
+        friction = friction or Friction()
+        self._frictionless, self._smoothing = not friction, friction.smoothing
         self._viscous, self._coulomb = np.zeros((2, self._model.nv))
-        for name in joints:
-            if name in names:
-                index = self._model.idx_vs[names.index(name)]
-                self._viscous[index] = self._friction.viscous.get(name, 0.0)
-                self._coulomb[index] = self._friction.coulomb.get(name, 0.0)
-        self._cuts = [name for name in joints if name in CUTS]
+        self._of_cuts: dict[str, tuple[float, float | FloatArray]] = {}
+        places = places_of(loop)
+        for name in friction.joints:
+            viscous, coulomb = friction.viscous.get(name, 0.0), friction.coulomb.get(name, 0.0)
+            if name in places:
+                self._viscous[places[name]], self._coulomb[places[name]] = viscous, coulomb
+            else:
+                self._of_cuts[name] = viscous, coulomb
+        self._watch(tuple(self._of_cuts))
+
+    @classmethod
+    def of_limits(cls, loop: ClosedLoopModel, coulomb: CoulombLimits) -> FrictionForces:
+        """Return Coulomb friction that differs from sample to sample, for `over` these samples.
+
+        Parameters
+        ----------
+        loop : ClosedLoopModel
+            The mechanism.
+        coulomb : CoulombLimits
+            At N samples.
+
+        Returns
+        -------
+        FrictionForces
+        """
+        found, places = cls(loop, None), places_of(loop)
+        found._frictionless, found._smoothing = False, coulomb.smoothing
+        count = max((len(values) for values in coulomb.limits.values()), default=0)
+        found._coulomb = np.zeros((count, loop.model.nv))
+        for name, values in coulomb.limits.items():
+            if name in places:
+                found._coulomb[:, places[name]] = values[:, 0]
+            else:
+                found._of_cuts[name] = 0.0, values
+        found._watch(tuple(found._of_cuts))
+        return found
+
+    def _watch(self, cuts: tuple[str, ...]) -> None:
+        """Keep in mind at which cuts there is friction."""
+        self._cuts = cuts
         self._frames = {frame: self._model.getFrameId(frame) for name in self._cuts for frame in CUTS[name]}
         self._data = self._model.createData() if self._cuts else None
         self._nothing = Resistance(np.zeros(self._model.nv), {}, 0.0)
@@ -130,13 +171,13 @@ class FrictionForces:
 
     def _resistance(self, v: FloatArray, turning: dict[str, tuple[FloatArray, FloatArray]]) -> Resistance:
         """Return the resistance from v (..., nv), and the relative spin (..., 3) and axes of every cut."""
-        forces = -self._viscous * v - self._coulomb * np.tanh(v / self._friction.smoothing)
+        forces = -self._viscous * v - self._coulomb * np.tanh(v / self._smoothing)
         power = -(forces * v).sum(axis=-1)
         external: dict[str, FloatArray] = {}
         for name, (omega, axes) in turning.items():
-            viscous, coulomb = self._friction.viscous.get(name, 0.0), self._friction.coulomb.get(name, 0.0)
+            viscous, coulomb = self._of_cuts[name]
             rates = (axes @ omega[..., None])[..., 0]
-            resisting = viscous * rates + coulomb * np.tanh(rates / self._friction.smoothing)
+            resisting = viscous * rates + coulomb * np.tanh(rates / self._smoothing)
             power = power + (resisting * rates).sum(axis=-1)
             wrench = np.zeros((*omega.shape[:-1], 6))
             wrench[..., 3:] = -(resisting[..., None, :] @ axes)[..., 0, :]
@@ -147,3 +188,63 @@ class FrictionForces:
     def _spin(self, frame: int) -> FloatArray:
         found = pin.getFrameVelocity(self._model, self._data, frame, pin.LOCAL_WORLD_ALIGNED).angular
         return np.array(found)
+
+
+def places_of(loop: ClosedLoopModel) -> dict[str, int]:
+    """Return where the velocity of each joint of the tree stands.
+
+    Parameters
+    ----------
+    loop : ClosedLoopModel
+        The mechanism.
+
+    Returns
+    -------
+    dict of str to int
+    """
+    return {str(name): loop.model.idx_vs[i] for i, name in enumerate(loop.model.names) if i}
+
+
+def forces_against(
+    loop: ClosedLoopModel, joints: JointStates, coulomb: CoulombLimits
+) -> tuple[FloatArray, FloatArray]:
+    """Return what actuators need more because of Coulomb friction that differs from sample to sample.
+
+    Forces are linear in it, so that they are the difference of those that hold the machine at rest with and
+    without what the joints resist with.
+
+    Parameters
+    ----------
+    loop : ClosedLoopModel
+        The mechanism.
+    joints : JointStates
+        Its joints in Pinocchio's order, N samples; rows of NaN are left out.
+    coulomb : CoulombLimits
+        At the same samples.
+
+    Returns
+    -------
+    forces : ndarray, shape (N, 3)
+        [N]
+    power : ndarray, shape (N,)
+        Power that is lost [W].
+
+    Raises
+    ------
+    P3dofError
+        Of the first sample that has no forces.
+    """
+    forces, power = np.full((len(joints.q), len(loop.actuated)), np.nan), np.full(len(joints.q), np.nan)
+    known = np.isfinite(joints.q).all(axis=1)
+    q, v = joints.q[known], joints.v[known]
+    rows = CoulombLimits({name: values[known] for name, values in coulomb.limits.items()}, coulomb.smoothing)
+    lost, still = FrictionForces.of_limits(loop, rows).over(q, v), np.zeros_like(v)
+    held = [
+        loop.inverse_dynamics_batch(q, still, still, *against)
+        for against in ((lost.external, lost.joint_forces), (None, None))
+    ]
+    for one in held:
+        if one.errors:
+            raise next(iter(one.errors.values()))
+    forces[known], power[known] = held[0].tau - held[1].tau, lost.power
+    return forces, power

@@ -12,6 +12,7 @@ import numpy as np
 
 from p3dof.checks import FloatArray
 from p3dof.files import write_table
+from p3dof.methods.coulomb import CoulombLimits
 from p3dof.methods.exceedances import Exceedance, exceedances_of
 from p3dof.methods.solution import JointStates
 from p3dof.methods.utilisation import Utilisation, utilisations
@@ -52,6 +53,8 @@ class InverseDynamics(ShownInNotebook):
         forces are unbounded there: samples near by are invalid, however tame theirs are.
     examine : callable, optional
         Finds `warnings` when they are asked for.
+    coulomb : CoulombLimits, optional
+        Friction that depends on loads, where it was asked for: forces and dissipation have it.
     """
 
     method: str
@@ -66,6 +69,7 @@ class InverseDynamics(ShownInNotebook):
     actuation: FloatArray
     crossings: FloatArray = field(default_factory=lambda: np.zeros(0))
     examine: Callable[[InverseDynamics], tuple[str, ...]] | None = None
+    coulomb: CoulombLimits | None = None
 
     def __repr__(self) -> str:
         words = f"{self.method}, {self.motion!r}"

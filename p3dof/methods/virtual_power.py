@@ -12,9 +12,11 @@ from p3dof.checks import FloatArray, Progress
 from p3dof.kinematics import Placed
 from p3dof.methods import equations_of_motion
 from p3dof.methods.closed_form import placed_in_blocks, solve_with
+from p3dof.methods.coulomb import CoulombLimits
 from p3dof.methods.solution import Solution
 from p3dof.motion.states import States
 from p3dof.outputs import written
+from p3dof.paper import friction
 from p3dof.paper.friction import losses_of
 from p3dof.paper.inertials import inertials, numbers
 from p3dof.paper.virtual_power import NO_WRENCH, Wrench, actuator_forces
@@ -98,3 +100,43 @@ def forces_at(parameters: Parameters, placed: Placed) -> FloatArray:
         for leg in range(3):
             result[block, leg] = f[leg]
     return result.reshape(*shape, 3)
+
+
+def forces_against(
+    parameters: Parameters, states: States, coulomb: CoulombLimits
+) -> tuple[FloatArray, FloatArray]:
+    """Return what actuators need more because of Coulomb friction that differs from sample to sample.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine.
+    states : States
+        N states.
+    coulomb : CoulombLimits
+        At the same states.
+
+    Returns
+    -------
+    forces : ndarray, shape (N, 3)
+        [N]
+    power : ndarray, shape (N,)
+        Power that is lost [W].
+
+    Raises
+    ------
+    ReachError, SingularityError, InputError
+        As `forces_at`.
+    """
+    forces, power = np.empty((len(states.pose), 3)), np.empty(len(states.pose))
+    for block, placed in placed_in_blocks(parameters, states):
+        limits = {name: tuple(values[block].T) for name, values in coulomb.limits.items()}
+        velocity = components(placed.states.velocity)
+        found, lost = friction.forces_against(
+            placed.lengths, placed.x, velocity, limits, coulomb.smoothing, np
+        )
+        invalid = ~np.isfinite(placed.states.pose).all(axis=-1)
+        for leg in range(3):
+            forces[block, leg] = np.where(invalid, np.nan, found[leg])
+        power[block] = np.where(invalid, np.nan, lost)
+    return forces, power

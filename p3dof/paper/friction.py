@@ -9,7 +9,15 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from p3dof.algebra import U1, U2, U3, Namespace, Scalar, Vector, plus, times
-from p3dof.paper.formulas import Configuration, Lengths, Rates, configuration, velocities
+from p3dof.paper.formulas import (
+    Configuration,
+    Lengths,
+    Rates,
+    configuration,
+    jacobian,
+    platform_velocity,
+    velocities,
+)
 from p3dof.parameters import Friction
 
 
@@ -170,3 +178,42 @@ def power_against(resisting: Mapping[str, list[Scalar]], rates: Mapping[str, tup
         for force, rate in zip(forces, rates[name], strict=True):
             total = plus(total, times(force, rate))
     return total
+
+
+def forces_against(
+    lengths: Lengths,
+    x: Configuration,
+    velocity: Vector,
+    limits: Mapping[str, tuple[Scalar, ...]],
+    smoothing: Scalar,
+    xp: Namespace,
+) -> tuple[Vector, Scalar]:
+    """Return what actuators need against Coulomb friction, by virtual powers, and its power.
+
+    Parameters
+    ----------
+    lengths, x, velocity, xp
+        As for `resistance`.
+    limits : mapping of str to tuple
+        Largest force or moment against each axis of `joint_rates`, by joint [N or N m].
+    smoothing : number
+        The rate at which the friction turns its sign [m/s, rad/s].
+
+    Returns
+    -------
+    forces : tuple
+        Of A, B, C [N].
+    power : number or array
+        Power that is lost [W].
+    """
+    rates = joint_rates(velocities(lengths, x, velocity), velocity)
+    resisting = {
+        name: [times(limit, xp.tanh(rate / smoothing)) for limit, rate in zip(each, rates[name], strict=True)]
+        for name, each in limits.items()
+    }
+    J = jacobian(lengths, x)
+    forces = []
+    for unit in (U1, U2, U3):
+        moving = platform_velocity(J, unit)
+        forces.append(power_against(resisting, joint_rates(velocities(lengths, x, moving), moving)))
+    return (forces[0], forces[1], forces[2]), power_against(resisting, rates)

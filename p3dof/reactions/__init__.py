@@ -32,7 +32,17 @@ Friction of the joints is part of their reactions, and lies along their freedoms
 
 from p3dof.reactions.comparison import AnyReactions, ReactionsComparison, how_chosen
 from p3dof.reactions.evaluation import of_result, of_solution, over_motion
-from p3dof.reactions.joints import ALL, IDEALISATIONS, JOINTS, WAYS, Choice, Idealisation, Joint, Way
+from p3dof.reactions.joints import (
+    ALL,
+    IDEALISATIONS,
+    JOINTS,
+    WAYS,
+    Choice,
+    Idealisation,
+    Joint,
+    Way,
+    ways_of,
+)
 from p3dof.reactions.one_joint import JointLoad, JointReaction, OpenPeak, Peak
 from p3dof.reactions.results import Reactions
 from p3dof.reactions.stiffness import (
@@ -76,4 +86,5 @@ __all__ = [
     "over_motion",
     "reactions_table",
     "read_stiffness",
+    "ways_of",
 ]

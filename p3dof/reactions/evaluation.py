@@ -11,7 +11,7 @@ from p3dof.checks import FloatArray, Progress
 from p3dof.closed_loop import ClosedLoopModel, ReactionSolver, reactions_by_each
 from p3dof.closed_loop.reactions import LENGTH_SHARE
 from p3dof.errors import SampleError
-from p3dof.methods import InverseDynamics, JointStates, Solution, without_crossings
+from p3dof.methods import CoulombLimits, InverseDynamics, JointStates, Solution, without_crossings
 from p3dof.methods.pinocchio import PinocchioMethod
 from p3dof.methods.pinocchio_friction import FrictionForces
 from p3dof.motion import Motion, WrenchOverTime, states_over
@@ -119,6 +119,7 @@ def of_solution(
     wrench: FloatArray | None = None,
     on_invalid: OnInvalid = "raise",
     stiffness: Stiffness | None = None,
+    coulomb: CoulombLimits | None = None,
 ) -> Reactions:
     """Return the reactions that belong to actuator forces and joint states already found.
 
@@ -130,6 +131,8 @@ def of_solution(
         Actuator forces and joints of the motion; rows of NaN are left out.
     wrench : ndarray, shape (N, 6), optional
         External force and moment on the platform at P [N, N m].
+    coulomb : CoulombLimits, optional
+        Friction that the forces have besides that of the machine.
 
     Returns
     -------
@@ -144,7 +147,8 @@ def of_solution(
     """
     states, forces = solution.joints, solution.forces
     ways = ways_of(joints)
-    return _in_ways(loop, parameters, motion, states, forces, ways, wrench, on_invalid, stiffness)[0]
+    given = wrench, on_invalid, stiffness, coulomb
+    return _in_ways(loop, parameters, motion, states, forces, ways, *given)[0]
 
 
 def of_result(
@@ -178,7 +182,8 @@ def of_result(
     ways = ways_of(joints)
     wrench = result.wrench if np.any(result.wrench) else None
     states, forces = result.joints, result.forces
-    found = _in_ways(loop, parameters, result.motion, states, forces, ways, wrench, on_invalid, stiffness)
+    given = wrench, on_invalid, stiffness, result.coulomb
+    found = _in_ways(loop, parameters, result.motion, states, forces, ways, *given)
     return ReactionsComparison(*found) if joints == ALL else found[0]
 
 
@@ -192,6 +197,7 @@ def _in_ways(
     wrench: FloatArray | None,
     on_invalid: OnInvalid,
     stiffness: Stiffness | None,
+    coulomb: CoulombLimits | None = None,
 ) -> list[Reactions]:
     """Return the reactions found in several ways."""
     given = Stiffness() if stiffness is None else stiffness
@@ -201,6 +207,8 @@ def _in_ways(
         for way, kind in zip(ways, built, strict=True)
     ]
     lost = FrictionForces(loop, parameters.friction).over(states.q, states.v)
+    if coulomb is not None:
+        lost = lost.plus(FrictionForces.of_limits(loop, coulomb).over(states.q, states.v))
     external = lost.external_with(wrench)
     batches = reactions_by_each(
         solvers, states.q, states.v, states.a, tau, external, lost.joint_forces, lost.external

@@ -1,0 +1,394 @@
+"""Friction that grows with loads: a reference, both methods, virtual powers of Lagrange, bad input."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from lagrange import BODIES, LagrangeModel
+from machines import conditioning, random_machine, random_states
+from test_elastic_reactions import S1, random_stiffness
+from test_friction import friction_forces
+from test_reactions import motion_of
+
+import p3dof
+from p3dof.bearings import Bearing, Bearings, Guide, bearing_life
+from p3dof.cli import main
+from p3dof.drives import GENERIC
+from p3dof.errors import DriveError, DynamicsError, InputError, ParameterError
+from p3dof.load_friction import (
+    HingeContact,
+    LoadFriction,
+    SlideContact,
+    additions_table,
+    contacts_table,
+    read_load_friction,
+)
+from p3dof.motion import Motion, paper_motion
+from p3dof.parameters import PAPER, PASSIVE, SLIDES, Body, Friction
+from p3dof.reactions import Stiffness, of_result
+
+PLAIN = HingeContact(mu=0.1, radius=8e-3)
+REFERENCE = LoadFriction(
+    hinges=PLAIN, slides=SlideContact(drag=4.0, mu=0.01, arm=0.03), joints={"hinge_lower_right": None}
+)
+ALL = LoadFriction(
+    HingeContact(0.15, 6e-3),
+    HingeContact(0.12, 9e-3),
+    SlideContact(3.0, 0.02, 0.05, screw=0.11),
+    {"hinge_c": HingeContact(0.3, 4e-3), "slide_b": SlideContact(1.0, 0.004, 0.02, 0.2)},
+    smoothing=0.02,
+)
+CUTS = {"hinge_lower_right": "loop_c", "universal_a": "loop_a", "universal_b": "loop_b"}
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return p3dof.load()
+
+
+@pytest.fixture(scope="module", params=["pinocchio", "virtual-power"])
+def effect(request, robot):
+    return robot.load_friction(paper_motion(101), REFERENCE, method=request.param, stiffness=S1)
+
+
+def test_the_reference(effect):
+    """Found outside of the package; its RMS values are means over the samples."""
+    np.testing.assert_allclose(effect.result.peak_forces, [126.1397, 71.3509, 94.9579], atol=6e-5)
+    rms = np.sqrt((effect.result.forces**2).mean(axis=0))
+    np.testing.assert_allclose(rms, [52.0594, 52.0095, 59.8292], atol=6e-5)
+    np.testing.assert_allclose(effect.largest_additions, [7.6417, 6.5123, 8.9907], atol=6e-5)
+    assert effect.steps <= 10
+
+
+def test_both_methods_agree(robot):
+    for friction in (REFERENCE, ALL):
+        one, other = (
+            robot.load_friction(paper_motion(21), friction, method=method, stiffness=S1)
+            for method in ("pinocchio", "virtual-power")
+        )
+        largest = np.abs(one.reactions.forces).max()
+        np.testing.assert_allclose(one.result.forces, other.result.forces, atol=1e-13 * largest)
+        for name, limit in one.coulomb.limits.items():
+            np.testing.assert_allclose(limit, other.coulomb.limits[name], rtol=1e-11)
+
+
+def random_contacts(rng):
+    def hinge():
+        return HingeContact(rng.uniform(0.01, 0.2), rng.uniform(2e-3, 6e-3))
+
+    def slide():
+        return SlideContact(*rng.uniform([0, 0, 0.02, 0], [5, 0.03, 0.08, 0.3]))
+
+    own = {"hinge_left": hinge(), "hinge_platform": None, "universal_b": hinge(), "slide_c": slide()}
+    return LoadFriction(hinge(), hinge(), slide(), own, smoothing=float(rng.uniform(0.01, 0.3)))
+
+
+def expected_limits(friction, reactions, nuts):
+    """The rule of every contact, once more, from reactions in the fixed axes."""
+    forces, _ = reactions.in_base()
+    found = {}
+    for name in (*SLIDES, *PASSIVE):
+        contact = friction.of(name)
+        i = reactions.joints.index(CUTS.get(name, name))
+        own = reactions.forces[:, i]
+        if contact is None:
+            continue
+        if name in SLIDES:
+            load = abs(own[:, 0]) + abs(own[:, 1]) + abs(reactions.moments[:, i]).sum(axis=1) / contact.arm
+            lost = contact.drag + contact.mu * load + contact.screw * abs(nuts[:, SLIDES.index(name)])
+            found[name] = lost[:, None]
+        elif name.startswith("universal"):
+            across = [np.linalg.norm(np.delete(forces[:, i], axis, axis=1), axis=1) for axis in (0, 1)]
+            found[name] = contact.mu * contact.radius * np.array(across).T
+        else:
+            found[name] = contact.mu * contact.radius * np.linalg.norm(own[:, [0, 2]], axis=1)[:, None]
+    return found
+
+
+@pytest.mark.parametrize("method", ["pinocchio", "virtual-power"])
+@pytest.mark.parametrize("seed", range(6))
+def test_on_random_machines_it_is_the_virtual_power_of_its_own_reactions(seed, method):
+    """Any machine, gravity, payload, wrench, stiffness and constant friction besides."""
+    rng = np.random.default_rng(seed)
+    machine = replace(
+        random_machine(seed).carrying(Body(3.0, rng.uniform(-0.05, 0.05, 3), np.full(3, 0.01))),
+        gravity=rng.normal(scale=6, size=3),
+        friction=Friction({"sliders": 12.0}, {"joints": 0.1, "slide_a": 2.0}, smoothing=0.05),
+    )
+    states = random_states(machine, seed, 3, drop=0.2, angle=0.2, side=(1, -1)[seed % 2])
+    friction, motion = random_contacts(rng), motion_of(states)
+    robot, stiffness = p3dof.load(machine), random_stiffness(rng)
+    found = robot.load_friction(motion, friction, method=method, wrench=states.wrench, stiffness=stiffness)
+    again = robot.reactions(
+        motion, "elastic", wrench=states.wrench, stiffness=stiffness, load_friction=friction
+    )
+    scale = np.abs(again.forces).max() * conditioning(machine.geometry, states.pose).max()
+    np.testing.assert_allclose(found.reactions.forces, again.forces, atol=1e-12 * scale)
+    limits = expected_limits(friction, again, found.nut_forces)
+    assert limits.keys() == found.coulomb.limits.keys()
+    for name, limit in limits.items():
+        np.testing.assert_allclose(found.coulomb.limits[name], limit, rtol=1e-9, atol=1e-12 * scale)
+    base = robot.forces(*motion_arrays(motion), wrench=states.wrench, method="virtual-power")
+    for i in range(len(motion)):
+        added = np.zeros(3)
+        for name, limit in limits.items():  # each axis of a universal joint has a limit of its own
+            for axis in range(limit.shape[1]):
+                one = replace(machine, friction=Friction({}, {name: limit[i, axis]}, friction.smoothing))
+                added += share_of(one, name, axis, motion.pose[i], motion.velocity[i])
+        np.testing.assert_allclose(found.result.forces[i] - base[i], added, atol=1e-10 * scale)
+    assert np.abs(found.result.power_residual).max() < 1e-11 * scale
+    assert np.abs(again.residual).max() < 1e-10 * scale
+
+
+def motion_arrays(motion):
+    return motion.pose, motion.velocity, motion.acceleration
+
+
+def share_of(machine, name, axis, pose, velocity):
+    """Actuator forces against Coulomb friction about one axis of a joint, from Lagrange's spins."""
+    model = LagrangeModel(machine)
+    if not name.startswith("universal"):
+        total, _ = friction_forces(machine, pose, velocity)
+        return np.linalg.solve(model.jacobian(pose).T, total)
+    leg = name.replace("universal", "leg")
+    spins = np.stack([model.angular_velocities(pose, unit) for unit in np.eye(3)], axis=-1)
+    row = (spins[BODIES.index("platform")] - spins[BODIES.index(leg)])[axis]
+    resisting = machine.friction.coulomb[name] * np.tanh(row @ velocity / machine.friction.smoothing)
+    return np.linalg.solve(model.jacobian(pose).T, resisting * row)
+
+
+def test_the_mirrored_motion_has_mirrored_friction(robot):
+    motion = paper_motion(51)
+    mirror = [np.array(part) * [-1, 1, 1] for part in motion_arrays(motion)]
+    friction = replace(ALL, joints={})
+    one = robot.load_friction(motion, friction, stiffness=S1)
+    other = robot.load_friction(Motion(motion.time, *mirror), friction, stiffness=S1)
+    np.testing.assert_allclose(other.result.forces, one.result.forces[:, [1, 0, 2]], atol=1e-10)
+    twins = {
+        "hinge_left": "hinge_right",
+        "hinge_lower": "hinge_lower_right",
+        "hinge_a": "hinge_b",
+        "universal_a": "universal_b",
+        "slide_a": "slide_b",
+    }
+    for name, twin in twins.items():
+        np.testing.assert_allclose(other.coulomb.limits[twin], one.coulomb.limits[name], atol=1e-10)
+
+
+def test_friction_of_a_guide_stays_with_its_actuator(robot):
+    """No other force and no reaction but that along the guide changes, and one step settles it."""
+    friction = LoadFriction(joints={"slide_b": SlideContact(2.0, 0.02, 0.04)})
+    found = robot.load_friction(paper_motion(21), friction, stiffness=S1)
+    assert np.abs(found.additions[:, [0, 2]]).max() < 1e-11
+    assert found.largest_additions[1] > 2
+    np.testing.assert_allclose(found.of_guides, found.additions, atol=1e-11)
+    plain = robot.reactions(paper_motion(21), "elastic", stiffness=S1)
+    np.testing.assert_allclose(found.reactions.forces, plain.forces, atol=1e-10)
+    assert found.steps <= 2
+
+
+def test_a_screw_loses_its_share_of_the_nut_by_the_direction_of_power(robot):
+    """Efficiency 1 / (1 + k) forward, 1 - k backward, of the force that overcomes the guide too."""
+    guide = LoadFriction(slides=SlideContact(4.0, 0.01, 0.03))
+    both = LoadFriction(slides=SlideContact(4.0, 0.01, 0.03, screw=1 / 0.9 - 1))
+    one, other = (robot.load_friction(paper_motion(51), part, stiffness=S1) for part in (guide, both))
+    np.testing.assert_allclose(other.nut_forces, one.result.forces, rtol=1e-12)
+    speeds = one.result.slider_velocities
+    fast = np.abs(speeds) > 0.01
+    drives = one.result.forces * speeds > 0
+    expected = np.where(drives, one.result.forces / 0.9, one.result.forces * (2 - 1 / 0.9))
+    np.testing.assert_allclose(other.result.forces[fast], expected[fast], rtol=1e-6)
+    assert (drives & fast).any()
+    assert (~drives & fast).any()
+    assert other.coulomb.screws
+    assert not one.coulomb.screws
+
+
+def test_losses_add_up(effect):
+    assert sum(effect.lost_work.values()) == pytest.approx(
+        np.trapezoid(effect.result.dissipation, effect.result.time), rel=1e-12
+    )
+    assert effect.lost_work["slide_c"] > effect.lost_work["hinge_left"] > 0
+    assert "hinge_lower_right" not in effect.lost_work
+    assert np.abs(effect.result.power_residual).max() < 1e-11
+    assert "9 steps" in repr(effect)
+    html = effect._repr_html_()
+    assert "hinge_platform" in html
+    assert "126.14" in html
+
+
+def test_friction_that_grows_with_itself_is_told(robot):
+    for mu, radius in ((0.5, 0.3), (50.0, 3.0), (1e3, 1e6)):
+        with pytest.raises(DynamicsError, match=r"do not settle: after \d+ steps the load of \w+ at t = "):
+            robot.load_friction(paper_motion(11), LoadFriction(HingeContact(mu, radius)))
+
+
+def test_invalid_samples_stay_out(robot):
+    motion = paper_motion(11)
+    pose = np.array(motion.pose)
+    pose[4, 0] = 5.0
+    broken = Motion(motion.time, pose, motion.velocity, motion.acceleration, check=False)
+    with pytest.raises(p3dof.ReachError, match="sample 4"):
+        robot.load_friction(broken, REFERENCE)
+    for method in ("pinocchio", "virtual-power"):
+        found = robot.load_friction(broken, REFERENCE, on_invalid="nan", method=method)
+        assert np.flatnonzero(~found.result.valid).tolist() == [4]
+        whole = robot.load_friction(motion, REFERENCE)
+        np.testing.assert_allclose(
+            np.delete(found.result.forces, 4, axis=0), np.delete(whole.result.forces, 4, axis=0), atol=1e-10
+        )
+        assert np.isnan(found.largest_additions).all()
+        assert "nan" in str(additions_table(found).rows)
+        assert contacts_table(found).rows
+
+
+def test_where_it_does_not_apply_it_is_refused(robot):
+    with pytest.raises(InputError, match="'pinocchio' or 'virtual-power', not by 'compiled': kernels, gen"):
+        robot.inverse_dynamics(paper_motion(5), load_friction=REFERENCE, method="compiled")
+    with pytest.raises(InputError, match="load_friction: expected a LoadFriction, got 3"):
+        robot.inverse_dynamics(paper_motion(5), load_friction=3)
+
+
+def test_reactions_bearings_and_page_have_it(robot, effect):
+    motion = paper_motion(101)
+    every = robot.reactions(motion, stiffness=S1, load_friction=REFERENCE)
+    np.testing.assert_allclose(every.elastic.forces, effect.reactions.forces, atol=1e-9)
+    assert every.residual.max() < 1e-10
+    known = of_result(robot.loop, PAPER, effect.result, "elastic", stiffness=S1)
+    np.testing.assert_allclose(known.forces, effect.reactions.forces, atol=1e-9)
+    parts = Bearings(Bearing(3000.0), Guide(1e4, 50e3, (120, 120, 150)))
+    bare = bearing_life(PAPER, robot.reactions(motion, "elastic", stiffness=S1), parts)
+    rough = bearing_life(PAPER, every, parts)
+    assert rough.bearings[0].mean_load != pytest.approx(bare.bearings[0].mean_load, rel=1e-4)
+    assert robot.page(effect.result)
+
+
+def task_of(tmp_path):
+    path = tmp_path / "task.yaml"
+    path.write_text(
+        "waypoints:\n- {pose: [-0.1, 0, 0], pick_up: {mass: 2, com: [0, 0, 0], inertia: [0, 0, 0]}}\n"
+        "- {pose: [0.1, 0.02, 5 deg], duration: 0.5, dwell: 0.1, put_down: true}\n"
+        "- {pose: [-0.1, 0, 0], duration: 0.5}\n",
+        encoding="utf-8",
+    )
+    return path
+
+
+def test_tasks_and_drives_have_it(robot, tmp_path):
+    plan = p3dof.read_task(task_of(tmp_path)).plan(samples=101)
+    bare, rough = (
+        p3dof.forces_of_task(robot, plan, "virtual-power", load_friction=friction, stiffness=S1)
+        for friction in (None, REFERENCE)
+    )
+    assert (np.abs(rough.forces - bare.forces).max(axis=0) > 3).all()
+    laden = p3dof.load(PAPER.carrying(plan.pieces[0].payload))
+    own = laden.inverse_dynamics(plan.pieces[0].motion, load_friction=REFERENCE, stiffness=S1)
+    np.testing.assert_allclose(rough.results[0].forces, own.forces, atol=1e-10)
+    drive = next(iter(GENERIC))
+    assert p3dof.size_drives(robot, rough, drive)[0].worst[1].share > 0
+    lossy = LoadFriction(slides=SlideContact(screw=0.1))
+    with pytest.raises(DriveError, match="the forces have losses of screws"):
+        p3dof.size_drives(robot, robot.inverse_dynamics(paper_motion(5), load_friction=lossy), drive)
+
+
+# --- input --------------------------------------------------------------------------------------------------
+
+
+def test_wrong_parts():
+    with pytest.raises(ParameterError, match="expected hinges, universals, slides or joints, got none"):
+        LoadFriction()
+    with pytest.raises(ParameterError, match="expected hinges, universals, slides or joints, got none"):
+        LoadFriction(joints={"hinge_a": None})
+    with pytest.raises(ParameterError, match="hinges: expected a HingeContact, got 0"):
+        LoadFriction(hinges=0.1)
+    with pytest.raises(ParameterError, match="joints: slide_a: expected a SlideContact"):
+        LoadFriction(joints={"slide_a": PLAIN})
+    with pytest.raises(ParameterError, match=r"joints: unknown joint 'elbow', expected one of slide_a"):
+        LoadFriction(joints={"elbow": PLAIN})
+    with pytest.raises(ParameterError, match="mu: expected zero or more, got -1"):
+        HingeContact(-1, 0.01)
+    with pytest.raises(ParameterError, match="arm"):
+        SlideContact(mu=0.1, arm=0)
+    with pytest.raises(ParameterError, match="smoothing"):
+        LoadFriction(PLAIN, smoothing=0)
+
+
+def test_a_file(tmp_path):
+    path = tmp_path / "friction.yaml"
+    path.write_text(
+        "hinges: {mu: 0.1, radius: 8 mm}\nslides: {drag: 4 N, mu: 0.01, arm: 30 mm}\n"
+        "joints:\n  hinge_lower_right: none\n  hinge_platform: {mu: 0.002}\n"
+        "  universal_a: {mu: 0.2, radius: 5 mm}\n  slide_b: {screw: 0.1}\nsmoothing: 2 mm/s\n",
+        encoding="utf-8",
+    )
+    read = read_load_friction(path)
+    assert read.of("hinge_left") == PLAIN
+    assert read.of("hinge_lower_right") is None
+    assert read.of("hinge_platform") == HingeContact(0.002, 8e-3)
+    assert read.of("universal_a") == HingeContact(0.2, 5e-3)
+    assert read.of("universal_b") is None
+    assert read.of("slide_b") == SlideContact(4.0, 0.01, 0.03, 0.1)
+    assert read.smoothing == 2e-3
+    assert read.screws
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("hinges: {mu: 0.1}\n", "hinges: the field 'radius' is missing"),
+        ("hinges: {mu: 0.1, radius: 8 N}\n", "hinges.radius: expected a length"),
+        ("hinges: {mu: -0.1, radius: 8 mm}\n", "hinges: mu: expected zero or more, got -0.1"),
+        ("slides: {drag: 4, rub: 1}\n", "slides: unknown field 'rub', expected drag, mu, arm, screw"),
+        ("joints: {hinge_a: {mu: 0.1}}\n", r"joints\.hinge_a: the field 'radius' is missing"),
+        ("joints: {loop_a: {mu: 0.1, radius: 1}}\n", "joints: unknown field 'loop_a'"),
+        ("smoothing: 0\nslides: {drag: 1}\n", "smoothing"),
+        ("{}\n", "expected hinges, universals, slides or joints"),
+        ("3\n", "expected the fields hinges"),
+    ],
+)
+def test_a_wrong_file(tmp_path, capsys, text, told):
+    path = tmp_path / "f.yaml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ParameterError, match=told):
+        read_load_friction(path)
+    assert main(["forces", "--samples", "5", "--load-friction", str(path)]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("p3dof: error: ")
+    assert "f.yaml" in error
+
+
+def test_the_commands(tmp_path, capsys):
+    path, stiffness, out = tmp_path / "f.yaml", tmp_path / "s.yaml", tmp_path / "out.csv"
+    path.write_text(
+        "hinges: {mu: 0.1, radius: 8 mm}\nslides: {drag: 4, mu: 0.01, arm: 30 mm}\n"
+        "joints: {hinge_lower_right: none}\n",
+        encoding="utf-8",
+    )
+    stiffness.write_text("rods: {diameter: 20 mm}\n", encoding="utf-8")
+    given = ["--samples", "101", "--load-friction", str(path), "--stiffness", str(stiffness)]
+    assert main(["forces", *given, "--out", str(out)]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    for words in ("What friction by load adds", "126.140", "7.642", "Where friction by load arises",
+                  "have only the constant friction"):  # fmt: skip
+        assert words in shown
+    assert float(out.read_text(encoding="utf-8").splitlines()[-1].split(",")[1]) == pytest.approx(126.1397)
+    assert main(["reactions", *given, "--joints", "elastic", "--out", str(out)]) == 0
+    assert main(["reactions", *given, "--out", str(path)]) == 2
+    bearings = tmp_path / "b.yaml"
+    bearings.write_text("hinges: {dynamic: 3 kN}\n", encoding="utf-8")
+    assert main(["bearings", str(bearings), *given]) == 0
+    task = ["size", str(task_of(tmp_path)), "--samples", "51", "--load-friction", str(path)]
+    assert main([*task, "--top", "2"]) in (0, 1)
+    capsys.readouterr()
+    assert main([*task, "--method", "compiled"]) == 2
+    assert "not by 'compiled'" in capsys.readouterr().err
+    assert main(["forces", "--samples", "5", "--stiffness", str(stiffness)]) == 2
+    assert "--load-friction, which is not given" in capsys.readouterr().err
+
+
+def test_default_stiffness_is_that_of_reactions(robot):
+    one = robot.load_friction(paper_motion(5), REFERENCE)
+    other = robot.load_friction(paper_motion(5), REFERENCE, stiffness=Stiffness())
+    np.testing.assert_array_equal(one.result.forces, other.result.forces)
