@@ -27,6 +27,7 @@ from .manipulator import BestBalance, TaskForces, best_balance, fastest_plan, fo
 
 # Where it is
 from .kinematics import BodyMotion, InverseKinematics, MechanismMotion, Singularity
+from .workspace import Aspects, Box, PoseMargins, Workspace, WorkspaceMargins
 
 # What is found
 from .manipulator import Comparison, Opinion
@@ -126,6 +127,7 @@ __all__ = [
     "PD",
     "SOLIDS",
     "Actuators",
+    "Aspects",
     "AssemblyError",
     "AxisLimits",
     "BestBalance",
@@ -133,6 +135,7 @@ __all__ = [
     "Body",
     "BodyMotion",
     "BoundInverseDynamics",
+    "Box",
     "ClosedLoopModel",
     "Closure",
     "Comparison",
@@ -195,6 +198,7 @@ __all__ = [
     "ParetoArchive",
     "Peak",
     "Plan",
+    "PoseMargins",
     "PoseTolerance",
     "ReachError",
     "Reactions",
@@ -217,6 +221,8 @@ __all__ = [
     "TopK",
     "Utilisation",
     "Waypoint",
+    "Workspace",
+    "WorkspaceMargins",
     "WrenchHistory",
     "__version__",
     "bearings",

@@ -37,7 +37,7 @@ from p3dof.methods.registry import equation_terms
 from p3dof.methods.regressor import ForceRegressor
 from p3dof.motion import Motion, WrenchHistory, WrenchOverTime, states_of, states_over
 from p3dof.outputs import result_in
-from p3dof.parameters import PAPER, Parameters, machine_html, read_parameters
+from p3dof.parameters import PAPER, Limits, Parameters, machine_html, read_parameters
 from p3dof.reactions import (
     ALL,
     AnyReactions,
@@ -52,6 +52,7 @@ from p3dof.reactions import (
 )
 from p3dof.samples import OnInvalid
 from p3dof.simulation import ControllerLike, ControlLoop, InitialState, Integration, Simulation
+from p3dof.workspace import Workspace, WorkspaceMargins
 
 
 def load(
@@ -265,6 +266,15 @@ class Manipulator:
     def singularity(self, pose: ArrayLike) -> Singularity:
         """Return the margins of poses from both kinds of singularity; NaN where a pose is not finite."""
         return kinematics.singularity(self.parameters.geometry, pose)
+
+    def workspace(self, limits: Limits | None = None, margins: WorkspaceMargins | None = None) -> Workspace:
+        """Return where the machine can work: areas, volume, loci of singularities, the largest box.
+
+        `limits` are the machine's own without them; `margins` (`WorkspaceMargins`) demand more: distances
+        from singularities, velocities and accelerations that the platform must have. `InputError` if no pose
+        keeps them.
+        """
+        return Workspace(self, limits, margins)
 
     def mechanism_motion(
         self,

@@ -12,11 +12,22 @@ from p3dof.workspace.closed_forms import (
     lean,
     offsets,
 )
+from p3dof.workspace.largest import Box
+from p3dof.workspace.loci import Aspects
+from p3dof.workspace.margins import PoseMargins, WorkspaceMargins
+from p3dof.workspace.region import Points
 from p3dof.workspace.slices import aspect_range, reach_range, stroke_range, theta_of
+from p3dof.workspace.workspace import Workspace
 
 __all__ = [
+    "Aspects",
+    "Box",
     "BoxMargins",
+    "Points",
+    "PoseMargins",
     "Sizes",
+    "Workspace",
+    "WorkspaceMargins",
     "actuation_angle",
     "arm",
     "aspect_range",

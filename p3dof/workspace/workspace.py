@@ -1,0 +1,334 @@
+"""`Workspace`: where a machine can work within its limits, from closed forms over (y, θ)."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from p3dof.checks import FloatArray, as_floats, frozen_array, shown
+from p3dof.errors import InputError
+from p3dof.parameters import Limits
+from p3dof.tables import ShownInNotebook
+from p3dof.workspace.closed_forms import Sizes, offsets
+from p3dof.workspace.largest import Box, largest_box
+from p3dof.workspace.loci import Aspects, aspects, loci
+from p3dof.workspace.machine import Machine
+from p3dof.workspace.margins import HORIZON, PoseMargins, WorkspaceMargins, demands, pose_margins
+from p3dof.workspace.region import Condition, Points, Region
+
+_NONE = WorkspaceMargins()
+
+
+class Workspace(ShownInNotebook):
+    """Poses (y, z, θ) of home's aspect within stroke, tilt and margins.
+
+    z moves all sliders alike, so that a workspace is a region in (y, θ) and a height H(y, θ) in z over it:
+    areas and volumes are integrals of closed forms, not counts of points.
+
+    Parameters
+    ----------
+    machine : Manipulator
+        The machine.
+    limits : Limits, optional
+        Stroke, tilt, speed and force; the machine's own without it.
+    margins : WorkspaceMargins, optional
+        What is demanded besides; nothing without it.
+
+    Raises
+    ------
+    InputError
+        If an argument is something else, or no pose keeps all limits and margins.
+    """
+
+    def __init__(
+        self, machine: Machine, limits: Limits | None = None, margins: WorkspaceMargins | None = None
+    ) -> None:
+        for name, value, kind in (("limits", limits, Limits), ("margins", margins, WorkspaceMargins)):
+            if not isinstance(value, kind | None):
+                raise InputError(f"{name}: expected {kind.__name__}, got {shown(value)}")
+        self._machine = machine
+        self.limits = machine.parameters.limits if limits is None else limits
+        self.margins = _NONE if margins is None else margins
+        self.sizes = Sizes.of(machine.parameters.geometry)
+        self._region = self._where(None)
+        if not self.volume > 0:
+            raise InputError(f"no pose keeps the limits and margins: {self._refusal}")
+
+    def __repr__(self) -> str:
+        return f"Workspace(area {self.area_y_theta:.6g} m rad, volume {self.volume:.6g} m² rad)"
+
+    @property
+    def machine(self) -> Machine:
+        """The machine."""
+        return self._machine
+
+    # Sizes
+
+    @cached_property
+    def points(self) -> Points:
+        """Points and weights: ``points.volume @ values`` at ``points.y``, ``points.theta`` is an integral."""
+        return self._region.points()
+
+    @cached_property
+    def area_y_theta(self) -> float:
+        """Area of the region in (y, θ) [m rad]."""
+        return float(self.points.area.sum())
+
+    @cached_property
+    def volume(self) -> float:
+        """Volume in y, z, θ: the integral of H dy dθ [m² rad]."""
+        return float(self.points.volume.sum())
+
+    def area(self, theta: float = 0.0) -> float:
+        """Return the area in (y, z) at a constant orientation.
+
+        Parameters
+        ----------
+        theta : float
+            The orientation [rad].
+
+        Returns
+        -------
+        float
+            [m²]; 0 where no pose of this orientation is within the limits.
+
+        Raises
+        ------
+        InputError
+            If `theta` is no finite number.
+        """
+        turned = float(frozen_array("theta", theta, ()))
+        region = self._region
+        y, weights = region.rows(
+            lambda _, y: region.contains(y, np.full_like(y, turned)),
+            lambda y: np.stack([y, *region.crossings(y, np.full_like(y, turned))]),
+        )
+        return float(weights @ region.height(y, np.full_like(y, turned)))
+
+    def dexterous(self, tilt: float | tuple[float, float] | None = None) -> float:
+        """Return the area in (y, z) of points that are reached with every orientation of a range.
+
+        Parameters
+        ----------
+        tilt : float or tuple of two floats, optional
+            Largest tilt to either side, or from and to [rad]; all of the limits' tilt without it.
+
+        Returns
+        -------
+        float
+            [m²]; 0 if there is no such point.
+
+        Raises
+        ------
+        InputError
+            If it is no range of finite numbers.
+        """
+        low, high = self._tilt("tilt", tilt)
+        crossings = self._region.crossings
+        y, weights = self._region.rows(
+            lambda _, y: self._all_orientations(y, low, high),
+            lambda y: np.stack(
+                [y, *(row for end in (low, high) for row in crossings(y, np.full_like(y, end)))]
+            ),
+        )
+        return float(weights @ self._all_orientations(y, low, high))
+
+    @cached_property
+    def reachable(self) -> float:
+        """Area in (y, z) of points that are reached with some orientation of the limits' tilt [m²]."""
+        region, spans = self._region, self._spans
+        y, weights = region.rows(lambda _, y: spans(y), region.switches)
+        return float(weights @ spans(y))
+
+    @cached_property
+    def aspects(self) -> Aspects:
+        """Areas of the aspects in (y, θ), without any limits."""
+        return aspects(self.sizes)
+
+    def loci(self) -> dict[str, FloatArray]:
+        """Return the loci of both kinds of singularity as polylines.
+
+        Returns
+        -------
+        dict of str to ndarray, shape (n, 2)
+            y [m] and θ [rad], from -π to π: ``"actuation above"`` and ``"actuation below"`` (det J = 0),
+            ``"serial a"``, ``"serial b"``, ``"serial c above"``, ``"serial c below"`` (a leg is horizontal),
+            those that exist. NaN where one is interrupted.
+        """
+        return loci(self.sizes)
+
+    def largest_box(self, tilt: float | None = None) -> Box:
+        """Return the largest box of poses within ±Y and ±Θ, with a height in z free for all of them.
+
+        Its height is less than the least H over it: z need not follow y and θ.
+
+        Parameters
+        ----------
+        tilt : float, optional
+            Θ [rad]: the box of the largest area in (y, z). Without it, that of the largest volume, of any Θ.
+
+        Returns
+        -------
+        Box
+
+        Raises
+        ------
+        InputError
+            If `tilt` is not within the limits, or there is no box.
+        """
+        if tilt is not None:
+            tilt = float(frozen_array("tilt", tilt, ()))
+            most = min(-self._region.tilt[0], self._region.tilt[1])
+            if not 0 <= tilt <= most:
+                raise InputError(f"tilt: expected from 0 to {most:g} rad, the limits, got {tilt:g}")
+        return largest_box(self._region, tilt)
+
+    # At poses
+
+    def height(self, y: ArrayLike, theta: ArrayLike) -> FloatArray:
+        """Return H(y, θ), the height in z that the stroke leaves at positions and orientations.
+
+        Parameters
+        ----------
+        y, theta : array-like
+            Position [m] and rotation [rad]; they broadcast.
+
+        Returns
+        -------
+        ndarray
+            [m]; NaN where a pose is not within the region.
+
+        Raises
+        ------
+        InputError
+            If they are no numbers, or do not broadcast.
+        """
+        try:
+            across, turned = np.broadcast_arrays(as_floats("y", y), as_floats("theta", theta))
+        except ValueError as error:
+            raise InputError("y, theta: expected arrays of one shape, or that broadcast") from error
+        inside = self._region.contains(across.ravel(), turned.ravel()).reshape(across.shape) >= 0
+        return np.where(inside, self._region.height(across, turned), np.nan)
+
+    def z_range(self, y: ArrayLike, theta: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Return least and largest z that the stroke leaves at positions and orientations.
+
+        Parameters
+        ----------
+        y, theta : array-like
+            Position [m] and rotation [rad]; they broadcast.
+
+        Returns
+        -------
+        low, high : ndarray
+            [m]; NaN where a pose is not within the region.
+        """
+        inside = np.isfinite(self.height(y, theta))
+        found = offsets(self.sizes, as_floats("y", y), as_floats("theta", theta))
+        low = self.limits.travel[0] - np.minimum.reduce(np.broadcast_arrays(*found))
+        high = self.limits.travel[1] - np.maximum.reduce(np.broadcast_arrays(*found))
+        return np.where(inside, low, np.nan), np.where(inside, high, np.nan)
+
+    def margin(self, pose: ArrayLike) -> PoseMargins:
+        """Return how far poses are from all that bounds the workspace, with the reason for those outside.
+
+        Parameters
+        ----------
+        pose : array-like, shape (..., 3)
+            y [m], z [m], θ [rad]; a row with NaN is outside.
+
+        Returns
+        -------
+        PoseMargins
+
+        Raises
+        ------
+        InputError
+            If the shape does not fit.
+        """
+        return pose_margins(self._machine, self.limits, self.margins, pose)
+
+    # Within
+
+    def _where(self, more: Condition | None) -> Region:
+        """Return the region with what margins demand of speed and force, and one condition more."""
+        conditions = [] if more is None else [more]
+        if self.margins.velocity is not None or self.margins.acceleration is not None:
+            conditions.append(self._demands)
+        if not conditions:
+            return Region(self.sizes, self.limits, self.margins)
+
+        def condition(y: FloatArray, theta: FloatArray) -> FloatArray:
+            found: FloatArray = np.minimum.reduce([one(y, theta) for one in conditions])
+            return found
+
+        return Region(self.sizes, self.limits, self.margins, condition)
+
+    def _demands(self, y: FloatArray, theta: FloatArray) -> FloatArray:
+        found = demands(self._machine, self.limits, self.margins, _poses(y, theta))
+        rows = [values.min(axis=-1) for values in found if values is not None]
+        least: FloatArray = np.minimum.reduce(rows)
+        return least
+
+    def _tilt(self, name: str, tilt: float | tuple[float, float] | None) -> tuple[float, float]:
+        if tilt is None:
+            return self._region.tilt
+        if np.ndim(tilt) == 0:
+            most = float(frozen_array(name, tilt, ()))
+            low, high = -most, most
+        else:
+            low, high = (float(v) for v in frozen_array(name, tilt, (2,)))
+        if not -HORIZON <= low <= high <= HORIZON:
+            raise InputError(f"{name}: expected a range of angles within ±π, got {low:g} to {high:g} rad")
+        return low, high
+
+    def _all_orientations(self, y: FloatArray, low: float, high: float) -> FloatArray:
+        """Return the height in z that is free for all orientations of a range at each y; negative if none."""
+        lower, upper = self._region.within(y)
+        a, b, least = offsets(self.sizes, y, np.full_like(y, low))
+        most = offsets(self.sizes, y, np.full_like(y, high))[2]  # ℓC grows with θ
+        span = np.maximum(np.maximum(a, b), most) - np.minimum(np.minimum(a, b), least)
+        free = np.where((lower <= low) & (high <= upper), self._region.travel - span, -1.0)
+        if self._region.condition is not None:
+            theta = np.linspace(low, high, 65)
+            across, turned = (g.ravel() for g in np.meshgrid(y, theta, indexing="ij"))
+            values = self._region.condition(across, turned).reshape(len(y), -1)
+            free = np.where((values >= 0).all(axis=1), free, -1.0)
+        return np.asarray(np.nan_to_num(free, nan=-1.0))
+
+    def _spans(self, y: FloatArray) -> FloatArray:
+        """Return the length of the z that are reached with some orientation at each y; negative if none."""
+        row, low, high = self._region.ranges(y)
+        a, b, first = offsets(self.sizes, y[row], low + 1e-12 * (high - low))
+        last = offsets(self.sizes, y[row], high - 1e-12 * (high - low))[2]
+        from_ = self.limits.travel[0] - np.minimum(np.minimum(a, b), last)  # at its largest θ, C is highest
+        to = self.limits.travel[1] - np.maximum(np.maximum(a, b), first)
+        return _union(len(y), row, from_, to)
+
+    @property
+    def _refusal(self) -> str:
+        """Why home is not within, or that no pose is although home might be."""
+        home = self.margin(np.zeros(3))
+        reason = str(home.reason)
+        if not reason:
+            return "the height that the stroke leaves is nothing"
+        value = float(home.columns[reason])
+        return f"at home the margin of {reason!r} is {value:g}"
+
+
+def _poses(y: FloatArray, theta: FloatArray) -> FloatArray:
+    return np.stack([y, np.zeros_like(y), theta], axis=-1)
+
+
+def _union(count: int, row: Any, low: FloatArray, high: FloatArray) -> FloatArray:
+    """Return the length of the union of ranges in each row; -1 in rows without any."""
+    order = np.lexsort((low, row))
+    found, end = np.full(count, -1.0), np.full(count, -np.inf)
+    for k in order:
+        i = row[k]
+        found[i] = max(found[i], 0.0) + max(high[k] - max(low[k], end[i]), 0.0)
+        end[i] = max(end[i], high[k])
+    return found
