@@ -11,7 +11,7 @@ from lagrange import BODIES, cloud_body, random_cloud
 from p3dof import kinematics
 from p3dof.methods.virtual_power import VirtualPowerMethod
 from p3dof.motion import states_of
-from p3dof.parameters import Bodies, Body, Geometry, Parameters
+from p3dof.parameters import SLIDES, Actuators, Bodies, Body, Geometry, Parameters
 
 SEEDS = st.integers(0, 2**32 - 1)
 FAR = {"drop": 0.1, "angle": 0.01}
@@ -61,6 +61,16 @@ def drops(geometry, pose):
         axis=-1,
     )
     return np.sqrt(np.maximum(squares, 0)) / L
+
+
+def random_actuators(rng, machine, springs=True):
+    """Armature and balance at all sliders, about as heavy as the machine."""
+    mass = machine.bodies.mass
+
+    def by(low, high):
+        return dict(zip(SLIDES, rng.uniform(low, high, 3) * mass, strict=True))
+
+    return Actuators(by(0, 2), by(-10, 10), by(-20, 20) if springs else {}, by(0, 1))
 
 
 def random_states(parameters, seed, count, drop=FAR["drop"], angle=FAR["angle"], near=None, side=None):

@@ -14,7 +14,14 @@ import pytest
 from compilers import CC, COMPILED, each_c, each_cpp
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from machines import SEEDS, conditioning, random_machine, random_states, virtual_power_forces
+from machines import (
+    SEEDS,
+    conditioning,
+    random_actuators,
+    random_machine,
+    random_states,
+    virtual_power_forces,
+)
 from test_friction import random_friction
 
 import p3dof.cli.codegen  # the command
@@ -22,15 +29,15 @@ from p3dof import kinematics
 from p3dof.cli import main
 from p3dof.codegen import batch, controller, lanes, reference
 from p3dof.codegen.controller import controller_files, prototypes
-from p3dof.codegen.machine import machine_numbers, parameter_row
+from p3dof.codegen.machine import ACTUATORS, machine_numbers, parameter_row
 from p3dof.codegen.printing import Printer, operation_counts
 from p3dof.codegen.routines import routines
 from p3dof.compiled.formulas import MODEL, kernel
-from p3dof.compiled.reduced import Reduced, model_of
+from p3dof.compiled.reduced import Actuated, Reduced, model_of
 from p3dof.compiled.reduced.friction import JOINTS
 from p3dof.errors import FileError, P3dofError, ParameterError, ReachError, SingularityError
 from p3dof.files import check_generated, write_generated
-from p3dof.parameters import LINKS, PAPER, SOLIDS, Body, Parameters, write_parameters
+from p3dof.parameters import LINKS, PAPER, SLIDES, SOLIDS, Body, Friction, Parameters, write_parameters
 
 WARNINGS = ("-Wall", "-Wextra", "-Werror", "-pedantic", "-Wconversion", "-Wshadow", "-Wdouble-promotion")
 STRICT = ("-Wstrict-prototypes", "-Wmissing-prototypes", "-Wcast-qual", "-Wundef", "-Wfloat-equal")
@@ -41,8 +48,10 @@ GROUPS = {name: [a.shape for a in outputs] for name, _, outputs in prototypes()}
 
 
 def general(seed):
-    """A machine without any symmetry and with friction."""
-    return replace(random_machine(seed), friction=random_friction(np.random.default_rng(seed)))
+    """A machine without any symmetry, with friction and actuators."""
+    rng, machine = np.random.default_rng(seed), random_machine(seed)
+    own = random_actuators(np.random.default_rng(seed), machine)
+    return replace(machine, friction=random_friction(rng), actuators=own)
 
 
 MACHINES = {"paper": PAPER, "solids": SOLIDS, "general": general(4)}
@@ -89,6 +98,7 @@ class CParameters(ctypes.Structure):
         ("speed", ctypes.c_double),
         ("force", ctypes.c_double),
         ("tilt", ctypes.c_double * 2),
+        *((kind, ctypes.c_double * 3) for kind in ACTUATORS),
     )
 
     @classmethod
@@ -104,6 +114,8 @@ class CParameters(ctypes.Structure):
         limits = machine.limits
         found.travel[:], found.tilt[:] = limits.travel, limits.tilt
         found.speed, found.force = limits.speed, limits.force
+        for kind in ACTUATORS:
+            getattr(found, kind)[:] = [getattr(machine.actuators, kind).get(slide, 0.0) for slide in SLIDES]
         return found
 
 
@@ -364,13 +376,13 @@ def test_the_equations_of_motion_balance(library):
 
 def test_base_parameters_are_all_that_matters(library):
     """The forces are the derivatives by the base parameters times these, without friction and wrench."""
-    machine = random_machine(10)
+    machine = replace(general(10), friction=Friction())
     model, states = library.prepare(machine), random_states(machine, 10, 20, drop=0.3, angle=0.2)
     for motion in zip(states.pose, states.velocity, states.acceleration, strict=True):
         forces, by = library.call("parameter_derivatives", model, *motion, None)
         found = by[:, 6:] @ np.array(model.numbers)[6:]
         np.testing.assert_allclose(found, forces, rtol=0, atol=1e-12 * np.abs(by[:, 6:]).max())
-    assert len(Reduced._fields) == by.shape[1] - 6
+    assert len(Reduced._fields) + len(Actuated._fields) == by.shape[1] - 6
 
 
 def test_derivatives_by_finite_differences(library):
@@ -465,6 +477,8 @@ def test_bad_bodies_friction_and_gravity_are_refused(library):
         lambda p: p.bodies[0].inertia.__setitem__(0, -1),
     ]
     changes += [lambda p: setattr(p.bodies[8], "mass", 1e308)]
+    changes += [lambda p: p.armature.__setitem__(0, -1), lambda p: p.counterweight.__setitem__(2, -1)]
+    changes += [lambda p: p.spring.__setitem__(0, np.nan), lambda p: p.counterbalance.__setitem__(1, np.inf)]
     for change in changes:
         parameters, model = CParameters.of(general(4)), CModel()
         change(parameters)
@@ -557,7 +571,7 @@ def test_the_reference_is_a_matter_of_the_other_methods():
     q, v, a, w = (found.inputs[name] for name in ("pose", "velocity", "acceleration", "wrench"))
     by = reference.number_derivatives(machine, q, v, a, w)
     without = replace(machine, friction=p3dof.parameters.Friction())
-    base = np.array([float(x) for x in model_of(machine).bodies])
+    base = np.array([float(x) for x in model_of(machine).numbers[6:]])
     forces = virtual_power_forces(without, q, v, a)
     np.testing.assert_allclose(by[..., 6:] @ base, forces, rtol=0, atol=1e-12 * np.abs(forces).max())
     bias = reference.bias(machine, q, v)

@@ -13,7 +13,7 @@ from p3dof.compiled.reduced.friction import FRICTION, JOINTS, folded
 from p3dof.errors import ParameterError
 from p3dof.paper.formulas import Lengths
 from p3dof.paper.inertials import Inertial
-from p3dof.parameters import LINKS, Parameters
+from p3dof.parameters import LINKS, SLIDES, Parameters
 from p3dof.tracing import Number, Symbol, Tape
 
 MACHINE = (*MODEL, *FRICTION)
@@ -31,11 +31,15 @@ def body_names(link: str) -> list[str]:
     return [f"{link}.mass", *(f"{link}.com{i}" for i in range(3)), *(f"{link}.{name}" for name in INERTIA)]
 
 
+ACTUATORS = ("armature", "counterbalance", "spring", "counterweight")
+"""What motors, screws and balances have at each slider."""
+
 GIVEN = (
     *("r", "R", "L", "gx", "gy", "gz"),
     *(name for link in LINKS for name in body_names(link)),
     *(f"{kind}.{joint}" for kind in ("viscous", "coulomb") for joint in JOINTS),
     "smoothing",
+    *(f"{kind}.{slide}" for kind in ACTUATORS for slide in SLIDES),
 )
 """The parameters of a machine in a row."""
 
@@ -61,8 +65,10 @@ def preparation() -> tuple[Tape, dict[str, Symbol], list[Number]]:
     viscous, coulomb = (
         folded({joint: given[f"{kind}.{joint}"] for joint in JOINTS}) for kind in ("viscous", "coulomb")
     )
+    rows = ([given[f"{kind}.{slide}"] for slide in SLIDES] for kind in ACTUATORS)
+    actuated = reduced.fold_actuators(rows, given["gz"])
     lengths_and_gravity = [given[name] for name in MODEL[:6]]
-    return tape, given, [*lengths_and_gravity, *base, *viscous, *coulomb, 1 / given["smoothing"]]
+    return tape, given, [*lengths_and_gravity, *base, *actuated, *viscous, *coulomb, 1 / given["smoothing"]]
 
 
 def parameter_row(parameters: Parameters) -> list[float]:
@@ -77,8 +83,6 @@ def parameter_row(parameters: Parameters) -> list[float]:
     -------
     list of float
     """
-    if parameters.actuators:
-        raise ParameterError("parameters: actuators are not in the dynamics yet")
     geometry, friction = parameters.geometry, parameters.friction
     row = [geometry.r, geometry.R, geometry.L, *parameters.gravity.tolist()]
     for _, body in tuple(parameters.bodies.items()):
@@ -87,7 +91,8 @@ def parameter_row(parameters: Parameters) -> list[float]:
         row += [body.mass, *body.com.tolist(), *(float(value) for value in six)]
     row += [friction.viscous.get(joint, 0.0) for joint in JOINTS]
     row += [friction.coulomb.get(joint, 0.0) for joint in JOINTS]
-    return [*row, friction.smoothing]
+    row.append(friction.smoothing)
+    return row + [of.get(slide, 0.0) for of in parameters.actuators.mappings for slide in SLIDES]
 
 
 def limit_row(parameters: Parameters) -> list[float]:

@@ -19,7 +19,7 @@ from p3dof.codegen.precision import DOUBLE, Precision
 from p3dof.codegen.replay import replay
 from p3dof.codegen.routines import LOAD, Routine, routines
 from p3dof.compiled.formulas import MODEL
-from p3dof.compiled.reduced import SYMMETRIC_ZEROS
+from p3dof.compiled.reduced import SMALLER_ZEROS, Actuated
 from p3dof.compiled.reduced.friction import FRICTION
 from p3dof.errors import ParameterError
 from p3dof.parameters import Parameters
@@ -255,9 +255,9 @@ def _tolerances(precision: Precision) -> dict[int, Number]:
 
 
 def _symmetric(routine: Routine) -> int:
-    """Return the operations for symmetric bodies, constants aside."""
+    """Return the operations for symmetric bodies without actuators, constants aside."""
     all_, tape = routines(), Tape()
-    zeros = {"gx", "gy", *SYMMETRIC_ZEROS, *FRICTION}
+    zeros = {*SMALLER_ZEROS, *Actuated._fields, *FRICTION}
     known: dict[int, Number] = {
         symbol.index: 0 if name in zeros else tape.symbol(name, constant=name in MODEL)
         for name, symbol in all_.symbols.items()

@@ -21,11 +21,12 @@ from p3dof.compiled.reduced import fold
 from p3dof.errors import ParameterError
 from p3dof.methods.virtual_power import VirtualPowerMethod
 from p3dof.motion import states_of
+from p3dof.paper.actuators import NO_ACTUATION, actuation_of
 from p3dof.paper.formulas import Lengths
 from p3dof.paper.friction import NO_LOSSES, losses_of
 from p3dof.paper.inertials import Inertial, inertials
 from p3dof.paper.virtual_power import NO_WRENCH, Wrench, actuator_forces, generalized_forces
-from p3dof.parameters import LINKS, Parameters
+from p3dof.parameters import LINKS, SLIDES, Parameters
 
 _STEP = 1e-100
 """Complex step: nothing is subtracted."""
@@ -176,6 +177,7 @@ def bias(parameters: Parameters, pose: FloatArray, velocity: FloatArray) -> Floa
         _REST,
         np,
         losses=losses_of(parameters.friction),
+        actuation=actuation_of(parameters.actuators, parameters.gravity),
     )
     stacked: FloatArray = _stacked(found, len(pose))
     return stacked
@@ -234,7 +236,7 @@ def number_derivatives(
 
     Returns
     -------
-    ndarray, shape (N, 3, 27)
+    ndarray, shape (N, 3, 36)
     """
     lengths, count = Lengths.of(parameters.geometry), len(pose)
     rows: list[Any] = [*pose.T, *velocity.T, *acceleration.T]
@@ -246,7 +248,8 @@ def number_derivatives(
     size = np.abs(folds).max(axis=0)  # kg, kg m and kg m² side by side
     base: FloatArray = columns @ (np.linalg.pinv(folds / size) / size[:, None]).T
     found = np.empty((count, 3, len(MODEL)))
-    found[..., 6:] = base
+    bodies = 6 + base.shape[-1]
+    found[..., 6:bodies], found[..., bodies:] = base, _by_actuators(parameters, pose, velocity, acceleration)
     own, resting = inertials(parameters.bodies), [*pose.T, *([0.0 * pose[:, 0]] * 6)]
     for axis, unit in enumerate(((1, 0, 0), (0, 1, 0), (0, 0, 1))):
         found[..., 3 + axis] = _stacked(_forces(None, lengths, own, unit, resting), count)
@@ -255,6 +258,19 @@ def number_derivatives(
         total = _forces(parameters, stepped, own, gravity, rows, wrench)
         moved = np.array([np.imag(value) / _STEP for value in fold(stepped, own)])
         found[..., place] = np.imag(_stacked(total, count)) / _STEP - base @ moved
+    return found
+
+
+def _by_actuators(
+    parameters: Parameters, pose: FloatArray, velocity: FloatArray, acceleration: FloatArray
+) -> FloatArray:
+    """Return the derivatives by inertia, balance and stiffness at each slider, (N, 3, 9)."""
+    moving = kinematics.mechanism_motion(parameters.geometry, pose, velocity, acceleration)
+    found = np.zeros((len(pose), 3, 9))
+    for leg, slide in enumerate(SLIDES):
+        found[:, leg, leg] = moving.acceleration[slide]
+        found[:, leg, 3 + leg] = -1
+        found[:, leg, 6 + leg] = moving.position[slide]
     return found
 
 
@@ -267,12 +283,16 @@ def _forces(
     wrench: FloatArray | None = None,
 ) -> Vector:
     """Return the forces at states given as nine columns, with the friction of a machine."""
-    losses = NO_LOSSES if parameters is None else losses_of(parameters.friction)
+    losses, actuation = NO_LOSSES, NO_ACTUATION
+    if parameters is not None:
+        losses = losses_of(parameters.friction)
+        actuation = actuation_of(parameters.actuators, parameters.gravity)
     load = NO_WRENCH
     if wrench is not None:
         load = Wrench(components(wrench[:, :3]), components(wrench[:, 3:]))
     pose, velocity, acceleration = (components(rows[i : i + 3]) for i in (0, 3, 6))
-    return actuator_forces(lengths, bodies, gravity, pose, velocity, acceleration, np, load, losses)
+    motion = pose, velocity, acceleration
+    return actuator_forces(lengths, bodies, gravity, *motion, np, load, losses, actuation)
 
 
 def _probes(lengths: Lengths) -> list[dict[str, Inertial]]:

@@ -7,11 +7,12 @@ from math import prod
 
 from p3dof.codegen.controller import MARK, prototypes
 from p3dof.codegen.filling import fill
+from p3dof.codegen.machine import ACTUATORS
 from p3dof.codegen.naming import PREFIX
 from p3dof.codegen.routines import Argument
 from p3dof.codegen.webassembly import Exported, Rows, WebModule
 from p3dof.compiled.reduced.friction import JOINTS
-from p3dof.parameters import LINKS
+from p3dof.parameters import LINKS, SLIDES
 
 _STATUSES = (
     "OK",
@@ -134,4 +135,7 @@ def _places() -> tuple[dict[str, object], int]:
     for name, size in (("smoothing", 1), ("travel", 2), ("speed", 1), ("force", 1), ("tilt", 2)):
         found[name] = place
         place += size
+    for kind in ACTUATORS:
+        found[kind] = {slide: place + i for i, slide in enumerate(SLIDES)}
+        place += len(SLIDES)
     return found, place

@@ -14,7 +14,7 @@ from functools import cache
 from p3dof.algebra import Vector, subtract
 from p3dof.compiled import reduced
 from p3dof.compiled.formulas import ACCELERATION, FORCES, MODEL, SLIDERS, VELOCITY, WRENCH, Kernel
-from p3dof.compiled.reduced import SYMMETRIC_ZEROS, Model, Shape, State
+from p3dof.compiled.reduced import SMALLER_ZEROS, Model, Shape, State
 from p3dof.compiled.reduced.friction import FRICTION, generalized_friction
 from p3dof.compiled.reduced.shapes import roots_of_u
 from p3dof.tracing import Number, Tape
@@ -112,7 +112,7 @@ def numbers_of(tape: Tape, symmetric: bool, friction: bool, prefix: str = "") ->
     -------
     tuple of Symbol or 0
     """
-    zeros = ("gx", "gy", *SYMMETRIC_ZEROS) if symmetric else ()
+    zeros = SMALLER_ZEROS if symmetric else ()
     names = (*MODEL, *(FRICTION if friction else ()))
     return tuple(0 if name in zeros else tape.symbol(prefix + name, constant=True) for name in names)
 

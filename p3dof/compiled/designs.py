@@ -13,10 +13,10 @@ from p3dof.checks import FloatArray
 from p3dof.compiled.design_kernels import design_kernel, smaller_form
 from p3dof.compiled.formulas import MODEL
 from p3dof.compiled.kernels import NUMPY, MachineKernels, _extension
-from p3dof.compiled.reduced import SYMMETRIC_ZEROS
+from p3dof.compiled.reduced import SMALLER_ZEROS
 from p3dof.compiled.tangents import forces_tangent, sliders_tangent
 
-_ZEROS = tuple(MODEL.index(name) for name in ("gx", "gy", *SYMMETRIC_ZEROS))
+_ZEROS = tuple(MODEL.index(name) for name in SMALLER_ZEROS)
 _LENGTHS = 3
 """r, R, L; as many numbers as a pose has."""
 _SLIDERS, _POWER = 2 | 4, 4
@@ -78,7 +78,7 @@ class DesignLoops:
         Parameters
         ----------
         model : sequence of float or ndarray, shape (D,)
-            The 27 numbers of the designs, then those of friction.
+            The 36 numbers of the designs, then those of friction.
         offsets : ndarray, shape (D, 3), optional
             By how much the whole motion is moved.
         count : int

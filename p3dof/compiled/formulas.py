@@ -1,7 +1,7 @@
 """The kernels as formulas: what is traced, from which numbers of the machine, for which inputs and outputs.
 
 Every kernel exists for general bodies and, with fewer operations, for bodies that are symmetric as the
-paper's are under gravity along z0. The last output of each is its margin; see
+paper's are under gravity along z0, without springs at the sliders. The last output of each is its margin; see
 `p3dof.compiled.reduced.margin`.
 """
 
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from p3dof.compiled import reduced
-from p3dof.compiled.reduced import SYMMETRIC_ZEROS, Model, Reduced, State
+from p3dof.compiled.reduced import MOVING, SMALLER_ZEROS, Actuated, Model, Reduced, State
 from p3dof.compiled.reduced.friction import FRICTION, generalized_friction
 from p3dof.tracing import Number, Symbol, Tape, derivatives
 from p3dof.tracing.divisions import in_pairs
@@ -31,7 +31,7 @@ SLIDERS = ("slide_a", "slide_b", "slide_c")
 MASSES = ("m_yy", "m_yz", "m_yt", "m_zt", "m_tt", "m_zz")
 GRAVITY = ("gx", "gy", "gz")
 
-MODEL = ("r", "R", "L", *GRAVITY, *Reduced._fields)
+MODEL = ("r", "R", "L", *GRAVITY, *Reduced._fields, *Actuated._fields)
 """The numbers of a machine in a row, as in `Model.numbers`."""
 
 
@@ -46,7 +46,7 @@ class Kernel:
     tape : Tape
         Its operations.
     model : tuple of Symbol or 0
-        The 27 numbers of a machine, and of its friction where there is; zeros of symmetric bodies are the
+        The 36 numbers of a machine, and of its friction where there is; zeros of symmetric bodies are the
         number 0.
     inputs, outputs : tuple of str
         What a sample has, and what comes out, by name.
@@ -166,8 +166,7 @@ def is_symmetric(model: Model) -> bool:
     -------
     bool
     """
-    zeros = [model.gx, model.gy, *(getattr(model.bodies, name) for name in SYMMETRIC_ZEROS)]
-    return not any(zeros)
+    return not any(number for name, number in zip(MODEL, model.numbers, strict=True) if name in SMALLER_ZEROS)
 
 
 def _inverse(tape: Tape, model: Model, rows: dict[str, Symbol]) -> list[Number]:
@@ -213,7 +212,7 @@ def less_friction(tape: Tape, model: Model, rows: Mapping[str, Any]) -> dict[str
 
 def _gravity(tape: Tape, model: Model, rows: dict[str, Symbol]) -> list[Number]:
     x = reduced.shape(model, rows["y"], rows["theta"], tape)
-    F, Q = reduced.loads(model, x, State(rows["y"], rows["theta"], 0, 0, 0, 0, 0), tape)
+    F, Q = reduced.loads(model, x, State(rows["y"], rows["theta"], 0, 0, 0, 0, 0, rows["z"]), tape)
     found = [f + q for f, q in zip(reduced.transposed(x, F), Q, strict=True)]
     return [*found, reduced.margin(model, x, tape, [*found, rows["z"]], held=False)]
 
@@ -234,7 +233,7 @@ def _assembly(tape: Tape, model: Model, rows: dict[str, Symbol]) -> list[Number]
 
 def _derivatives(tape: Tape, model: Model, rows: dict[str, Symbol]) -> list[Number]:
     *forces, margin = _inverse(tape, model, rows)
-    by_state = derivatives(forces, [rows[name] for name in State._fields])
+    by_state = derivatives(forces, [rows[name] for name in MOVING])
     return [*forces, *(entry for row in by_state for entry in row), margin]
 
 
@@ -271,7 +270,7 @@ _MOTION = (*POSE, *VELOCITY, *ACCELERATION)
 _DRIVEN = (*POSE, *VELOCITY, *FORCES)
 CORIOLIS = ("c_yy", "c_yt", "c_zy", "c_zt", "c_ty", "c_tt")
 _WATCHED = (*SLIDERS, "cos_a", "cos_b", "cos_c", "cos_54")
-_BY_STATE = tuple(f"d{force}_d{name}" for force in FORCES for name in State._fields)
+_BY_STATE = tuple(f"d{force}_d{name}" for force in FORCES for name in MOVING)
 _FORMULAS: dict[str, tuple[_Formula, tuple[str, ...], tuple[str, ...]]] = {
     "inverse_dynamics": (_inverse, _MOTION, FORCES),
     "inverse_dynamics_loaded": (_inverse, (*_MOTION, *WRENCH), FORCES),
@@ -325,7 +324,7 @@ def kernel(name: str, symmetric: bool = False) -> Kernel:
     """
     formula, inputs, outputs = _FORMULAS[name]
     symmetric = symmetric and name not in OF_LENGTHS
-    zeros: Sequence[str] = ("gx", "gy", *SYMMETRIC_ZEROS) if symmetric else ()
+    zeros: Sequence[str] = SMALLER_ZEROS if symmetric else ()
     tape = Tape()
     model = tuple(0 if number in zeros else tape.symbol(number, constant=True) for number in MODEL)
     friction = tape.symbols(FRICTION, constant=True) if name in WITH_FRICTION else ()

@@ -90,8 +90,6 @@ class MachineKernels:
     def __init__(self, parameters: Parameters, level: str | None = None, threads: int | None = None) -> None:
         if not isinstance(parameters, Parameters):
             raise InputError(f"parameters: expected Parameters, got {type(parameters).__name__}")
-        if parameters.actuators:
-            raise InputError("parameters: actuators are not in the dynamics yet")
         self.parameters = parameters
         self.level = _level(level)
         self.threads = thread_count(threads)

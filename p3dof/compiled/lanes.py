@@ -15,7 +15,7 @@ from p3dof.algebra import Vector
 from p3dof.checks import FloatArray
 from p3dof.compiled import reduced
 from p3dof.compiled.formulas import ACCELERATION, FORCES, MODEL, POSE, VELOCITY, WRENCH, Kernel, less_friction
-from p3dof.compiled.reduced import SYMMETRIC_ZEROS, Model, Shape, State
+from p3dof.compiled.reduced import SMALLER_ZEROS, Model, Shape, State
 from p3dof.compiled.reduced.friction import FRICTION
 from p3dof.tracing import Number, Symbol, Tape, derivatives
 from p3dof.tracing.divisions import in_pairs
@@ -42,7 +42,7 @@ class LaneKernel(Kernel):
 
         Parameters
         ----------
-        model : sequence of 27 ndarray, shape (count,)
+        model : sequence of 36 ndarray, shape (count,)
             The numbers of the machines, as in `Model.numbers`; those of `FRICTION` after them where the
             kernel has friction.
         count : int
@@ -191,7 +191,7 @@ def lane_kernel(name: str, symmetric: bool = False) -> LaneKernel:
     """
     formula, inputs, outputs = _FORMULAS[name]
     symmetric = symmetric and name in OF_BODIES
-    zeros: Sequence[str] = ("gx", "gy", *SYMMETRIC_ZEROS) if symmetric else ()
+    zeros: Sequence[str] = SMALLER_ZEROS if symmetric else ()
     tape = Tape()
     model = tuple(0 if number in zeros else tape.symbol(number, constant=True) for number in MODEL)
     friction = tape.symbols(FRICTION, constant=True) if name in WITH_FRICTION else ()

@@ -219,7 +219,7 @@ def set_machines(rows: FloatArray, model: tuple[Any, ...], symmetric: bool) -> F
     rows : ndarray, shape (R, INPUT_WIDTH)
         Where to write.
     model : tuple of numbers or ndarray, shape (R,)
-        The 27 of `Model.numbers`; and those of `FRICTION` where joints have friction.
+        The 36 of `Model.numbers`; and those of `FRICTION` where joints have friction.
     symmetric : bool
         Whether all are symmetric.
 

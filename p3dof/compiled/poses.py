@@ -41,7 +41,7 @@ def pose_at(geometry: Geometry, sliders: FloatArray) -> FloatArray:
 
 @lru_cache(maxsize=64)
 def _assembly(geometry: Geometry) -> Callable[..., tuple[float, ...]]:
-    model = Model.of_numbers((geometry.r, geometry.R, geometry.L, *24 * (0,)))
+    model = Model.of_numbers((geometry.r, geometry.R, geometry.L, *33 * (0,)))
 
     def formula(tape: Tape, *sliders: Symbol) -> Sequence[Number]:
         pose, margin = assembled(model, (sliders[0], sliders[1], sliders[2]), tape)

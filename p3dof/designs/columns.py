@@ -185,6 +185,10 @@ def _of_machines(machines: Sequence[Parameters]) -> dict[str, FloatArray]:
     for machine in machines:
         if not isinstance(machine, Parameters):
             raise InputError(f"designs: expected Parameters, got {shown(machine)}")
+        if machine.actuators:
+            raise InputError(
+                "designs: of machines with actuators, give `machine` and columns of what differs"
+            )
     rows = [numbers_of(machine) for machine in machines]
     joints = dict.fromkeys(name for row in rows for name in row if name.startswith("friction."))
     return {

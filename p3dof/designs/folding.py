@@ -15,14 +15,13 @@ import numpy as np
 
 from p3dof.algebra import Scalar, add, matrix_sum, plus, times
 from p3dof.compiled.formulas import MODEL
-from p3dof.compiled.reduced import Moments, fold_moments, moments_of
+from p3dof.compiled.reduced import Actuated, Moments, fold_actuators, fold_moments, moments_of
 from p3dof.compiled.reduced.friction import folded
 from p3dof.designs.columns import BodiesOfDesigns, by_joint_of
 from p3dof.designs.names import DENSITY, GRAVITY, KINDS, LENGTHS, SIZES
-from p3dof.errors import InputError
 from p3dof.paper.formulas import Lengths
 from p3dof.paper.inertials import inertials, numbers
-from p3dof.parameters import LINKS, STEEL_DENSITY, Body, Dimensions, Parameters
+from p3dof.parameters import LINKS, SLIDES, STEEL_DENSITY, Body, Dimensions, Parameters
 from p3dof.parameters.inertial import Inertial
 from p3dof.parameters.named import inertials_of_solids
 from p3dof.parameters.solids import scales
@@ -49,7 +48,7 @@ class Folded(NamedTuple):
     Parameters
     ----------
     numbers : tuple
-        The 27 of `p3dof.compiled.reduced.Model.numbers`, then the coefficients of friction and its
+        The 36 of `p3dof.compiled.reduced.Model.numbers`, then the coefficients of friction and its
         smoothing: each a number, or a column (D,).
     """
 
@@ -187,14 +186,13 @@ def folding_of(names: tuple[str, ...], machine: Parameters, bodies: BodiesOfDesi
     -------
     Folding
     """
-    if machine.actuators:
-        raise InputError("parameters: actuators are not in the dynamics yet")
     tape = Tape()
     inputs = {name: tape.symbol(name, constant=True) for name in names if not name.startswith("limits.")}
     lengths = _lengths(inputs, machine, tape)
     moments = _moments(inputs, lengths, machine, bodies, tape)
     gravity = [inputs.get(name, float(g) or 0) for name, g in zip(GRAVITY, machine.gravity, strict=True)]
     results = [lengths.r, lengths.R, lengths.L, *gravity, *fold_moments(lengths, moments)]
+    results += _actuators(machine, gravity[2])
     results += _friction(inputs, machine)
     exact = tuple(value if isinstance(value, Symbol) else value or 0 for value in results)
     return Folding(tape, inputs, exact, machine)
@@ -283,6 +281,12 @@ def _joined(bodies: list[Inertial]) -> Inertial:
 def _inertial(body: Body) -> Inertial:
     rows = [numbers(row) for row in body.inertia]
     return Inertial(body.mass or 0, numbers(body.com), (rows[0], rows[1], rows[2]))
+
+
+def _actuators(machine: Parameters, gz: Any) -> Actuated:
+    """Return the numbers of motors, screws and balances."""
+    rows = ([of.get(slide, 0) for slide in SLIDES] for of in machine.actuators.mappings)
+    return fold_actuators(rows, gz)
 
 
 def _friction(inputs: Mapping[str, Symbol], machine: Parameters) -> list[Any]:

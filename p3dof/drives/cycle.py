@@ -24,8 +24,8 @@ class Moved(Protocol):
         """Times of the samples, shape (N,) [s]."""
 
     @property
-    def forces(self) -> FloatArray:
-        """Forces of the actuators, shape (N, 3) [N]."""
+    def nut_forces(self) -> FloatArray:
+        """Forces of the actuators without what armatures take, shape (N, 3) [N]."""
 
     @property
     def slider_velocities(self) -> FloatArray:
@@ -111,5 +111,5 @@ def cycle_of(found: Moved, rest: float = 0.0, holding: FloatArray | None = None)
     """
     if not found.possible:
         raise DriveError("the machine cannot make this motion: there is nothing to size")
-    columns = found.forces, found.slider_velocities, found.slider_accelerations
+    columns = found.nut_forces, found.slider_velocities, found.slider_accelerations
     return Cycle(found.time, *columns, rest, holding)  # type: ignore[arg-type]

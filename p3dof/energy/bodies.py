@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, shown
 from p3dof.errors import InputError
-from p3dof.kinematics import mechanism_motion
+from p3dof.kinematics import MechanismMotion, mechanism_motion
 from p3dof.parameters import LINKS, Parameters
 from p3dof.samples import OnInvalid
 
@@ -22,8 +22,8 @@ class Quantities:
     ----------
     sliders : ndarray, shape (..., 3)
         Slider positions A, B, C [m].
-    kinetic, potential : ndarray, shape (..., 10)
-        Energies of each body [J].
+    kinetic, potential : ndarray, shape (..., 10) or (..., 13)
+        Energies of each of `bodies_of` the machine [J].
     momentum, angular_momentum : ndarray, shape (..., 3)
         Of all bodies together, the angular one about O, in fixed axes [N s, N m s].
     """
@@ -33,6 +33,25 @@ class Quantities:
     potential: FloatArray
     momentum: FloatArray
     angular_momentum: FloatArray
+
+
+ACTUATORS = ("actuator_a", "actuator_b", "actuator_c")
+"""What the energies of motors, screws and balances are called."""
+
+
+def bodies_of(parameters: Parameters) -> tuple[str, ...]:
+    """Return what has energy: the ten bodies, and the three actuators where there are any.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine.
+
+    Returns
+    -------
+    tuple of str
+    """
+    return (*LINKS, *ACTUATORS) if parameters.actuators else LINKS
 
 
 def quantities(
@@ -73,13 +92,25 @@ def quantities(
         potential[..., k] -= body.mass * np.sum(c * parameters.gravity, axis=-1)
         linear += body.mass * v
         angular += body.mass * np.cross(c, v) + np.einsum("...ij,...j->...i", motion.rotation, spin)
+    if parameters.actuators:
+        own, stored = _of_actuators(parameters, moving)
+        kinetic = np.concatenate([kinetic, own], axis=-1)
+        potential = np.concatenate([potential, stored], axis=-1)
     return Quantities(moving.sliders, kinetic, potential, linear, angular)
+
+
+def _of_actuators(parameters: Parameters, moving: MechanismMotion) -> tuple[FloatArray, FloatArray]:
+    """Return kinetic and potential energy of motors, screws and balances, the latter zero at home."""
+    actuators, position = parameters.actuators, moving.sliders
+    home = actuators.balance_at_home(parameters.gravity)
+    kinetic: FloatArray = actuators.inertia * moving.slider_velocities**2 / 2
+    return kinetic, position * (actuators.stiffness * position / 2 - home)
 
 
 def kinetic_energy(
     parameters: Parameters, pose: ArrayLike, velocity: ArrayLike, on_invalid: OnInvalid = "raise"
 ) -> FloatArray:
-    """Return the kinetic energy of each body.
+    """Return the kinetic energy of each body, and of the actuators where the machine has any.
 
     Parameters
     ----------
@@ -92,8 +123,8 @@ def kinetic_energy(
 
     Returns
     -------
-    ndarray, shape (..., 10)
-        In the order of `LINKS` [J].
+    ndarray, shape (..., 10) or (..., 13)
+        In the order of `bodies_of` the machine [J].
 
     Raises
     ------
@@ -106,6 +137,8 @@ def kinetic_energy(
 def potential_energy(parameters: Parameters, pose: ArrayLike, on_invalid: OnInvalid = "raise") -> FloatArray:
     """Return the potential energy of each body, zero where its mass centre is at the origin O.
 
+    That of the actuators, where the machine has any, is stored in their balances, and zero at home.
+
     Parameters
     ----------
     parameters : Parameters
@@ -117,8 +150,8 @@ def potential_energy(parameters: Parameters, pose: ArrayLike, on_invalid: OnInva
 
     Returns
     -------
-    ndarray, shape (..., 10)
-        In the order of `LINKS` [J].
+    ndarray, shape (..., 10) or (..., 13)
+        In the order of `bodies_of` the machine [J].
 
     Raises
     ------
@@ -132,6 +165,8 @@ def momentum(
     parameters: Parameters, pose: ArrayLike, velocity: ArrayLike, on_invalid: OnInvalid = "raise"
 ) -> tuple[FloatArray, FloatArray]:
     """Return the momentum of all bodies together, and their angular momentum about the origin O.
+
+    Motors, screws and counterweights, whose axes and places are not known, are left out.
 
     Parameters
     ----------

@@ -7,13 +7,13 @@ from dataclasses import fields
 import numpy as np
 
 from p3dof.checks import FloatArray, shown
-from p3dof.energy.bodies import quantities
+from p3dof.energy.bodies import bodies_of, quantities
 from p3dof.energy.results import DriveLoads, Energy
 from p3dof.energy.work import work_over
 from p3dof.errors import InputError
 from p3dof.methods import InverseDynamics
 from p3dof.motion.wrenches import WRENCH_ROWS
-from p3dof.parameters import LINKS, Parameters
+from p3dof.parameters import Parameters
 
 _SAME_MACHINE = 1e-6
 """Share of a leg's length by which sliders of a result may differ from those of the machine."""
@@ -54,7 +54,7 @@ def energy_of(parameters: Parameters, result: InverseDynamics) -> Energy:
     work, balance, given = work_over(result, rates, total)
     return Energy(
         time=result.time,
-        bodies=LINKS,
+        bodies=bodies_of(parameters),
         kinetic=found.kinetic,
         potential=found.potential,
         momentum=found.momentum,

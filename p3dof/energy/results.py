@@ -58,11 +58,12 @@ class Energy(ShownInNotebook):
     time : ndarray, shape (N,)
         Times [s].
     bodies : tuple of str
-        Names of the ten bodies.
-    kinetic, potential : ndarray, shape (N, 10)
-        Energies of each body [J]; potential energy is zero where the mass centre is at O.
+        Names of the ten bodies, and of the three actuators where the machine has any.
+    kinetic, potential : ndarray, shape (N, 10) or (N, 13)
+        Energies of each body [J]; potential energy is zero where the mass centre is at O. An actuator has
+        that of the inertia reflected to its slider, and of its balance, zero at home.
     momentum, angular_momentum : ndarray, shape (N, 3)
-        Of all bodies together, the angular one about O, in fixed axes [N s, N m s].
+        Of the ten bodies together, the angular one about O, in fixed axes [N s, N m s].
     power, work : ndarray, shape (N, 3)
         Of the actuators A, B, C on the mechanism, and its integral from the first valid sample [W, J].
     wrench_power, wrench_work : ndarray, shape (N,)

@@ -106,11 +106,11 @@ def over_motion(
         return of_solution(loop, parameters, motion, found, *given)  # type: ignore[arg-type,unused-ignore]
 
     slides = solution.joints.columns(SLIDES)
-    rotors = slides.a * [parameters.actuators.armature.get(name, 0.0) for name in SLIDES]
-    given = _Given(friction, solution, rotors, against, loaded)
+    armature = parameters.actuators.rotors
+    given = _Given(friction, solution, slides.a * armature, against, loaded)
     settled, steps = _settle(given, motion)
     without, with_friction = (
-        with_evidence(method, motion, one, states.wrench, crossings, examine, limits)
+        with_evidence(method, motion, one, states.wrench, crossings, examine, limits, armature)
         for one, limits in ((solution, None), (settled.solution, settled.coulomb))
     )
     return LoadFrictionEffect(

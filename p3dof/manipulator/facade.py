@@ -454,7 +454,8 @@ class Manipulator:
         solution, crossings = without_crossings(motion.time, dynamics.solve(states, progress), on_invalid)
         history = wrench if isinstance(wrench, WrenchHistory) else None
         examine = partial(warnings_about, self.parameters, wrench=history)
-        return with_evidence(method, motion, solution, states.wrench, crossings, examine)
+        rotors = self.parameters.actuators.rotors
+        return with_evidence(method, motion, solution, states.wrench, crossings, examine, armature=rotors)
 
     def load_friction(
         self,

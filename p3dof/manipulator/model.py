@@ -12,6 +12,7 @@ from p3dof.closed_loop import ClosedLoopModel
 from p3dof.compiled import MachineKernels
 from p3dof.errors import InputError
 from p3dof.methods import Methods
+from p3dof.methods.pinocchio_balance import armature_of
 from p3dof.parameters import Parameters
 
 
@@ -32,8 +33,6 @@ class ManipulatorModel:
     def __init__(self, parameters: Parameters) -> None:
         if not isinstance(parameters, Parameters):
             raise InputError(f"parameters: expected Parameters, got {type(parameters).__name__}")
-        if parameters.actuators:
-            raise InputError("parameters: actuators are not in the dynamics yet")
         self.parameters = parameters
         self.methods = Methods(self)
 
@@ -85,6 +84,7 @@ class ManipulatorModel:
         """The mechanism as a general closed-loop model on Pinocchio."""
         loop = ClosedLoopModel.from_urdf(self.exact_urdf, self.sidecar, mimic=False)
         loop.model.gravity.linear = self.parameters.gravity  # a URDF has no place for it
+        loop.model.armature = armature_of(loop.model, self.parameters.actuators)  # nor for this
         return loop
 
     @cached_property

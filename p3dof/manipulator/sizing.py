@@ -35,8 +35,9 @@ def size_drives(
     times rated speed; among equal motors that whose ratings are used least. Those that do not fit come after,
     by the rating that they exceed most.
 
-    Forces are those of the machine without the turning parts of the drives, which are added at the motor.
-    Brakes must hold the machine with what it carries at any pose of the way, without help of friction.
+    Forces are those at the nuts: each drive's own turning parts are added at the motor, and an armature of
+    the machine, which stands for those of another drive, is left out. Brakes must hold the
+    machine with what it carries at any pose of the way, without help of friction.
 
     Parameters
     ----------
@@ -109,7 +110,7 @@ def _static(
         forces.append(machine.forces(poses, still, still, method="compiled"))
         jacobian = np.linalg.inv(machine.jacobian(poses))
         moved = np.swapaxes(jacobian, 1, 2) @ machine.mass_matrix(poses) @ jacobian
-        masses.append(np.diagonal(moved, axis1=1, axis2=2))
+        masses.append(np.diagonal(moved, axis1=1, axis2=2) - parameters.actuators.rotors)
     held, moved = np.concatenate(forces), np.concatenate(masses)
     return np.abs(held).max(axis=0), np.array([moved.min(axis=0), moved.max(axis=0)]), held[-1]
 

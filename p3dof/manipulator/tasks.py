@@ -60,6 +60,11 @@ class TaskForces(ShownInNotebook):
         return np.concatenate([result.forces for result in self.results])
 
     @cached_property
+    def nut_forces(self) -> FloatArray:
+        """Forces that screws pass on to the sliders, shape (N, 3) [N]: without what armatures take."""
+        return np.concatenate([result.nut_forces for result in self.results])
+
+    @cached_property
     def power(self) -> FloatArray:
         """Power of the actuators together, shape (N,) [W]."""
         return np.concatenate([result.power for result in self.results])

@@ -30,7 +30,7 @@ def have_friction(model: tuple[Any, ...], count: int) -> NDArray[np.bool_]:
     Parameters
     ----------
     model : tuple of numbers or ndarray, shape (R,)
-        The 27 of `Model.numbers`; and those of `FRICTION` where joints have friction.
+        The 36 of `Model.numbers`; and those of `FRICTION` where joints have friction.
     count : int
         How many machines.
 
@@ -83,7 +83,7 @@ def decay_rates(model: tuple[Any, ...], y: Any, theta: Any) -> FloatArray:
 
     Parameters
     ----------
-    model : tuple of 46 numbers or ndarray, shape (R,)
+    model : tuple of 55 numbers or ndarray, shape (R,)
         `Model.numbers` and those of `FRICTION`.
     y, theta : float or ndarray, shape (R,)
         Where they are [m, rad].

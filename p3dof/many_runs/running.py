@@ -22,7 +22,7 @@ from p3dof.compiled.many import (
     empty_inputs,
     set_machines,
 )
-from p3dof.compiled.reduced import SYMMETRIC_ZEROS, model_of
+from p3dof.compiled.reduced import SMALLER_ZEROS, model_of
 from p3dof.compiled.reduced.friction import friction_numbers
 from p3dof.designs.folding import folding_of
 from p3dof.many_runs.columns import SEED, START, RunColumns
@@ -43,7 +43,7 @@ _LONG = 4_000_000
 
 @dataclass(frozen=True, eq=False)
 class Machines:
-    """The machines of runs: 27 numbers each, those of friction where any has some, and their limits.
+    """The machines of runs: 36 numbers each, those of friction where any has some, and their limits.
 
     Parameters
     ----------
@@ -84,10 +84,9 @@ class Machines:
 
     def symmetric(self, count: int) -> NDArray[np.bool_]:
         """Return which machines the smaller kernels serve, (R,)."""
-        zeros = ("gx", "gy", *SYMMETRIC_ZEROS)
         found = np.ones(count, dtype=bool)
         for name, number in zip(MODEL, self.model[: len(MODEL)], strict=True):
-            if name in zeros:
+            if name in SMALLER_ZEROS:
                 found &= np.broadcast_to(np.asarray(number) == 0, count)
         return found
 

@@ -110,6 +110,8 @@ def _dissipation(parameters: Parameters, placed: Placed) -> FloatArray:
 def energy_rate(parameters: Parameters, motion: MechanismMotion) -> FloatArray:
     """Return the rate of change of kinetic and potential energy, Σ v·m(a-g) + ω·(Iα + ω×Iω).
 
+    With that of motors and screws, and less what balances give.
+
     Parameters
     ----------
     parameters : Parameters
@@ -122,7 +124,10 @@ def energy_rate(parameters: Parameters, motion: MechanismMotion) -> FloatArray:
     ndarray, shape (...)
         [W].
     """
-    total: FloatArray = np.zeros(motion.sliders.shape[:-1])
+    actuators = parameters.actuators
+    balance = actuators.balance_at_home(parameters.gravity) - actuators.stiffness * motion.sliders
+    net = actuators.inertia * motion.slider_accelerations - balance
+    total: FloatArray = np.sum(motion.slider_velocities * net, axis=-1)
     for name, body in parameters.bodies.items():
         moving = motion.bodies[name]
         _, v, a = moving.at(body.com)

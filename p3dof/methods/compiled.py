@@ -14,7 +14,7 @@ from p3dof.checks import FloatArray, Progress, shown
 from p3dof.compiled.formulas import ACCELERATION, POSE, VELOCITY
 from p3dof.compiled.friction import loss_derivatives
 from p3dof.compiled.kernels import MachineKernels
-from p3dof.compiled.reduced import State
+from p3dof.compiled.reduced import MOVING
 from p3dof.errors import InputError
 from p3dof.kinematics import Placed, holdable, reachable
 from p3dof.methods import kernel_runs
@@ -25,7 +25,7 @@ from p3dof.methods.solution import Solution
 from p3dof.motion.states import States
 from p3dof.outputs import checked_parts, in_rows
 
-_BY_STATE = tuple((*POSE, *VELOCITY, *ACCELERATION).index(name) for name in State._fields)
+_BY_STATE = tuple((*POSE, *VELOCITY, *ACCELERATION).index(name) for name in MOVING)
 """Columns of pose, velocity and acceleration in a row that the forces change with."""
 
 
@@ -169,8 +169,9 @@ def _derivatives_in(room: ForceDerivatives, kernels: MachineKernels, states: Sta
     columns = [by[k // 3][:, force, k % 3] for force in range(3) for k in _BY_STATE]
     run_kernel(kernels, name, states, kernel_runs.MOVING, loads, [*forces.T, *columns], holdable)
     refused = np.isnan(forces[:, 0])
-    for k in set(range(9)) - set(_BY_STATE):  # z and ż change no force, but through friction
+    for k in set(range(9)) - set(_BY_STATE):  # z and ż change no force, but through springs and friction
         by[k // 3][:, :, k % 3] = np.where(refused, np.nan, 0.0)[:, None]
+    by[0][:, :, 1] += kernels.parameters.actuators.stiffness
     if kernels.has_friction:
         lost = loss_derivatives(kernels.parameters, aligned(rows.pose), aligned(rows.velocity))
         by[0] += lost[..., :3]

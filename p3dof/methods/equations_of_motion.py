@@ -26,6 +26,7 @@ from p3dof.kinematics import jacobian_at, reachable
 from p3dof.motion.states import States
 from p3dof.motion.wrenches import WRENCH_ROWS
 from p3dof.outputs import written
+from p3dof.paper.actuators import Actuation, actuation_of
 from p3dof.paper.formulas import Lengths
 from p3dof.paper.friction import NO_LOSSES, Losses, losses_of
 from p3dof.paper.inertials import inertials, numbers
@@ -84,6 +85,8 @@ def coriolis_matrix(parameters: Parameters, states: States, out: FloatArray | No
 def gravity_forces(parameters: Parameters, states: States, out: FloatArray | None = None) -> FloatArray:
     """Return g(x), the gradient of the potential energy: what holds the machine against gravity.
 
+    Less what balances at the sliders bear.
+
     Parameters
     ----------
     parameters : Parameters
@@ -99,8 +102,8 @@ def gravity_forces(parameters: Parameters, states: States, out: FloatArray | Non
         [N, N, N m].
     """
     poses = reachable(parameters.geometry, states).states.pose
-    gravity = numbers(parameters.gravity)
-    found = _generalized(parameters, gravity, components(poses), _REST, _REST)
+    gravity, actuation = numbers(parameters.gravity), _actuation(parameters)
+    found = _generalized(parameters, gravity, components(poses), _REST, _REST, actuation)
     return written(vector_array(found, poses.shape[:-1]), out)
 
 
@@ -124,7 +127,7 @@ def forward_dynamics(parameters: Parameters, states: States) -> FloatArray:
     x, gravity = components(found.pose), numbers(parameters.gravity)
     losses = losses_of(parameters.friction)
     v = components(found.velocity)
-    bias = vector_array(_generalized(parameters, gravity, x, v, _REST, losses), shape)
+    bias = vector_array(_generalized(parameters, gravity, x, v, _REST, _actuation(parameters), losses), shape)
     acting = np.einsum("...ij,...i->...j", jacobian_at(placed), found.forces) - bias
     if found.wrench is not None:
         acting = acting + found.wrench[..., WRENCH_ROWS]
@@ -136,15 +139,26 @@ def forward_dynamics(parameters: Parameters, states: States) -> FloatArray:
 
 
 def _generalized(
-    parameters: Parameters, gravity: Vector, x: Vector, v: Vector, a: Vector, losses: Losses = NO_LOSSES
+    parameters: Parameters,
+    gravity: Vector,
+    x: Vector,
+    v: Vector,
+    a: Vector,
+    actuation: Actuation,
+    losses: Losses = NO_LOSSES,
 ) -> Vector:
     lengths, bodies = Lengths.of(parameters.geometry), inertials(parameters.bodies)
-    return generalized_forces(lengths, bodies, gravity, x, v, a, np, losses=losses)
+    return generalized_forces(lengths, bodies, gravity, x, v, a, np, losses=losses, actuation=actuation)
+
+
+def _actuation(parameters: Parameters) -> Actuation:
+    return actuation_of(parameters.actuators, parameters.gravity)
 
 
 def _columns(parameters: Parameters, x: Vector) -> list[Vector]:
     """Return M column by column: what unit accelerations take, without gravity and at rest."""
-    return [_generalized(parameters, _REST, x, _REST, axis) for axis in _AXES]
+    inertia = _actuation(parameters).resting
+    return [_generalized(parameters, _REST, x, _REST, axis, inertia) for axis in _AXES]
 
 
 def _mass_matrix(parameters: Parameters, x: Vector, shape: tuple[int, ...]) -> FloatArray:

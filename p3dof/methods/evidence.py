@@ -23,6 +23,7 @@ def with_evidence(
     crossings: FloatArray | None = None,
     examine: Callable[[InverseDynamics], tuple[str, ...]] | None = None,
     coulomb: CoulombLimits | None = None,
+    armature: FloatArray | None = None,
 ) -> InverseDynamics:
     """Balance the power of actuators and wrench with the losses and the rate of change of the energy.
 
@@ -42,6 +43,8 @@ def with_evidence(
         Finds the warnings of the result.
     coulomb : CoulombLimits, optional
         Friction that depends on loads, where the solution has any.
+    armature : ndarray, shape (3,), optional
+        Inertia of motors and screws reflected to the sliders [kg]; none by default.
 
     Returns
     -------
@@ -65,4 +68,5 @@ def with_evidence(
         np.zeros(0) if crossings is None else crossings,
         examine,
         coulomb,
+        np.zeros(3) if armature is None else armature,
     )

@@ -8,7 +8,7 @@ from typing import Any
 from p3dof.checks import FloatArray
 from p3dof.compiled.formulas import ACCELERATION, POSE, VELOCITY
 from p3dof.compiled.kernels import MachineKernels, SampleFunction
-from p3dof.compiled.reduced import State
+from p3dof.compiled.reduced import MOVING
 from p3dof.motion.wrenches import WRENCH_ROWS
 from p3dof.samples import POLICIES
 
@@ -20,15 +20,19 @@ _JACOBIAN = (_SLOPE_A, 1.0, 0.0, _SLOPE_B, 1.0, 0.0, _SLOPE_C, 1.0, _ARM)
 _YY, _YZ, _YT, _ZT, _TT, _ZZ = range(6)
 _MASSES = (_YY, _YZ, _YT, _YZ, _ZZ, _ZT, _YT, _ZT, _TT)
 """Which output of a kernel each entry of the matrix is, or what it always is."""
-_BY = tuple(
-    State._fields.index(name) if name in State._fields else None for name in (*POSE, *VELOCITY, *ACCELERATION)
-)
-_DERIVATIVES = tuple(
-    entry
-    for leg in range(3)
-    for entry in (leg, *(0.0 if place is None else 3 + len(State._fields) * leg + place for place in _BY))
-)
-"""Of each force: itself, and its derivatives by pose, velocity and acceleration; z and ż change none."""
+_BY = tuple(MOVING.index(name) if name in MOVING else None for name in (*POSE, *VELOCITY, *ACCELERATION))
+_BY_Z = 2
+"""Where the derivative by z is beside a force."""
+
+
+def _derivatives(stiffness: FloatArray) -> tuple[int | float, ...]:
+    """Return, of each force, itself and its derivatives by the motion; z moves springs only, ż none."""
+    entries: list[int | float] = []
+    for leg, spring in enumerate(stiffness.tolist()):
+        row = [leg, *(0.0 if place is None else 3 + len(MOVING) * leg + place for place in _BY)]
+        row[_BY_Z] = spring
+        entries += row
+    return tuple(entries)
 
 
 class OneSample:
@@ -112,7 +116,8 @@ class OneSample:
         if self._friction:
             return _nothing
         rows = (_ROW, _ROW, _ROW, _WRENCH)
-        return self._kernels.sample("inverse_dynamics_derivatives", rows, _DERIVATIVES, (3, 10))
+        entries = _derivatives(self._kernels.parameters.actuators.stiffness)
+        return self._kernels.sample("inverse_dynamics_derivatives", rows, entries, (3, 10))
 
     @cached_property
     def _sliders(self) -> SampleFunction:

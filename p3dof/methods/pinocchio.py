@@ -18,7 +18,7 @@ from p3dof.closed_loop.batch.linear import BLOCK, FEW, BoolArray, IndexArray
 from p3dof.closed_loop.batch.states import complete_near
 from p3dof.closed_loop.batch.targets import FrameTargets
 from p3dof.errors import AssemblyError, DynamicsError, SingularityError
-from p3dof.methods.pinocchio_friction import FrictionForces
+from p3dof.methods.pinocchio_balance import JointForces
 from p3dof.methods.pinocchio_gate import Gate, Verdict
 from p3dof.methods.solution import JointStates, Solution
 from p3dof.motion.states import States
@@ -37,7 +37,7 @@ class PinocchioMethod:
     Parameters
     ----------
     parameters : Parameters
-        The machine; only the depth of the platform at home and the friction are taken from them.
+        The machine; only the depth of the platform at home, friction and balances are taken from them.
     loop : ClosedLoopModel
         Its model.
     """
@@ -46,7 +46,7 @@ class PinocchioMethod:
 
     def __init__(self, parameters: Parameters, loop: ClosedLoopModel) -> None:
         self._loop, self._depth = loop, parameters.geometry.h
-        self._friction = FrictionForces(loop, parameters.friction)
+        self._acting = JointForces(loop, parameters)
         self._gate = Gate(loop)
         self._data = loop.model.createData()
         self._frame = loop.model.getFrameId(PLATFORM)
@@ -66,7 +66,7 @@ class PinocchioMethod:
         )
         finite = np.asarray(np.isfinite(_acting_on(pose, wrench)).all(axis=1))
         verdict = self._verdict(pose, finite)
-        solver = _Solver(self._loop, self._depth, self._friction, verdict)
+        solver = _Solver(self._loop, self._depth, self._acting, verdict)
         few = count < FEW
         size = 1 if few else BLOCK
         for start in range(0, count, size):
@@ -109,7 +109,7 @@ class PinocchioMethod:
                 verdict.not_assembled({i: _left_assembly()})
                 continue
             guess = state.q
-            lost = self._friction.at(state.q, state.v)
+            lost = self._acting.at(state.q, state.v)
             external = lost.external_with(None if wrench is None else wrench[i])
             a = loop.forward_dynamics(state.q, state.v, forces[i], external, lost.joint_forces).a
             result[i] = self._platform_acceleration(state.q, state.v, a)
@@ -182,10 +182,8 @@ _Part: TypeAlias = tuple[IndexArray, FloatArray, FloatArray, FloatArray]
 class _Solver:
     """Solves samples, and remembers where the last of them was."""
 
-    def __init__(
-        self, loop: ClosedLoopModel, depth: float, friction: FrictionForces, verdict: Verdict
-    ) -> None:
-        self._loop, self._depth, self._friction, self._verdict = loop, depth, friction, verdict
+    def __init__(self, loop: ClosedLoopModel, depth: float, acting: JointForces, verdict: Verdict) -> None:
+        self._loop, self._depth, self._acting, self._verdict = loop, depth, acting, verdict
         self._near: FloatArray | None = None
 
     def alone(
@@ -210,7 +208,7 @@ class _Solver:
         if not self._verdict.hold(rows, state.q[None], state.influence[None, loop.actuated_v])[0]:
             return nothing
         try:
-            lost = self._friction.at(state.q, state.v)
+            lost = self._acting.at(state.q, state.v)
             external = lost.external_with(None if wrench is None else wrench[0])
             found = loop.inverse_dynamics(state.q, state.v, state.a, external, lost.joint_forces)
         except (DynamicsError, SingularityError) as error:
@@ -218,7 +216,11 @@ class _Solver:
             return nothing
         self._near = state.q
         joints = np.array((state.q, state.v, state.a))
-        evidence = _gaps(loop.closure_error(state.q)), loop.power(*joints), lost.power
+        evidence = (
+            _gaps(loop.closure_error(state.q)),
+            loop.power(*joints) + self._acting.stored_power(state.q, state.v),
+            lost.power,
+        )
         return rows, joints[:, None], found.tau[None], np.array([evidence])
 
     def together(
@@ -239,7 +241,7 @@ class _Solver:
         known &= motion.same_assembly
         known[known] = self._verdict.hold(rows[known], motion.q[known], motion.inverse_jacobian[known])
         rows, q, v, a = rows[known], motion.q[known], motion.v[known], motion.a[known]
-        lost = self._friction.over(q, v)
+        lost = self._acting.over(q, v)
         external = lost.external_with(None if wrench is None else wrench[known])
         found = loop.inverse_dynamics_batch(q, v, a, external, lost.joint_forces)
         self._verdict.errors.update((int(rows[i]), error) for i, error in found.errors.items())
@@ -248,7 +250,8 @@ class _Solver:
         if held.any():
             self._near = joints[0, -1]
         gaps, losses = _gaps(found.closure_error[held]), np.asarray(lost.power)[held]
-        evidence = np.column_stack((gaps, loop.power_batch(*joints), losses))
+        energy = loop.power_batch(*joints) + self._acting.stored_power(joints[0], joints[1])
+        evidence = np.column_stack((gaps, energy, losses))
         return rows[held], joints, found.tau[held], evidence
 
 

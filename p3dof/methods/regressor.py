@@ -1,7 +1,8 @@
 """How the actuator forces depend on the parameters: the regressor, its base parameters, lengths, gravity.
 
 Less what friction takes and without external loads, the forces are linear in the inertial parameters of the
-bodies, and 21 combinations of these 100 are all that forces can tell; see `p3dof.compiled.reduced`.
+bodies, and 21 combinations of these 100 are all that forces can tell; see `p3dof.compiled.reduced`. They are
+linear in the nine numbers of motors, screws and balances, too.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from p3dof.checks import FloatArray
 from p3dof.compiled.formulas import MODEL
 from p3dof.compiled.friction import loss_by_lengths
 from p3dof.compiled.reduced import (
+    Actuated,
     Model,
     Moments,
     Reduced,
@@ -30,7 +32,7 @@ from p3dof.compiled.reduced import (
 from p3dof.kinematics import holdable
 from p3dof.motion.states import States
 from p3dof.paper.formulas import Lengths
-from p3dof.parameters import LINKS, Bodies, Parameters
+from p3dof.parameters import LINKS, SLIDES, Bodies, Parameters
 from p3dof.samples import raise_not_finite
 from p3dof.tracing import Number, Symbol, Tape, derivatives, straight_line
 from p3dof.tracing.python import function_of
@@ -44,6 +46,9 @@ INERTIAL = tuple(f"{link}.{name}" for link in LINKS for name in MOMENTS)
 BASE = Reduced._fields
 """The 21 base inertial parameters."""
 
+ACTUATED = Actuated._fields
+"""Reflected inertia, balance at home and its stiffness at each slider, counterweights in the first two."""
+
 LENGTHS = ("r", "R", "L")
 """The lengths that the forces depend on."""
 
@@ -55,7 +60,8 @@ class ForceRegressor:
     Parameters
     ----------
     base : ndarray, shape (..., 3, 21)
-        ∂f/∂π by the base inertial parameters, named in `BASE`; f = base @ base_parameters + friction.
+        ∂f/∂π by the base inertial parameters, named in `BASE`; f = base @ base_parameters + actuators @
+        actuator_parameters + friction.
     base_parameters : ndarray, shape (21,)
         π of the machine.
     base_matrix : ndarray, shape (21, 100)
@@ -65,6 +71,13 @@ class ForceRegressor:
         By r, R and L with every body kept as it is in its own axes, friction included [N/m].
     by_gravity : ndarray, shape (..., 3, 3)
         By the acceleration of gravity [N s²/m].
+    actuators : ndarray, shape (..., 3, 9)
+        ∂f/∂ψ by reflected inertia, balance at home and stiffness of each slider, named in `ACTUATED`: the
+        acceleration of the slider, -1, and its position. With gravity known, forces tell an armature from
+        the mass of a slider only by its weight, which a balance may bear.
+    actuator_parameters : ndarray, shape (9,)
+        ψ of the machine: armatures and counterweights together [kg]; forces of balances and counterweights
+        at home [N]; [N/m].
     friction : ndarray, shape (..., 3)
         The part of the forces that works against friction, which no inertial parameter changes [N]; zero
         without friction.
@@ -75,12 +88,16 @@ class ForceRegressor:
     base_matrix: FloatArray
     by_lengths: FloatArray
     by_gravity: FloatArray
+    actuators: FloatArray
+    actuator_parameters: FloatArray
     friction: FloatArray
 
     base_names = BASE
     """Names of the 21 base inertial parameters."""
     inertial_names = INERTIAL
     """Names of the 100 inertial parameters of the bodies."""
+    actuator_names = ACTUATED
+    """Names of the nine numbers of the actuators."""
 
     @property
     def inertial(self) -> FloatArray:
@@ -124,7 +141,7 @@ def force_regressor(parameters: Parameters, states: States) -> ForceRegressor:
     """
     rows, leading = holdable(parameters.geometry, states).states.rows(), states.shape
     q, v, a = rows.pose, rows.velocity, rows.acceleration
-    columns = (q[:, 0], q[:, 2], v[:, 0], v[:, 2], a[:, 0], a[:, 1], a[:, 2])
+    columns = (q[:, 0], q[:, 2], v[:, 0], v[:, 2], a[:, 0], a[:, 1], a[:, 2], q[:, 1])
     model = model_of(parameters)
     found = np.empty((3 * len(MODEL), len(q)))
     function = _by_model()
@@ -134,12 +151,13 @@ def force_regressor(parameters: Parameters, states: States) -> ForceRegressor:
             values = function(*(float(x) for x in model.numbers), *(column[block] for column in columns))
         for row, value in zip(found, values, strict=True):
             row[block] = value
-    by: FloatArray = found.reshape(3, len(MODEL), -1).transpose(2, 0, 1)  # (N, 3, 27)
+    by: FloatArray = found.reshape(3, len(MODEL), -1).transpose(2, 0, 1)  # (N, 3, 36)
     by[~np.isfinite(q).all(axis=1)] = np.nan
     by = by.reshape(*leading, 3, len(MODEL))
     if states.on_invalid == "raise":
         raise_not_finite("regressor", by.reshape(*leading, -1))
-    base = np.ascontiguousarray(by[..., 6:])
+    base = np.ascontiguousarray(by[..., 6 : 6 + len(BASE)])
+    actuators = np.ascontiguousarray(by[..., 6 + len(BASE) :])
     lost, lost_by_lengths = np.zeros((*leading, 3)), np.zeros((*leading, 3, 3))
     lost[np.isnan(q).any(axis=-1).reshape(leading)] = np.nan
     if parameters.friction:
@@ -154,14 +172,16 @@ def force_regressor(parameters: Parameters, states: States) -> ForceRegressor:
         base_parameters=np.array([float(x) for x in model.bodies]),
         base_matrix=matrix,
         by_lengths=by[..., :3] + base @ by_length + lost_by_lengths,
-        by_gravity=np.ascontiguousarray(by[..., 3:6]),
+        by_gravity=by[..., 3:6] + actuators @ _counterweights(parameters),
+        actuators=actuators,
+        actuator_parameters=np.array([float(x) for x in model.actuators]),
         friction=lost,
     )
 
 
 @cache
 def _by_model() -> Callable[..., tuple[Any, ...]]:
-    """Return ∂f/∂(numbers of the model), 81 rows, as a function of these numbers and of the state."""
+    """Return ∂f/∂(numbers of the model), 108 rows, as a function of these numbers and of the state."""
 
     def formula(tape: Tape, *symbols: Symbol) -> list[Number]:
         numbers, state = symbols[: len(MODEL)], State(*symbols[len(MODEL) :])
@@ -170,6 +190,14 @@ def _by_model() -> Callable[..., tuple[Any, ...]]:
         return [entry for row in derivatives(forces, numbers) for entry in row]
 
     return straight_line(formula, len(MODEL) + len(State._fields), np)
+
+
+def _counterweights(parameters: Parameters) -> FloatArray:
+    """Return ∂ψ/∂g (9, 3): gravity along z0 pulls at counterweights."""
+    found = np.zeros((len(ACTUATED), 3))
+    for row, slide in enumerate(SLIDES, ACTUATED.index("balance_a")):
+        found[row, 2] = -parameters.actuators.counterweight.get(slide, 0.0)
+    return found
 
 
 def _fold_derivatives(parameters: Parameters) -> tuple[FloatArray, FloatArray]:

@@ -55,6 +55,8 @@ class InverseDynamics(ShownInNotebook):
         Finds `warnings` when they are asked for.
     coulomb : CoulombLimits, optional
         Friction that depends on loads, where it was asked for: forces and dissipation have it.
+    armature : ndarray, shape (3,)
+        Inertia of motors and screws reflected to the sliders, which the forces move [kg].
     """
 
     method: str
@@ -70,6 +72,7 @@ class InverseDynamics(ShownInNotebook):
     crossings: FloatArray = field(default_factory=lambda: np.zeros(0))
     examine: Callable[[InverseDynamics], tuple[str, ...]] | None = None
     coulomb: CoulombLimits | None = None
+    armature: FloatArray = field(default_factory=lambda: np.zeros(3))
 
     def __repr__(self) -> str:
         words = f"{self.method}, {self.motion!r}"
@@ -113,6 +116,11 @@ class InverseDynamics(ShownInNotebook):
     def slider_accelerations(self) -> FloatArray:
         """Slider accelerations, shape (N, 3) [m/s²]."""
         return self._slides.a
+
+    @property
+    def nut_forces(self) -> FloatArray:
+        """Forces that screws pass on to the sliders, shape (N, 3) [N]: without what armatures take."""
+        return self.forces - self.armature * self.slider_accelerations
 
     @property
     def valid(self) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
@@ -197,6 +205,8 @@ class InverseDynamics(ShownInNotebook):
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write time, forces, pose, sliders, closure error and power to a CSV file, 17 significant digits.
 
+        With armatures, forces at the nuts follow those of the actuators.
+
         Parameters
         ----------
         path : path-like
@@ -214,12 +224,15 @@ class InverseDynamics(ShownInNotebook):
         """
         header = ["t [s]"]
         header += [f"f{leg} [N]" for leg in LEGS]
+        nuts = self.nut_forces.T if self.armature.any() else ()
+        header += [f"nut {leg} [N]" for leg in LEGS] if len(nuts) else []
         header += ["y [m]", "z [m]", "theta [rad]"]
         header += [f"slider {leg} [m]" for leg in LEGS]
         header += ["closure_error [m]", "power [W]", "power_residual [W]"]
         columns = (
             self.time,
             *self.forces.T,
+            *nuts,
             *self.motion.pose.T,
             *self.sliders.T,
             self.closure_error,

@@ -17,6 +17,7 @@ from p3dof.methods.solution import Solution
 from p3dof.motion.states import States
 from p3dof.outputs import written
 from p3dof.paper import friction
+from p3dof.paper.actuators import actuation_of
 from p3dof.paper.friction import losses_of
 from p3dof.paper.inertials import inertials, numbers
 from p3dof.paper.virtual_power import NO_WRENCH, Wrench, actuator_forces
@@ -88,6 +89,7 @@ def forces_at(parameters: Parameters, placed: Placed) -> FloatArray:
     result = np.empty((len(table), 3))
     lengths, bodies = placed.lengths, inertials(parameters.bodies)
     gravity, losses = numbers(parameters.gravity), losses_of(parameters.friction)
+    actuation = actuation_of(parameters.actuators, parameters.gravity)
     for start in range(0, len(table), BLOCK):
         block = slice(start, start + BLOCK)
         # One sample runs on plain numbers, which cost a tenth of arrays of one.
@@ -96,7 +98,7 @@ def forces_at(parameters: Parameters, placed: Placed) -> FloatArray:
         q, v, a, force, moment = (components(rows[i : i + 3]) for i in range(0, 15, 3))
         external = NO_WRENCH if wrench is None else Wrench(force, moment)
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is told by the caller
-            f = actuator_forces(lengths, bodies, gravity, q, v, a, xp, external, losses)
+            f = actuator_forces(lengths, bodies, gravity, q, v, a, xp, external, losses, actuation)
         for leg in range(3):
             result[block, leg] = f[leg]
     return result.reshape(*shape, 3)

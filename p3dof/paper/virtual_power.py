@@ -37,6 +37,7 @@ from p3dof.algebra import (
     steiner,
     subtract,
 )
+from p3dof.paper.actuators import NO_ACTUATION, Actuation
 from p3dof.paper.formulas import (
     Configuration,
     Lengths,
@@ -80,6 +81,7 @@ def actuator_forces(
     xp: Namespace,
     wrench: Wrench = NO_WRENCH,
     losses: Losses = NO_LOSSES,
+    actuation: Actuation = NO_ACTUATION,
 ) -> Vector:
     """Return the actuator forces (16)-(18), on numbers, arrays or symbols; nothing is checked.
 
@@ -99,13 +101,16 @@ def actuator_forces(
         External wrench on the platform at P.
     losses : Losses
         Friction of the joints.
+    actuation : Actuation
+        Reflected inertia and balance at the sliders.
 
     Returns
     -------
     tuple
         f10 of A, B, C [N].
     """
-    x, load = _loads(lengths, bodies, gravity, (pose, velocity, acceleration), xp, wrench)
+    motion = pose, velocity, acceleration
+    x, load = _loads(lengths, bodies, gravity, motion, xp, wrench, actuation)
     J = jacobian(lengths, x)
     resisting = resistance(lengths, x, velocity, losses, xp)
     forces = []
@@ -127,6 +132,7 @@ def generalized_forces(
     xp: Namespace,
     wrench: Wrench = NO_WRENCH,
     losses: Losses = NO_LOSSES,
+    actuation: Actuation = NO_ACTUATION,
 ) -> Vector:
     """Return the forces of y, z and θ that the motion takes: the virtual powers of unit platform velocities.
 
@@ -134,7 +140,7 @@ def generalized_forces(
 
     Parameters
     ----------
-    lengths, bodies, gravity, pose, velocity, acceleration, xp, wrench, losses
+    lengths, bodies, gravity, pose, velocity, acceleration, xp, wrench, losses, actuation
         As for `actuator_forces`.
 
     Returns
@@ -142,7 +148,8 @@ def generalized_forces(
     tuple
         [N, N, N m].
     """
-    x, load = _loads(lengths, bodies, gravity, (pose, velocity, acceleration), xp, wrench)
+    motion = pose, velocity, acceleration
+    x, load = _loads(lengths, bodies, gravity, motion, xp, wrench, actuation)
     resisting = resistance(lengths, x, velocity, losses, xp)
     powers = []
     for unit in (U1, U2, U3):
@@ -160,8 +167,9 @@ def _loads(
     motion: tuple[Vector, Vector, Vector],
     xp: Namespace,
     wrench: Wrench,
+    actuation: Actuation,
 ) -> tuple[Configuration, dict[str, _Load]]:
-    """Return where the mechanism is, and F_k and M_k of every body, for pose, velocity and acceleration."""
+    """Return where the mechanism is, and F_k and M_k of every body; of sliders with what drives them."""
     pose, velocity, acceleration = motion
     x = configuration(lengths, pose, xp)
     v = velocities(lengths, x, velocity)
@@ -170,7 +178,11 @@ def _loads(
     axes = body_axes(lengths)
     own = {name: _own_load(T[name], bodies[name], axes[name], gravity) for name in T}
     own["platform"] = _with_wrench(own["platform"], T["platform"], wrench, (lengths.r, 0, 0))
-    return x, _accumulate(T, own)
+    load = _accumulate(T, own)
+    for k, slider in enumerate(SLIDERS):
+        more = actuation.force(k, x.sliders[k], a.sliders[k])
+        load[slider] = load[slider]._replace(force=add(load[slider].force, (0, 0, more)))
+    return x, load
 
 
 def _own_load(frame: Frame, body: Inertial, axes: tuple[Matrix, Vector], gravity: Vector) -> _Load:

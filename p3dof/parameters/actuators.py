@@ -21,13 +21,13 @@ _POSITIVE = ("armature", "counterweight")
 class Actuators:
     """Reflected inertia and balance at the sliders; by default none.
 
-    An actuator that moves its slider gives the force f = n + (armature + counterweight) λ̈ - balance: n is
-    what the nut passes on to the slider, λ the slider's position, zero at home, and
+    With the force F that moves the machine without them, and λ, the slider's position, zero at home,
 
-        balance = counterbalance - spring λ - counterweight g_z
+        n = F + counterweight λ̈ - balance,    balance = counterbalance - spring λ - counterweight g_z
 
-    the force on the slider along z0, with gravity g. All numbers are by slide, zero where not given. The
-    names are those of `SLIDES`; ``"sliders"`` stands for all of them, and a slide named on its own overrides.
+    is the force at the nut, and f = n + armature λ̈ the force of the actuator; g is gravity. All numbers are
+    by slide, zero where not given. The names are those of `SLIDES`; ``"sliders"`` stands for all of them, and
+    a slide named on its own overrides.
 
     Parameters
     ----------
@@ -59,20 +59,28 @@ class Actuators:
     @property
     def slides(self) -> tuple[str, ...]:
         """The slides that have any of it."""
-        return tuple(
-            name for name in SLIDES if any(name in getattr(self, item.name) for item in fields(self))
-        )
+        return tuple(name for name in SLIDES if any(name in by_slide for by_slide in self.mappings))
 
     def __bool__(self) -> bool:
         return bool(self.slides)
 
     def __reduce__(self) -> tuple[type[Actuators], tuple[dict[str, float], ...]]:
-        return Actuators, tuple(dict(getattr(self, item.name)) for item in fields(self))
+        return Actuators, tuple(dict(by_slide) for by_slide in self.mappings)
+
+    @property
+    def mappings(self) -> tuple[Mapping[str, float], ...]:
+        """Armature, counterbalance, spring and counterweight, in this order."""
+        return self.armature, self.counterbalance, self.spring, self.counterweight
 
     @property
     def inertia(self) -> FloatArray:
         """What has to be moved with the sliders A, B, C and gravity does not act on, (3,) [kg]."""
         return self._row("armature") + self._row("counterweight")
+
+    @property
+    def rotors(self) -> FloatArray:
+        """Armature of A, B, C, (3,) [kg]: what turns with the motors, between their forces and the nuts."""
+        return self._row("armature")
 
     @property
     def stiffness(self) -> FloatArray:

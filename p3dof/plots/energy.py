@@ -22,6 +22,7 @@ GROUPS = {
     "rods of leg C": ("#009e73", ("rod_left", "rod_right")),
     "sliders": ("#e69f00", ("slider_a", "slider_b", "slider_c")),
     "cross-bars": ("#cc79a7", ("crossbar_upper", "crossbar_lower")),
+    "motors, screws": ("#999999", ("actuator_a", "actuator_b", "actuator_c")),
 }
 """What the figure calls the bodies, with colours that differ for colour-blind readers."""
 
@@ -97,7 +98,10 @@ def _draw_balance(axis: Axes, energy: Energy) -> None:
 
 
 def _draw_bodies(axis: Axes, energy: Energy) -> None:
-    columns = {name: [energy.bodies.index(body) for body in bodies] for name, (_, bodies) in GROUPS.items()}
+    columns = {
+        name: [energy.bodies.index(body) for body in bodies if body in energy.bodies]
+        for name, (_, bodies) in GROUPS.items()
+    }
     layers = {name: energy.kinetic[:, index].sum(axis=-1) for name, index in columns.items()}
     layers = {name: layer for name, layer in layers.items() if _acts(layer, _rounding(energy))}
     if layers:

@@ -13,6 +13,7 @@ from p3dof.closed_loop.reactions import LENGTH_SHARE
 from p3dof.errors import SampleError
 from p3dof.methods import CoulombLimits, InverseDynamics, JointStates, Solution, without_crossings
 from p3dof.methods.pinocchio import PinocchioMethod
+from p3dof.methods.pinocchio_balance import JointForces
 from p3dof.methods.pinocchio_friction import FrictionForces
 from p3dof.motion import Motion, WrenchOverTime, states_over
 from p3dof.parameters import Parameters
@@ -206,7 +207,7 @@ def _in_ways(
         _solver(loop, parameters, kind, given if way == "elastic" else None)
         for way, kind in zip(ways, built, strict=True)
     ]
-    lost = FrictionForces(loop, parameters.friction).over(states.q, states.v)
+    lost = JointForces(loop, parameters).over(states.q, states.v)
     if coulomb is not None:
         lost = lost.plus(FrictionForces.of_limits(loop, coulomb).over(states.q, states.v))
     external = lost.external_with(wrench)

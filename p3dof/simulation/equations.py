@@ -9,6 +9,7 @@ from typing import TypeAlias
 from p3dof.algebra import Scalar, Vector, apply_transposed, dot
 from p3dof.compiled import MachineKernels
 from p3dof.compiled.friction import losses_of_state
+from p3dof.paper.actuators import Actuation, actuation_of
 from p3dof.paper.formulas import Lengths, configuration, jacobian
 from p3dof.paper.friction import losses_of
 from p3dof.paper.inertials import inertials, numbers
@@ -39,6 +40,7 @@ class Equations:
         self._bodies = inertials(parameters.bodies)
         self._gravity = numbers(parameters.gravity)
         self._losses = losses_of(parameters.friction)
+        self._actuation = actuation_of(parameters.actuators, parameters.gravity)
         self._parameters = parameters
 
     def __reduce__(self) -> tuple[type[Equations], tuple[Parameters]]:
@@ -72,7 +74,13 @@ class Equations:
         def formula(tape: Tape, *symbols: Scalar) -> Vector:
             motion = symbols[:3], symbols[3:6], symbols[6:]
             return actuator_forces(
-                self._lengths, self._bodies, self._gravity, *motion, tape, losses=self._losses
+                self._lengths,
+                self._bodies,
+                self._gravity,
+                *motion,
+                tape,
+                losses=self._losses,
+                actuation=self._actuation,
             )
 
         return straight_line(formula, 9)
@@ -85,17 +93,33 @@ class Equations:
             pose, velocity, forces, wrench = (symbols[i : i + 3] for i in (0, 3, 6, 9))
             J = jacobian(self._lengths, configuration(self._lengths, pose, tape))
             acting = apply_transposed(J, forces)
-            bias = self._generalized(tape, pose, velocity, _REST, self._gravity)
-            M = [self._generalized(tape, pose, _REST, axis, _REST) for axis in _AXES]
+            bias = self._generalized(tape, pose, velocity, _REST, self._gravity, self._actuation)
+            inertia = self._actuation.resting
+            M = [self._generalized(tape, pose, _REST, axis, _REST, inertia) for axis in _AXES]
             return _solve_symmetric(M, [a + w - b for a, w, b in zip(acting, wrench, bias, strict=True)])
 
         return straight_line(formula, 12)
 
     def _generalized(
-        self, tape: Tape, pose: Vector, velocity: Vector, acceleration: Vector, gravity: Vector
+        self,
+        tape: Tape,
+        pose: Vector,
+        velocity: Vector,
+        acceleration: Vector,
+        gravity: Vector,
+        actuation: Actuation,
     ) -> Vector:
-        motion = pose, velocity, acceleration
-        return generalized_forces(self._lengths, self._bodies, gravity, *motion, tape, losses=self._losses)
+        return generalized_forces(
+            self._lengths,
+            self._bodies,
+            gravity,
+            pose,
+            velocity,
+            acceleration,
+            tape,
+            losses=self._losses,
+            actuation=actuation,
+        )
 
 
 class CompiledEquations:

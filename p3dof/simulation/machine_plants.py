@@ -11,7 +11,7 @@ from p3dof import kinematics
 from p3dof.checks import FloatArray
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.methods import JointStates, pinocchio
-from p3dof.methods.pinocchio_friction import FrictionForces
+from p3dof.methods.pinocchio_balance import JointForces
 from p3dof.motion.wrenches import WRENCH_ROWS
 from p3dof.parameters import PLATFORM, Parameters
 from p3dof.simulation.equations import CompiledEquations, Equations
@@ -128,7 +128,7 @@ class MinimalPlant:
 
 
 class MachineJoints(ConstrainedPlant):
-    """All joints of the manipulator's tree, held together by its loop closures, with friction.
+    """All joints of the manipulator's tree, held together by its loop closures, with friction and balances.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ class MachineJoints(ConstrainedPlant):
     """
 
     def __init__(self, parameters: Parameters, loop: ClosedLoopModel, stabilisation: float) -> None:
-        super().__init__(loop, stabilisation, (PLATFORM,), FrictionForces(loop, parameters.friction).at)
+        super().__init__(loop, stabilisation, (PLATFORM,), JointForces(loop, parameters).at)
         self._depth = parameters.geometry.h
         self._data = self.loop.model.createData()
         self._frame = self.loop.model.getFrameId(PLATFORM)

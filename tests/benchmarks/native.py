@@ -213,7 +213,7 @@ def _virtual_power(x: list[Any], parameters: Parameters) -> Any:
 def _reduced(x: list[Any], parameters: Parameters) -> Any:
     import casadi
 
-    y, _, theta, vy, _, vtheta, ay, az, atheta = x
+    y, z, theta, vy, _, vtheta, ay, az, atheta = x
     model = reduced.model_of(parameters)
     shape = reduced.shape(model, y, theta, casadi)
-    return reduced.actuator_forces(model, shape, State(y, theta, vy, vtheta, ay, az, atheta), casadi)
+    return reduced.actuator_forces(model, shape, State(y, theta, vy, vtheta, ay, az, atheta, z), casadi)

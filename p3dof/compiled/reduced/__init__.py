@@ -31,6 +31,9 @@ So the forces need the 21 numbers of `Reduced`; they are linear in them and need
 base inertial parameters of the force model. The generalized forces Q of y, z, θ (without what acts at the
 sliders' own coordinates, F) are solved by hand: f = F + J⁻ᵀ Q. Neither z nor ż enters.
 
+Motors, screws and balances act at the sliders' own coordinates: an armature j adds to a, and gives back the
+weight that a has; a balance is taken off. With a spring its force depends on λ, and so on z.
+
 The mass matrix follows from the same energies; forward dynamics takes z out first, whose mass is constant.
 
 `tests/test_reduced.py` holds this against the full recursion of `p3dof.paper.virtual_power`, Lagrange's
@@ -45,16 +48,20 @@ Serial Robots, IEEE Trans. Robotics and Automation 6 (1990).
 
 from p3dof.compiled.reduced.assembly import assembled
 from p3dof.compiled.reduced.constants import (
+    SMALLER_ZEROS,
     SYMMETRIC_ZEROS,
+    Actuated,
     Model,
     Moments,
     Reduced,
     fold,
+    fold_actuators,
     fold_moments,
     model_of,
     moments_of,
 )
 from p3dof.compiled.reduced.dynamics import (
+    MOVING,
     State,
     actuator_forces,
     coriolis_matrix,
@@ -75,7 +82,10 @@ from p3dof.compiled.reduced.shapes import (
 )
 
 __all__ = [
+    "MOVING",
+    "SMALLER_ZEROS",
     "SYMMETRIC_ZEROS",
+    "Actuated",
     "Model",
     "Moments",
     "Reduced",
@@ -85,6 +95,7 @@ __all__ = [
     "assembled",
     "coriolis_matrix",
     "fold",
+    "fold_actuators",
     "fold_moments",
     "forward_dynamics",
     "limit_cosines",

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from p3dof.algebra import Matrix, Scalar, Vector, add, matrix_sum, plus, scale, steiner, times
 from p3dof.paper.formulas import Lengths
 from p3dof.paper.inertials import Inertial, inertials, numbers
-from p3dof.parameters import Parameters
+from p3dof.parameters import SLIDES, Parameters
 
 SYMMETRIC_ZEROS = ("d_a", "d_b", "e", "k2", "k3", "n0", "n1", "h1", "h2", "h3")
 """What is zero for bodies that are symmetric as the paper's are."""
+
+SMALLER_ZEROS = ("gx", "gy", *SYMMETRIC_ZEROS, "spring_a", "spring_b", "spring_c")
+"""Numbers of a `Model` that are zero where the smaller kernels serve: no springs at the sliders either."""
 
 
 class Moments(NamedTuple):
@@ -51,8 +54,22 @@ class Reduced(NamedTuple):
     h3: Scalar  # [kg]
 
 
+class Actuated(NamedTuple):
+    """What motors, screws and balances add at the sliders, numbers or symbols."""
+
+    armature_a: Scalar = 0  # [kg] that moves with the slider and that gravity does not act on
+    armature_b: Scalar = 0
+    armature_c: Scalar = 0
+    balance_a: Scalar = 0  # [N] force of the balance along z0 at home
+    balance_b: Scalar = 0
+    balance_c: Scalar = 0
+    spring_a: Scalar = 0  # [N/m] by which that falls as the slider rises
+    spring_b: Scalar = 0
+    spring_c: Scalar = 0
+
+
 class Model(NamedTuple):
-    """All that the reduced formulas need of a machine: lengths, gravity, and the folded bodies."""
+    """All that the reduced formulas need of a machine: lengths, gravity, folded bodies, and its actuators."""
 
     r: Scalar
     R: Scalar
@@ -61,17 +78,19 @@ class Model(NamedTuple):
     gy: Scalar
     gz: Scalar
     bodies: Reduced
+    actuators: Actuated = Actuated()
 
     @property
     def numbers(self) -> tuple[Scalar, ...]:
-        """The 27 numbers in a row."""
-        return (*self[:6], *self.bodies)
+        """The 36 numbers in a row."""
+        return (*self[:6], *self.bodies, *self.actuators)
 
     @classmethod
     def of_numbers(cls, row: tuple[Scalar, ...]) -> Model:
-        """Return the model of 27 numbers in a row."""
-        r, R, L, gx, gy, gz, *bodies = row
-        return cls(r, R, L, gx, gy, gz, Reduced(*bodies))
+        """Return the model of 36 numbers in a row."""
+        r, R, L, gx, gy, gz, *others = row
+        count = len(Reduced._fields)
+        return cls(r, R, L, gx, gy, gz, Reduced(*others[:count]), Actuated(*others[count:]))
 
 
 def fold(lengths: Lengths, bodies: Mapping[str, Inertial]) -> Reduced:
@@ -158,7 +177,31 @@ def model_of(parameters: Parameters) -> Model:
     """
     lengths = Lengths.of(parameters.geometry)
     folded = Reduced(*(value or 0 for value in fold(lengths, inertials(parameters.bodies))))
-    return Model(lengths.r, lengths.R, lengths.L, *numbers(parameters.gravity), folded)
+    gravity, actuators = numbers(parameters.gravity), parameters.actuators
+    rows = ([of.get(slide, 0) for slide in SLIDES] for of in actuators.mappings)
+    actuated = Actuated(*(value or 0 for value in fold_actuators(rows, gravity[2])))
+    return Model(lengths.r, lengths.R, lengths.L, *gravity, folded, actuated)
+
+
+def fold_actuators(rows: Iterable[Sequence[Scalar]], gz: Scalar) -> Actuated:
+    """Return what the forces see of motors, screws and balances, on numbers or symbols.
+
+    Parameters
+    ----------
+    rows : iterable of sequence
+        Armature, counterbalance, spring and counterweight, each at the sliders A, B, C: see
+        `p3dof.parameters.Actuators` [kg, N, N/m, kg].
+    gz : number or symbol
+        Gravity along z0 [m/s²].
+
+    Returns
+    -------
+    Actuated
+    """
+    armature, counterbalance, spring, counterweight = rows
+    inertia = (plus(j, m) for j, m in zip(armature, counterweight, strict=True))
+    balance = (plus(f, -times(m, gz)) for f, m in zip(counterbalance, counterweight, strict=True))
+    return Actuated(*inertia, *balance, *spring)
 
 
 def moments_of(body: Inertial) -> Moments:

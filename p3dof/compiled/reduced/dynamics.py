@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from p3dof.algebra import Matrix, Namespace, Scalar, Vector, add
+from p3dof.algebra import Matrix, Namespace, Scalar, Vector, add, plus, times
 from p3dof.compiled.reduced.constants import Model
-from p3dof.compiled.reduced.shapes import Bar, Shape, bar_of
+from p3dof.compiled.reduced.shapes import Bar, Shape, bar_of, home_depth
 from p3dof.tracing import Number, derivatives
 
 
 class State(NamedTuple):
-    """What moves the forces: y, θ and the first two derivatives of the pose."""
+    """What moves the forces: y, θ and the first two derivatives of the pose; with springs z too."""
 
     y: Scalar
     theta: Scalar
@@ -20,6 +20,11 @@ class State(NamedTuple):
     ay: Scalar
     az: Scalar
     atheta: Scalar
+    z: Scalar
+
+
+MOVING = State._fields[:-1]
+"""All but z, whose derivatives are the springs' stiffness, whatever the state."""
 
 
 def loads(
@@ -45,7 +50,8 @@ def loads(
     F, Q : tuple
         The forces of the actuators are F + J⁻ᵀ Q, the generalized forces Jᵀ F + Q [N, N, N m].
     """
-    c = model.bodies
+    c, held = model.bodies, _held(model, x, state.z, xp)
+    a_a, a_b, a_c = upper_masses(model)
     gx, gy = model.gx, model.gy
     vy, vt = state.vy, state.vtheta
     az = state.az - model.gz  # gravity is an acceleration of the fixed frame
@@ -87,11 +93,36 @@ def loads(
         - wrench[2],
     )
     F = (
-        (c.a_a + c.c_a) * az + c.a_a * drop_a + c.d_a * ay,
-        (c.a_b + c.c_b) * az + c.a_b * drop_b + c.d_b * ay,
-        c.a_c * slider_c + c.c_c * (az + aZ) + H_c,
+        plus((a_a + c.c_a) * az + a_a * drop_a + c.d_a * ay, held[0]),
+        plus((a_b + c.c_b) * az + a_b * drop_b + c.d_b * ay, held[1]),
+        plus(a_c * slider_c + c.c_c * (az + aZ) + H_c, held[2]),
     )
     return F, Q
+
+
+def upper_masses(model: Model) -> Vector:
+    """Return what moves with the sliders A, B, C as the upper ends of their legs do, armature included."""
+    c, more = model.bodies, model.actuators
+    return plus(c.a_a, more.armature_a), plus(c.a_b, more.armature_b), plus(c.a_c, more.armature_c)
+
+
+def _held(model: Model, x: Shape, z: Scalar, xp: Namespace) -> Vector:
+    """Return the weight that armatures do not have less what balances bear, at the sliders A, B, C."""
+    more, gz = model.actuators, model.gz
+    constant = (
+        plus(times(more.armature_a, gz), -more.balance_a),
+        plus(times(more.armature_b, gz), -more.balance_b),
+        plus(times(more.armature_c, gz), -more.balance_c),
+    )
+    springs = more.spring_a, more.spring_b, more.spring_c
+    if all(type(spring) is int and spring == 0 for spring in springs):
+        return constant
+    depth, rises = home_depth(model, xp), (z + x.Sa, z + x.Sb, (z + x.p) + x.Sc)
+    a, b, c = (
+        plus(plus(rest, -times(spring, depth)), times(spring, rise))
+        for rest, spring, rise in zip(constant, springs, rises, strict=True)
+    )
+    return a, b, c
 
 
 def _leg_c(x: Shape, bar: Bar, state: State, vX: Scalar, aX: Scalar) -> tuple[Scalar, ...]:
@@ -197,19 +228,20 @@ def mass_matrix(model: Model, x: Shape, y: Scalar, xp: Namespace) -> Matrix:
     c, bar = model.bodies, bar_of(model, x, y, xp)
     lean = c.h3 * bar.cos
     H_y, H_t = bar.G * bar.y + lean, bar.G * bar.theta
-    upper_a, upper_b, upper_c = c.a_a + c.c_a, c.a_b + c.c_b, c.a_c + c.c_c
+    a_a, a_b, a_c = upper_masses(model)
+    upper_a, upper_b, upper_c = a_a + c.c_a, a_b + c.c_b, a_c + c.c_c
     spin_y, spin_t = bar.K * bar.y + bar.N, bar.K * bar.theta
     yy = (
-        (c.m + x.ta * (c.a_a * x.ta - 2 * c.d_a) + x.tb * (c.a_b * x.tb + 2 * c.d_b))
-        + x.ty * (c.a_c * x.ty - 2 * H_y)
+        (c.m + x.ta * (a_a * x.ta - 2 * c.d_a) + x.tb * (a_b * x.tb + 2 * c.d_b))
+        + x.ty * (a_c * x.ty - 2 * H_y)
         + bar.y * (spin_y + bar.N)
     )
     zz = c.m + (c.c_a + c.c_b + c.c_c) + upper_a + upper_b + upper_c
     yz = (upper_b * x.tb - upper_a * x.ta - upper_c * x.ty) + (c.d_a + c.d_b) + H_y
     zt = upper_c * x.arm + (c.k + c.c_c) * x.q - c.e * x.p + H_t
     tilted = c.c_c * x.q + H_t
-    yt = x.arm * H_y - x.ty * (c.a_c * x.arm + tilted) + spin_y * bar.theta
-    tt = c.i + x.arm * (c.a_c * x.arm + 2 * tilted) + bar.theta * spin_t
+    yt = x.arm * H_y - x.ty * (a_c * x.arm + tilted) + spin_y * bar.theta
+    tt = c.i + x.arm * (a_c * x.arm + 2 * tilted) + bar.theta * spin_t
     return (yy, yz, yt), (yz, zz, zt), (yt, zt, tt)
 
 

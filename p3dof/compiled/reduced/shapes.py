@@ -210,9 +210,14 @@ def sliders(model: Model, x: Shape, z: Scalar, xp: Namespace) -> Vector:
     tuple
         λ10 of A, B, C [m].
     """
-    width = model.R - model.r
-    height = z - xp.sqrt((model.L - width) * (model.L + width))  # of P below the sliders at home
+    height = z - home_depth(model, xp)
     return height + x.Sa, height + x.Sb, height + x.p + x.Sc
+
+
+def home_depth(model: Model, xp: Namespace) -> Scalar:
+    """Return how far P is below the sliders at home, h [m]."""
+    width = model.R - model.r
+    return xp.sqrt((model.L - width) * (model.L + width))
 
 
 def slider_rates(x: Shape, velocity: Vector) -> Vector:
