@@ -15,14 +15,21 @@ FRICTION = p3dof.Friction(
 )
 OTHER = p3dof.Geometry(r=0.08, R=0.31, L=0.55, b=0.06)
 PAYLOAD = p3dof.Body(2.5, [0.03, -0.02, 0.05], np.diag([0.02, 0.03, 0.01]))
+ACTUATORS = p3dof.Actuators(
+    armature={"sliders": 14.8},
+    counterbalance={"slide_a": 48.0, "slide_b": 52.0},
+    spring={"slide_b": -495.0, "slide_c": 300.0},
+    counterweight={"slide_c": 4.9},
+)
 MACHINES = {
     "paper": p3dof.PAPER,
     "friction": replace(p3dof.SOLIDS, friction=FRICTION),
     "lengths": p3dof.of_solids(OTHER),
     "payload": p3dof.PAPER.carrying(PAYLOAD),
+    "actuators": replace(p3dof.SOLIDS, actuators=ACTUATORS),
 }
-"""Four machines: the paper's; one of solids with viscous and Coulomb friction; other lengths; a payload."""
-COUNTS = {"paper": 1001, "friction": 2000, "lengths": 2000, "payload": 2000}
+"""The paper's; solids with viscous and Coulomb friction; other lengths; a payload; armature and balance."""
+COUNTS = {"paper": 1001, "friction": 2000, "lengths": 2000, "payload": 2000, "actuators": 1000}
 """How many states of each: of the paper's machine its motion, of the others random ones."""
 
 

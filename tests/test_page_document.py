@@ -1,11 +1,13 @@
 """The document of the page says what Python knows: scene, joints, runs, curves, loads, limits."""
 
+import dataclasses
+
 import jsonschema
 import numpy as np
 import pinocchio as pin
 import pytest
 from documents import ROOT
-from machines import random_machine
+from machines import random_actuators, random_machine
 from page_documents import SCHEMA, curve_of, placements, read
 
 import p3dof
@@ -147,15 +149,20 @@ def test_limits_are_those_of_the_machine(paper):
 @pytest.mark.parametrize("seed", range(3))
 def test_the_engine_has_the_numbers_of_any_machine(seed):
     parameters = random_machine(seed)
+    own = random_actuators(np.random.default_rng(seed), parameters)
+    parameters = dataclasses.replace(parameters, actuators=own)
     document = read(page_document(p3dof.Manipulator(parameters)))
     row, places = decoded(document["engine"]["parameters"]), controller_module().places
-    assert row.shape == (140,)
+    assert row.shape == (152,)
     for name in ("r", "R", "L", "b"):
         assert row[places[name]] == getattr(parameters.geometry, name)
     np.testing.assert_array_equal(row[places["gravity"] : places["gravity"] + 3], parameters.gravity)
     assert row[places["bodies"]["platform"]] == parameters.bodies.platform.mass
     assert row[places["force"]] == parameters.limits.force
     assert tuple(row[places["tilt"] : places["tilt"] + 2]) == parameters.limits.tilt
+    for kind in ("armature", "counterbalance", "spring", "counterweight"):
+        for slide, value in getattr(own, kind).items():
+            assert row[places[kind][slide]] == value
     assert document["machine"]["hash"] != read(page_document(ROBOT))["machine"]["hash"]
 
 

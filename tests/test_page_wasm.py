@@ -82,7 +82,7 @@ def test_all_is_as_pinocchio_has_it(tmp_path, name):
 
 
 def test_states_are_as_many_as_promised():
-    assert sum(COUNTS.values()) == 7001
+    assert sum(COUNTS.values()) == 8001
 
 
 @with_node

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from p3dof.checks import shown
-from p3dof.codegen.machine import limit_row, parameter_row
+from p3dof.codegen.machine import ACTUATORS, limit_row, parameter_row
 from p3dof.errors import InputError
 from p3dof.motion import Motion
 from p3dof.page.closures import closures_of
@@ -23,7 +23,7 @@ from p3dof.page.machine import Machine, require_machine
 from p3dof.page.machine_reactions import with_reactions
 from p3dof.page.machine_runs import Runnable, Samples, run_of
 from p3dof.page.machine_scene import machine_scene
-from p3dof.parameters import Parameters
+from p3dof.parameters import SLIDES, Parameters
 from p3dof.reactions import AnyReactions
 from p3dof.version import __version__
 
@@ -113,6 +113,9 @@ def _run(robot: Machine, machine: Machine, samples: Samples) -> dict[str, Any]:
     return found | own | {"notes": ["This run is of another machine.", *found["notes"]]}
 
 
+_OF_SLIDERS = len(ACTUATORS) * len(SLIDES)
+
+
 def engine_row(parameters: Parameters) -> list[float]:
     """Return the numbers of a machine as the C of its controller takes them, ``p3dof_parameters``.
 
@@ -125,10 +128,12 @@ def engine_row(parameters: Parameters) -> list[float]:
     -------
     list of float
         r, R, L, b, gravity (3), the ten bodies (10 each), viscous and Coulomb friction (13 each), smoothing,
-        travel (2), speed, force, tilt (2): 140 numbers.
+        travel (2), speed, force, tilt (2), armature, counterbalance, spring and counterweight of the sliders
+        (3 each): 152 numbers.
     """
     row = parameter_row(parameters)
-    return [*row[:3], parameters.geometry.b, *row[3:], *limit_row(parameters)]
+    own, of_sliders = row[:-_OF_SLIDERS], row[-_OF_SLIDERS:]
+    return [*own[:3], parameters.geometry.b, *own[3:], *limit_row(parameters), *of_sliders]
 
 
 def _inputs(parameters: Parameters) -> list[dict[str, Any]]:

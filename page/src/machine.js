@@ -1,7 +1,7 @@
 // The numbers of a machine of the paper's kind, as the generated C takes them, and what if they were others.
 
 /** How many numbers describe a machine. */
-export const NUMBERS = 140;
+export const NUMBERS = 152;
 
 /** Links in their order; each has mass, mass centre (3) and inertia (6): xx, xy, xz, yy, yz, zz. */
 export const LINKS = [
@@ -19,6 +19,7 @@ export const JOINTS = [
 export const PLACES = {
     r: 0, R: 1, L: 2, b: 3, gravity: 4, bodies: 7, viscous: 107, coulomb: 120, smoothing: 133,
     travel: 134, speed: 136, force: 137, tilt: 138,
+    armature: 140, counterbalance: 143, spring: 146, counterweight: 149,
 };
 
 const BODY = 10;

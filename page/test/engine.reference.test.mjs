@@ -101,7 +101,7 @@ test("numbers that are no machine are refused with a reason, and the machine bef
     ];
     for (const [whatIf, told] of refused) assert.throws(() => engine.set(whatIf), told);
     assert.deepEqual([...engine.holding([0, 0, 0.1])], before);
-    assert.throws(() => engineOf([1, 2, 3]), /expected 140 numbers of a machine, got 3/);
+    assert.throws(() => engineOf([1, 2, 3]), /expected 152 numbers of a machine, got 3/);
 });
 
 test("tasks become the motions that Python plans", options, () => {

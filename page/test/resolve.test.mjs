@@ -98,7 +98,7 @@ test("a pose's reasons name what is beyond, out of reach alone", () => {
 });
 
 test("a point mass below P moves the platform's mass centre", () => {
-    const numbers = new Float64Array(140);
+    const numbers = new Float64Array(152);
     numbers.set([0.1, 0.25, 0.4, 0.05, 0, 0, -9.806]);
     numbers[87] = 6;
     const more = changed(numbers, { payload: 2, below: 0.4 });
