@@ -46,10 +46,12 @@ COMMANDS = {
     "reactions": ("p3dof.cli.reactions", "Compute forces and moments in all joints."),
     "report": ("p3dof.cli.report", "Write one page that tells all about a motion."),
     "runs": ("p3dof.cli.runs", "Run many machines in time, from a table."),
+    "sensitivity": ("p3dof.cli.tolerance", "Say which parameters the forces depend on."),
     "show": ("p3dof.cli.show", "Show the machine and its forces in the browser."),
     "simulate": ("p3dof.cli.simulate", "Follow a motion under controllers, in time."),
     "size": ("p3dof.cli.size", "Say which drives fit a task."),
     "sweep": ("p3dof.cli.sweep", "Compute machines by the million, in blocks."),
+    "tolerance": ("p3dof.cli.tolerance", "Say how uncertain forces and poses are."),
     "urdf": ("p3dof.cli.export", "Write the URDF, its loops and its actuated joints."),
 }
 """The commands: the module of each, imported when it is asked for, and what the program's help says of it."""

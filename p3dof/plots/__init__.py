@@ -13,6 +13,7 @@ from p3dof.plots.reactions import reactions_figure
 from p3dof.plots.robot_run import robot_run_figure
 from p3dof.plots.sweep import sweep_figure
 from p3dof.plots.tasks import task_figure
+from p3dof.plots.tolerances import sensitivity_figure, tolerance_figure
 from p3dof.plots.tracking import tracking_figure
 
 __all__ = [
@@ -28,7 +29,9 @@ __all__ = [
     "robot_run_figure",
     "save",
     "save_all",
+    "sensitivity_figure",
     "sweep_figure",
     "task_figure",
+    "tolerance_figure",
     "tracking_figure",
 ]

@@ -218,7 +218,7 @@ def amount_of(value: Any, nominal: float, quantity: Quantity, where: str) -> flo
     try:
         number = quantity.read(value, where)
     except ParameterError as error:
-        raise InputError(f"{error.args[0]}, or a share such as '2 %'") from error
+        raise InputError(f"{error.args[0]}; a share such as '2 %' will do too") from error
     return positive(where, number, InputError)
 
 

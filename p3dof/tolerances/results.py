@@ -8,13 +8,14 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from p3dof.checks import FloatArray
+from p3dof.tables import ShownInNotebook
 
 ToleranceMethod: TypeAlias = Literal["gradient", "montecarlo"]
 """First order by exact gradients, or machines drawn at random."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ForceTolerance:
+class ForceTolerance(ShownInNotebook):
     """How uncertain the forces over a motion are.
 
     P parameters vary independently of each other. Bounds: of a force at one sample, between which 95 % of all
@@ -100,7 +101,7 @@ class ForceTolerance:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PoseTolerance:
+class PoseTolerance(ShownInNotebook):
     """How uncertain static poses are, when the sliders stand where the nominal machine would have them.
 
     Each leg has its own R, r, L and offset of its encoder: P = 12 parameters, or those of them that vary. The

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal, TypeAlias, get_args
@@ -11,7 +11,7 @@ from typing import Any, Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from p3dof.blocks import Distribution, FunctionProblem, Uniform, digest
+from p3dof.blocks import Distribution, FunctionProblem, LogUniform, Normal, Uniform, digest
 from p3dof.checks import FloatArray, Progress, shown
 from p3dof.compiled.designs import compiled_level
 from p3dof.compiled.kernels import NUMPY
@@ -24,6 +24,7 @@ from p3dof.errors import InputError, ParameterError
 from p3dof.motion import Motion
 from p3dof.motion.wrenches import Load, WrenchOverTime
 from p3dof.parameters import Parameters
+from p3dof.tables import ShownInNotebook
 from p3dof.tolerances.directions import (
     AnyMachine,
     Direction,
@@ -42,7 +43,7 @@ BLOCK = 20_000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LocalSensitivity:
+class LocalSensitivity(ShownInNotebook):
     """How a figure changes with each parameter at the machine, exactly.
 
     Parameters
@@ -183,7 +184,8 @@ def sensitivity(
         What it does.
     variables : mapping of str to Distribution, str or pair
         What varies, by names as of `tolerance`: a `p3dof.blocks` distribution of the number in SI units, a
-        share such as ``"10 %"`` (evenly spread between 90 and 110 %), or a range ``("240 mm", "260 mm")``.
+        share such as ``"10 %"`` (evenly spread between 90 and 110 %), a range ``("240 mm", "260 mm")``, or
+        ``{"normal": ["8 kg", "200 g"]}``, mean and standard deviation.
         With ``method="gradient"`` only the names count.
     figure : str
         A figure of `DesignForces`: ``peak_force``, ``rms_force``, ``peak_power``, ``actuation``...; of three
@@ -262,18 +264,33 @@ def _known(figure: Any) -> str:
     raise InputError(f"figure: expected one of {there}, or that of one actuator (_a), got {shown(figure)}")
 
 
+_SPREADS: dict[str, Callable[..., Distribution]] = {
+    "uniform": Uniform,
+    "normal": Normal,
+    "log-uniform": LogUniform,
+}
+
+
 def spread_of(direction: Direction, value: Any) -> Distribution:
     """Return how a parameter is spread: a distribution, a share about its number, or a range."""
     where = f"variables: {direction.name}"
     if isinstance(value, Distribution):
         return value
     quantity = QUANTITIES[direction.name]
-    if isinstance(value, list | tuple) and len(value) == 2:
+    if isinstance(value, list | tuple):
+        value = {"uniform": value}
+    if isinstance(value, Mapping):
+        if len(value) != 1 or not set(value) <= set(_SPREADS):
+            raise InputError(f"{where}: expected one of {', '.join(_SPREADS)}, got {shown(value)}")
+        ((kind, numbers),) = value.items()
+        if not isinstance(numbers, list | tuple) or len(numbers) != 2:
+            raise InputError(f"{where}: expected two numbers, got {shown(numbers)}")
         try:
-            low, high = (quantity.read(end, where) for end in value)
-        except ParameterError as error:
-            raise InputError(str(error.args[0])) from error
-        return Uniform(low, high)
+            first, second = (quantity.read(number, where) for number in numbers)
+            return _SPREADS[kind](first, second)
+        except (ParameterError, InputError) as error:
+            told = str(error.args[0]).removeprefix(f"{where}: ")
+            raise InputError(f"{where}: {told}") from error
     half = amount_of(value, direction.nominal, quantity, where)
     return Uniform(direction.nominal - half, direction.nominal + half)
 

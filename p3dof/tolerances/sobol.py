@@ -17,6 +17,7 @@ from p3dof.blocks import Block, Distribution, Samples, Uniform
 from p3dof.blocks.problem import whole
 from p3dof.checks import FloatArray, as_floats, shown
 from p3dof.errors import InputError
+from p3dof.tables import ShownInNotebook
 
 OnMissing: TypeAlias = Literal["raise", "drop"]
 """Refuse results that are missing, or leave out the rows that they are in."""
@@ -87,7 +88,7 @@ class MatchedSamples:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SobolIndices:
+class SobolIndices(ShownInNotebook):
     """Which variables the variance of a result comes from.
 
     Parameters

@@ -1,0 +1,251 @@
+"""`p3dof tolerance` and `p3dof sensitivity`: machines that are not what their drawings say."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+import click
+import yaml
+from rich.console import Console
+
+from p3dof.blocks import Processes
+from p3dof.checks import Progress
+from p3dof.cli.app import app
+from p3dof.cli.files import InputFile, OutputFolder, protect, source
+from p3dof.cli.options import FIGURE, POSITIVE, Case, Whole, with_load
+from p3dof.cli.output import in_options, print_plain, progress_bar, show
+from p3dof.cli.payloads import print_payloads
+from p3dof.errors import ParameterError
+from p3dof.parameters.quantities import ANGLE, LENGTH
+from p3dof.tolerances import read_uncertainty, sensitivity_table, tolerance_tables
+from p3dof.tolerances import sensitivity as sensitivity_of
+from p3dof.tolerances import tolerance as tolerance_of
+from p3dof.tolerances.files import plain_of
+
+_WORDS = {
+    "resume=True": "--resume",
+    "resume: expected a folder": "--resume: expected --out, the folder",
+    "bodies='solids'": "--solids",
+    "on_missing='drop'": "--drop-missing",
+    "sigma of": "--sigma",
+    "samples:": "--machines:",
+}
+"""What arguments of Python are here."""
+
+
+class Pose(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic in newer versions only
+    """A pose of the platform, ``y,z,theta``, with units or in SI units."""
+
+    name = "Y,Z,THETA"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> list[float]:
+        """Return the pose."""
+        parts = value.split(",") if isinstance(value, str) else []
+        try:
+            pose = [
+                kind.read(part.strip(), "pose")
+                for kind, part in zip((LENGTH, LENGTH, ANGLE), parts, strict=True)
+            ]
+        except (ParameterError, ValueError):
+            self.fail(
+                f"expected y,z,theta such as '0.1,0,-30 deg' or '100 mm,0,0', got {value!r}", param, ctx
+            )
+        return [float(number) for number in pose]
+
+
+class Named(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # likewise
+    """A parameter and what is said of it, ``NAME=VALUE``."""
+
+    name = "NAME=VALUE"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, Any]:
+        """Return the name and the value."""
+        if isinstance(value, tuple):
+            return value
+        name, equals, text = str(value).partition("=")
+        if not equals or not name.strip() or not text.strip():
+            self.fail(f"expected NAME=VALUE such as 'R=0.1 mm', got {value!r}", param, ctx)
+        try:
+            number = yaml.safe_load(text) if text.strip()[0] in "[{" else text.strip()
+        except yaml.YAMLError:
+            self.fail(f"{name}: expected a number, a share or a range [LOW, HIGH], got {text!r}", param, ctx)
+        return name.strip(), number
+
+
+def _work(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command what long work needs."""
+    options = (
+        click.option(
+            "--solids", is_flag=True, help="Compute all bodies from their solids, whose sizes may vary."
+        ),
+        click.option(
+            "--seed", type=Whole(0, 2**63), default=0, show_default=True, help="Of the random numbers."
+        ),
+        click.option("--workers", type=Whole(1, 4096), help="Worker processes; this one without it."),
+        click.option(
+            "--out", type=OutputFolder(), help="Folder to store machines in, so that it can be resumed."
+        ),
+        click.option("--resume", is_flag=True, help="Go on with what is in the folder of --out."),
+        FIGURE,
+        click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, in SI units."),
+    )
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+@app.command()
+@click.argument("file", type=InputFile(), required=False)
+@with_load
+@click.option(
+    "--sigma", "sigmas", type=Named(), multiple=True,
+    help="Standard deviation of a parameter, 'R=0.1 mm' or 'platform.mass=2 %'; several times for more.",
+)  # fmt: skip
+@click.option(
+    "--pose", "poses", type=Pose(), multiple=True,
+    help="Ask for the static error of this pose instead of forces: '0.1,0,-30 deg'; several times for more.",
+)  # fmt: skip
+@click.option(
+    "--machines", type=Whole(2, 100_000_000),
+    help="Draw so many machines at random; first order by exact derivatives without it.",
+)  # fmt: skip
+@click.option(
+    "--spread", type=click.Choice(("normal", "uniform")), default="normal", show_default=True,
+    help="How parameters of machines drawn are spread.",
+)  # fmt: skip
+@click.option(
+    "--worst", type=POSITIVE, default=3.0, show_default=True,
+    help="How many standard deviations all parameters are off in the worst case.",
+)  # fmt: skip
+@_work
+def tolerance(
+    case: Case,
+    file: Path | None,
+    sigmas: tuple[tuple[str, Any], ...],
+    poses: tuple[list[float], ...],
+    machines: int | None,
+    spread: Any,
+    worst: float,
+    figure: Path | None,
+    as_json: bool,
+    **work: Any,
+) -> int:
+    """Say how uncertain the forces over a motion, or poses, are: no machine is what its drawing says.
+
+    FILE is a YAML file with a field 'sigma': standard deviations by names of parameters, as columns of
+    'designs' have them (R, leg.mass, friction.viscous.sliders), with a unit or as a share in percent. With
+    --pose they are R, r, L and encoder, which each leg has on its own, or those of one leg: L.a. --sigma adds
+    to them.
+    """
+    protect((file, case.parameters, case.motion_file, case.wrench_file), (figure,))
+    sigma = {**(read_uncertainty(source(file)).sigma if file is not None else {}), **dict(sigmas)}
+    if poses and (case.motion_file is not None or case.wrench_file is not None):
+        raise click.UsageError("--pose asks for static poses: expected no --motion and no --wrench")
+    if poses and work["solids"]:
+        raise click.UsageError("--solids belongs to forces: the error of a pose depends on lengths alone")
+    if machines is None and (work["out"] is not None or work["workers"] is not None or work["resume"]):
+        raise click.UsageError(
+            "--out, --resume and --workers belong to --machines: the first order takes no time"
+        )
+    asked: dict[str, Any] = {"sigma": sigma, "worst": worst, "spread": spread}
+    asked |= {"samples": machines, "method": "montecarlo"} if machines else {}
+    asked |= {"pose": list(poses)} if poses else {"motion": case.motion, "wrench": case.wrench}
+    with _prepared("machines", machines, work) as options:
+        if poses:
+            options.pop("bodies")
+        found = tolerance_of(case.robot, **asked, **options)
+    return _tell(case, found, tolerance_tables(found), "tolerance_figure", figure, as_json)
+
+
+@app.command()
+@click.argument("file", type=InputFile(), required=False)
+@with_load
+@click.option(
+    "--vary", "variables", type=Named(), multiple=True,
+    help="Range of a parameter, 'R=10 %', 'L=[380 mm, 420 mm]' or 'leg.mass={normal: [1 kg, 20 g]}'; several "
+    "times for more.",
+)  # fmt: skip
+@click.option("--of", "result", default="peak_force", show_default=True, help="A figure as of 'designs'.")
+@click.option("--local", is_flag=True, help="Exact derivatives at the machine, instead of Sobol' indices.")
+@click.option(
+    "--rows", type=Whole(2, 2**28), default=4096, show_default=True,
+    help="Matched rows of machines, each as many as there are variables and two; powers of two are best.",
+)  # fmt: skip
+@click.option("--drop-missing", is_flag=True, help="Leave out rows of machines that cannot make the motion.")
+@_work
+def sensitivity(
+    case: Case,
+    file: Path | None,
+    variables: tuple[tuple[str, Any], ...],
+    result: str,
+    local: bool,
+    rows: int,
+    drop_missing: bool,
+    figure: Path | None,
+    as_json: bool,
+    **work: Any,
+) -> int:
+    """Say which parameters the forces depend on: Sobol' indices over ranges, or exact derivatives.
+
+    FILE is a YAML file with a field 'variables': ranges by names of parameters, as columns of 'designs' have
+    them. --vary adds to them.
+    """
+    protect((file, case.parameters, case.motion_file, case.wrench_file), (figure,))
+    given = {**(read_uncertainty(source(file)).variables if file is not None else {}), **dict(variables)}
+    if local and (work["out"] is not None or work["workers"] is not None or work["resume"]):
+        raise click.UsageError("--out, --resume and --workers do not belong to --local, which takes no time")
+    method: Any = "gradient" if local else "sobol"
+    with _prepared("machines", None if local else rows * (len(given) + 2), work) as options:
+        found = sensitivity_of(
+            case.robot,
+            case.motion,
+            given,
+            result,
+            method=method,
+            wrench=case.wrench,
+            rows=rows,
+            on_missing="drop" if drop_missing else "raise",
+            **options,
+        )
+    return _tell(case, found, (sensitivity_table(found),), "sensitivity_figure", figure, as_json)
+
+
+@contextmanager
+def _prepared(what: str, total: int | None, work: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """Give the arguments of Python for long work, with workers and a progress bar."""
+    with in_options(_WORDS), ExitStack() as stack:
+        progress: Progress | None = None
+        if total:
+            progress = stack.enter_context(progress_bar(what, total))
+        client = stack.enter_context(Processes(work["workers"])) if work["workers"] is not None else None
+        yield {
+            "bodies": "solids" if work["solids"] else "kept",
+            "seed": work["seed"],
+            "folder": work["out"],
+            "resume": work["resume"],
+            "client": client,
+            "progress": progress,
+        }
+
+
+def _tell(
+    case: Case, found: Any, tables: tuple[Any, ...], draw: str, figure: Path | None, as_json: bool
+) -> int:
+    """Print what was found, and draw it."""
+    console = Console(stderr=as_json)
+    if as_json:
+        click.echo(json.dumps(plain_of(found)))
+    else:
+        print_payloads(console, case)
+        show(console, *tables, notes=True)
+    if figure is not None:
+        from p3dof import plots
+
+        print_plain(console, f"wrote {plots.save(getattr(plots, draw)(found), figure)}")
+    return 0
