@@ -61,7 +61,7 @@ from .compiled import BoundInverseDynamics, MachineKernels
 from .designs import DesignForces, DesignEvaluation, Designs, DesignStatus, forces_of_designs
 
 # Better machines
-from .optimisation import DesignProblem
+from .optimisation import DesignProblem, Optimum
 
 # Many runs at once
 from .many_runs import ManyRuns, RunHistories, simulate_many
@@ -88,6 +88,7 @@ from .errors import (
     ModelError,
     ModelWarning,
     MotionError,
+    OptimisationError,
     P3dofError,
     ParameterError,
     ReachError,
@@ -192,6 +193,8 @@ __all__ = [
     "Noise",
     "OpenPeak",
     "Opinion",
+    "OptimisationError",
+    "Optimum",
     "P3dofError",
     "ParameterError",
     "Parameters",

@@ -142,6 +142,10 @@ class SweepError(P3dofError, RuntimeError):
     """A sweep cannot be begun, resumed or finished; the message says what to do."""
 
 
+class OptimisationError(P3dofError, RuntimeError):
+    """A problem of optimisation has no solution; the message names what cannot be kept, and by how much."""
+
+
 class MissingExtraError(P3dofError, ImportError):
     """An optional dependency is not installed; the message says which extra brings it."""
 

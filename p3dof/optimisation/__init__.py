@@ -2,7 +2,10 @@
 
 - `variables`, `box`, `constraints`: what may change, which poses count, what must be kept.
 - `measure`, `of_motion`, `of_poses`, `of_solids`, `measures`: what designs are measured by, with gradients.
-- `population`, `problem`, `evaluated`: `DesignProblem`, and what is computed of many designs at once.
+- `population`, `statement`, `evaluated`, `settings`: a problem, and what is computed of many designs at once.
+- `epigraph`, `starts`, `evolution`, `feasibility`, `minimising`, `journal`: optima by one objective.
+- `optimum`, `checking`: what was found, and a second look at it.
+- `problem`: `DesignProblem`.
 """
 
 from p3dof.optimisation.box import Box
@@ -10,6 +13,7 @@ from p3dof.optimisation.constraints import Constraint, relation
 from p3dof.optimisation.evaluated import Evaluated
 from p3dof.optimisation.measure import FunctionMeasure, Measure, Pieces
 from p3dof.optimisation.measures import MEASURES
+from p3dof.optimisation.optimum import Optimum
 from p3dof.optimisation.problem import DesignProblem
 
 __all__ = [
@@ -20,6 +24,7 @@ __all__ = [
     "Evaluated",
     "FunctionMeasure",
     "Measure",
+    "Optimum",
     "Pieces",
     "relation",
 ]

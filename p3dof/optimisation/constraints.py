@@ -71,7 +71,7 @@ class Constraint:
                 np.take_along_axis(found.values, worst[:, None], axis=1),
                 np.take_along_axis(found.gradients, worst[:, None, None], axis=1),
             )
-        return Pieces(self.margin(found.values) / self.scale, sign * found.gradients / self.scale)
+        return Pieces(self.margin(found.values) / self.scale, lambda: sign * found.gradients / self.scale)
 
 
 @dataclass(frozen=True, eq=False)

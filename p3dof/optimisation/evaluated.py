@@ -15,6 +15,9 @@ from p3dof.optimisation.constraints import Constraint
 from p3dof.optimisation.measure import Measure
 from p3dof.optimisation.variables import Variables
 
+TOLERANCE = 1e-8
+"""By how much constraints may be missed, as a share of their bounds: optima lie on them, and are rounded."""
+
 
 class Asked(NamedTuple):
     """What a problem asks of designs.
@@ -84,11 +87,14 @@ class Evaluated:
 
     @property
     def violation(self) -> FloatArray:
-        """Sum of all violations by the sizes of their bounds (D,): 0 for designs that keep all."""
+        """Sum of all violations by the sizes of their bounds (D,): 0 for designs that keep all.
+
+        Less than 1e-8 of a bound is none.
+        """
         scales = np.array([item.scale for item in self.asked.constraints])
         with np.errstate(invalid="ignore"):
             short = np.maximum(-self.margins / scales, 0.0)
-        lost = np.where(np.isnan(short), 1.0, short).sum(axis=1)
+        lost = np.where(np.isnan(short), 1.0, np.where(short > TOLERANCE, short, 0.0)).sum(axis=1)
         return np.asarray(np.where(self.status == DesignStatus.FEASIBLE, lost, 10.0 + lost))
 
     @property
@@ -115,7 +121,7 @@ class Evaluated:
         margins = self.margins[design]
         sizes = np.array([item.scale for item in items])
         shares = np.where(np.isnan(margins), -np.inf, margins / sizes)
-        if not len(items) or shares.min() >= 0:
+        if not len(items) or shares.min() >= -TOLERANCE:
             return ""
         worst = int(shares.argmin())
         item, value = items[worst], self.constraints[design, worst]

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple, Protocol, TypeAlias, runtime_checkable
+from functools import cached_property, partial
+from typing import Any, Literal, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
@@ -23,19 +24,24 @@ Better: TypeAlias = Literal["small", "large"]
 """Whether small or large numbers of a measure are good; its worst piece is the other end."""
 
 
-class Pieces(NamedTuple):
+class Pieces:
     """The pieces of a measure, and their derivatives by all variables of the problem.
 
     Parameters
     ----------
     values : ndarray, shape (D, P)
         The measure is the largest of them if small is good, else the least.
-    gradients : ndarray, shape (D, P, n)
-        By the variables, in SI units.
+    gradients : ndarray, shape (D, P, n), or callable
+        By the variables, in SI units; a function that returns them is called when they are asked for.
     """
 
-    values: FloatArray
-    gradients: FloatArray
+    def __init__(self, values: FloatArray, gradients: FloatArray | Callable[[], FloatArray]) -> None:
+        self.values, self._gradients = values, gradients
+
+    @cached_property
+    def gradients(self) -> FloatArray:
+        """Derivatives by the variables, (D, P, n)."""
+        return self._gradients() if callable(self._gradients) else self._gradients
 
 
 @runtime_checkable
@@ -97,12 +103,16 @@ class ClosedForm:
         """Return its pieces and their gradients."""
         with np.errstate(all="ignore"):
             values = np.asarray(self.formula(population.numbers, population), dtype=np.float64)
-            shape = (len(population), values.shape[-1])
+        shape = (len(population), values.shape[-1])
+        return Pieces(np.broadcast_to(values, shape), partial(self._gradients, population, shape))
+
+    def _gradients(self, population: Population, shape: tuple[int, int]) -> FloatArray:
+        with np.errstate(all="ignore"):
             moved = [
-                np.broadcast_to(np.imag(self.formula(population.stepped(name), population)) / STEP, shape)
+                np.imag(self.formula(population.stepped(name), population)) / STEP
                 for name in population.setting.names
             ]
-        return Pieces(np.broadcast_to(values, shape), np.stack(moved, axis=-1))
+        return np.stack([np.broadcast_to(each, shape) for each in moved], axis=-1)
 
 
 @dataclass(frozen=True)

@@ -75,8 +75,13 @@ class PeakForce:
     def pieces(self, population: Population) -> Pieces:
         """Return its pieces and their gradients."""
         found = joined(population.sampled.found.forces)
-        moved = [joined(population.rates(name).forces, found.shape) for name in population.setting.names]
-        return Pieces(np.abs(found), np.sign(found)[..., None] * np.stack(moved, axis=-1))
+
+        def gradients() -> FloatArray:
+            names = population.setting.names
+            moved = [joined(population.rates(name).forces, found.shape) for name in names]
+            return np.asarray(np.sign(found)[..., None] * np.stack(moved, axis=-1))
+
+        return Pieces(np.abs(found), gradients)
 
 
 @dataclass(frozen=True)
@@ -96,8 +101,7 @@ class PeakPower:
 
     def pieces(self, population: Population) -> Pieces:
         """Return its pieces and their gradients."""
-        power, moved = powers(population)
-        return Pieces(power, moved)
+        return Pieces(powers(population), lambda: power_rates(population))
 
 
 @dataclass(frozen=True)
@@ -124,14 +128,18 @@ class RmsPower:
     def pieces(self, population: Population) -> Pieces:
         """Return its one piece and its gradient."""
         mean = population.setting.samples.mean
-        designs, samples = len(population), len(mean)
-        power, moved = powers(population)
-        size = np.abs(power).reshape(designs, 3, samples).sum(axis=1)
-        slopes = np.sign(power)[..., None] * moved
-        slopes = slopes.reshape(designs, 3, samples, -1).sum(axis=1)  # (D, N, n)
+        shape = len(population), 3, len(mean)
+        power = powers(population)
+        size = np.abs(power).reshape(shape).sum(axis=1)
         value = np.sqrt(size**2 @ mean)
-        gradient = np.einsum("dt,t,dtn->dn", size, mean, slopes) / value[:, None]
-        return Pieces(value[:, None], gradient[:, None])
+
+        def gradient() -> FloatArray:
+            slopes = np.sign(power)[..., None] * power_rates(population)
+            slopes = slopes.reshape(*shape, -1).sum(axis=1)  # (D, N, n)
+            found = np.einsum("dt,t,dtn->dn", size, mean, slopes) / value[:, None]
+            return np.asarray(found[:, None])
+
+        return Pieces(value[:, None], gradient)
 
 
 @dataclass(frozen=True)
@@ -163,19 +171,20 @@ class LeftToLimits:
         """Return its pieces and their gradients."""
         limits, names = population.setting.machine.limits, population.setting.names
         found = population.sampled.found
-        rates = [population.rates(name) for name in names]
-        if self.name == "stroke_margin":
-            values = joined(found.sliders)
-            moved = np.stack([joined(rate.sliders, values.shape) for rate in rates], axis=-1)
-            low, high = limits.travel
-            return Pieces(
-                np.concatenate([values - low, high - values], axis=1), np.concatenate([moved, -moved], axis=1)
+        group = {"stroke_margin": "sliders", "speed_margin": "speeds"}.get(self.name, "forces")
+        values = joined(getattr(found, group))
+
+        def moved() -> FloatArray:
+            return np.stack(
+                [joined(getattr(population.rates(name), group), values.shape) for name in names], axis=-1
             )
-        forces = self.name == "force_margin"
-        values = joined(found.forces if forces else found.speeds)
-        each = [joined(rate.forces if forces else rate.speeds, values.shape) for rate in rates]
-        most = limits.force if forces else limits.speed
-        return Pieces(most - np.abs(values), -np.sign(values)[..., None] * np.stack(each, axis=-1))
+
+        if self.name == "stroke_margin":
+            low, high = limits.travel
+            both = np.concatenate([values - low, high - values], axis=1)
+            return Pieces(both, lambda: np.concatenate([moved(), -moved()], axis=1))
+        most = limits.force if group == "forces" else limits.speed
+        return Pieces(most - np.abs(values), lambda: np.asarray(-np.sign(values)[..., None] * moved()))
 
 
 def joined(of_actuators: Any, shape: tuple[int, ...] | None = None) -> FloatArray:
@@ -185,17 +194,22 @@ def joined(of_actuators: Any, shape: tuple[int, ...] | None = None) -> FloatArra
     return np.concatenate(list(of_actuators), axis=1)
 
 
-def powers(population: Population) -> tuple[FloatArray, FloatArray]:
-    """Return the powers of A, B, C at all samples (D, 3 N), and their derivatives (D, 3 N, n) [W]."""
+def powers(population: Population) -> FloatArray:
+    """Return the powers of A, B, C at all samples (D, 3 N) [W]."""
     found = population.sampled.found
+    return joined(found.forces) * joined(found.speeds)
+
+
+def power_rates(population: Population) -> FloatArray:
+    """Return the derivatives of the powers by the variables (D, 3 N, n)."""
+    found, moved = population.sampled.found, []
     forces, speeds = joined(found.forces), joined(found.speeds)
-    moved = []
     for name in population.setting.names:
         rates = population.rates(name)
         moved.append(
             joined(rates.forces, forces.shape) * speeds + forces * joined(rates.speeds, forces.shape)
         )
-    return forces * speeds, np.stack(moved, axis=-1)
+    return np.stack(moved, axis=-1)
 
 
 OF_MOTION = (

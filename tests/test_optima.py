@@ -1,0 +1,180 @@
+"""Optima by one objective: those of two other programs, by two optimisers; checks, interruption."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from design_problems import STEEL, VARIABLES, paper_problem
+
+import p3dof
+from p3dof import DesignProblem, OptimisationError, SweepError
+from p3dof.optimisation import Optimum
+
+FREE = {"width": 1.0}
+ROWS = [
+    ("peak_force", FREE, None, 60.3069),
+    ("peak_force", {"width": 0.6}, None, 60.3126),
+    ("peak_force", {"width": 0.5}, None, 61.6491),
+    ("peak_force", {"width": 0.45}, None, 63.1718),
+    ("peak_force", {"width": 0.4}, None, 65.3750),
+    ("peak_force", {"width": 0.36}, None, 67.9655),
+    ("peak_force", FREE, 0.1, 76.0598),
+    ("peak_force", {"width": 0.5}, 0.1, 80.2398),
+    ("rms_power", FREE, None, 31.0722),
+]
+"""Objective, bounds, radius of the platform [m] where it is kept, and the optimum of two other programs."""
+
+
+def problem_with(r: float | None) -> DesignProblem:
+    if r is None:
+        return paper_problem()
+    return _with_r(r)
+
+
+def _with_r(r: float) -> DesignProblem:
+    whole = paper_problem()
+    variables = {name: bounds for name, bounds in VARIABLES.items() if name != "r"}
+    return DesignProblem(
+        variables,
+        objectives=whole.objectives,
+        constraints=whole.constraints,
+        box=whole.setting.box,
+        bodies="solids",
+        fixed=STEEL | {"r": r},
+    )
+
+
+@pytest.mark.parametrize(("objective", "bounds", "r", "expected"), ROWS)
+def test_local_descents_find_the_published_optima(
+    objective: str, bounds: dict[str, float], r: float | None, expected: float
+) -> None:
+    starts = 1 if objective == "rms_power" else 3
+    found = problem_with(r).minimise(objective, bounds, starts=starts)
+    assert found.value == pytest.approx(expected, abs=1e-4)
+    assert found.found.feasible[0]
+
+
+PEAKS = [row[1:] for row in ROWS if row[0] == "peak_force"]
+
+
+@pytest.mark.parametrize(("bounds", "r", "expected"), PEAKS[::7])
+def test_evolution_without_gradients_finds_the_same(
+    bounds: dict[str, float], r: float | None, expected: float
+) -> None:
+    found = problem_with(r).minimise("peak_force", bounds, method="evolution", polish=False)
+    assert found.value == pytest.approx(expected, abs=1e-3)
+    assert found.found.feasible[0]
+
+
+@pytest.fixture(scope="module")
+def optimum() -> Optimum:
+    return _with_r(0.1).minimise("peak_force", {"width": 0.5}, starts=2)
+
+
+def test_an_optimum_says_what_binds_it(optimum: Optimum) -> None:
+    assert optimum.binding == ("serial_reach ≥ 0.4", "width ≤ 0.5 m", "rod_radius at its lower bound")
+    assert optimum.design == pytest.approx([0.25, 0.27277, 0.003], abs=1e-5)
+
+
+def test_an_optimum_is_checked_on_finer_grids_and_by_pinocchio(optimum: Optimum) -> None:
+    check = optimum.check
+    assert check.violation < 3e-5
+    assert check.finer.asked is not optimum.found.asked
+    assert check.finer["peak_force"][0] == pytest.approx(80.2398, abs=0.05)
+    assert check.difference < 1e-11 * check.largest
+    assert check.largest == pytest.approx(optimum.value, rel=1e-12)
+
+
+def test_grids_that_are_too_coarse_show_in_the_check() -> None:
+    box = p3dof.optimisation.Box((-0.1, 0.1), (-0.5, 0.5), (2, 2))
+    coarse = paper_problem(motion=p3dof.paper_motion(9), box=box)
+    found = coarse.minimise("rms_power", starts=1)
+    assert abs(found.check.finer["rms_power"][0] - found.value) > 0.1
+    assert found.check.difference < 1e-11 * found.check.largest  # at the samples of the optimiser
+
+
+def test_the_optimum_is_a_machine_file(optimum: Optimum, tmp_path: Path) -> None:
+    path = optimum.write_parameters(tmp_path / "better.yaml")
+    robot = p3dof.load(path)
+    forces = robot.inverse_dynamics(p3dof.paper_motion(201)).forces
+    assert np.abs(forces).max() == pytest.approx(optimum.value, rel=1e-12)
+
+
+def test_tables_compare_with_the_machine_that_there_was(optimum: Optimum) -> None:
+    changes, limits, checks = optimum.tables()
+    rows = {row[0]: row[1:] for row in changes.rows}
+    assert rows["peak_force [N]"] == (
+        pytest.approx(119.93761, abs=1e-5),
+        pytest.approx(80.2398, abs=1e-4),
+        "-33.10%",
+    )
+    assert [row[-1] for row in limits.rows].count("binding") == 2
+    assert checks.rows[2][1] == "none"
+
+
+def test_moving_the_motion_is_checked_by_pinocchio_too() -> None:
+    problem = DesignProblem({"offset.y": (-0.03, 0.03), "offset.theta": (-0.1, 0.1)})
+    found = problem.minimise(starts=2)
+    assert found.value < problem.evaluate([0, 0])["peak_force"][0] - 1
+    assert found.check.difference < 1e-11 * found.check.largest
+
+
+def test_constraints_that_no_design_keeps_are_named_with_what_is_missing() -> None:
+    with pytest.raises(OptimisationError, match=r"^no design keeps all .* misses width ≤ 0.2 m by 0.1 m$"):
+        paper_problem().minimise("peak_force", {"width": 0.2}, starts=2)
+    both = "misses R >= r \\+ 0.03 by 0.01 m and R <= r \\+ 0.01 by 0.01 m$"
+    opposed = paper_problem(constraints=["R >= r + 0.03", "R <= r + 0.01"])
+    with pytest.raises(OptimisationError, match=both):
+        opposed.minimise(starts=2)
+
+
+def test_bounds_in_which_no_machine_makes_the_motion_are_told() -> None:
+    problem = DesignProblem({"L": (0.1, 0.16)})
+    with pytest.raises(OptimisationError, match="makes the motion: a leg is too short"):
+        problem.minimise(starts=2)
+
+
+@pytest.mark.parametrize("method", ["slsqp", "evolution"])
+def test_an_interrupted_optimisation_goes_on_to_the_same_result(method: str, tmp_path: Path) -> None:
+    problem, options = _with_r(0.1), {"method": method, "seed": 5, "starts": 3, "generations": 50}
+    whole = problem.minimise("peak_force", **options)
+    store, stop = tmp_path / "state", 2 if method == "slsqp" else 20
+
+    def interrupt(done: int, _: int) -> None:
+        if done == stop:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        problem.minimise("peak_force", **options, store=store, progress=interrupt)
+    parts = {path.name: path.stat().st_mtime_ns for path in store.glob("*.npz")}
+    assert len(parts) >= stop
+    damaged = sorted(parts)[0]
+    (store / damaged).write_bytes(b"cut off")
+    resumed = problem.minimise("peak_force", **options, store=store, resume=True)
+    assert np.array_equal(resumed.design, whole.design)
+    kept = [name for name, time in parts.items() if (store / name).stat().st_mtime_ns == time]
+    assert sorted(kept) == sorted(set(parts) - {damaged})
+
+
+def test_the_folder_of_another_problem_is_refused(tmp_path: Path) -> None:
+    _with_r(0.1).minimise("peak_force", starts=1, store=tmp_path)
+    with pytest.raises(SweepError, match="to go on with it: resume=True"):
+        _with_r(0.1).minimise("peak_force", starts=1, store=tmp_path)
+    with pytest.raises(SweepError, match=r"geometry\.r is 0.1 there, 0.11 here"):
+        _with_r(0.11).minimise("peak_force", starts=1, store=tmp_path, resume=True)
+
+
+def test_the_same_seed_gives_the_same_optimum() -> None:
+    how = {"method": "evolution", "seed": 3, "polish": False, "generations": 40}
+    one, two = (_with_r(0.1).minimise("peak_force", **how) for _ in range(2))
+    assert np.array_equal(one.design, two.design)
+
+
+def test_what_is_better_large_is_made_large() -> None:
+    lightest = paper_problem().minimise("peak_force", starts=1).design
+    before = paper_problem(objectives=["transmission"]).evaluate(lightest)["transmission"][0]
+    found = paper_problem().minimise("transmission", {"peak_force": 75.0}, starts=3)
+    assert found.value > before + 0.1
+    assert found.found["peak_force"][0] <= 75.0 + 1e-5
