@@ -23,7 +23,18 @@ from .description import Mechanism
 # What it does, and what acts on it
 from .motion import Curve, Motion, WrenchHistory, paper_motion
 from .tasks import AxisLimits, Plan, Task, Waypoint, read_task, write_task
-from .manipulator import BestBalance, TaskForces, best_balance, fastest_plan, forces_of_task, size_drives
+from .manipulator import (
+    Assessment,
+    BestBalance,
+    RatingUse,
+    TaskForces,
+    assess,
+    best_balance,
+    fastest_plan,
+    forces_of_task,
+    reactions_of_task,
+    size_drives,
+)
 
 # Where it is
 from .kinematics import BodyMotion, InverseKinematics, MechanismMotion, Singularity
@@ -130,6 +141,7 @@ __all__ = [
     "Actuators",
     "Aspects",
     "AssemblyError",
+    "Assessment",
     "AxisLimits",
     "BestBalance",
     "Bodies",
@@ -203,6 +215,7 @@ __all__ = [
     "Plan",
     "PoseMargins",
     "PoseTolerance",
+    "RatingUse",
     "ReachError",
     "Reactions",
     "ReactionsComparison",
@@ -228,6 +241,7 @@ __all__ = [
     "WorkspaceMargins",
     "WrenchHistory",
     "__version__",
+    "assess",
     "bearings",
     "best_balance",
     "blocks",
@@ -247,6 +261,7 @@ __all__ = [
     "paper_motion",
     "plots",
     "reactions",
+    "reactions_of_task",
     "read_load_friction",
     "read_parameters",
     "read_stiffness",

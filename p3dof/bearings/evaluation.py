@@ -184,9 +184,11 @@ def _rod(parameters: Parameters, reactions: Reactions, name: str, section: RodSe
     thrust = np.concatenate([along, tip])  # of the upper end on the rod, and of the rod on what is below
     bending = math.pi * section.radius(length, mass) ** 4 / 4
     stiff = section.young * bending
+    at = int(thrust.argmax()) % len(reactions.time)
     return RodCheck(
         name,
         float(max(thrust.max(), 0.0)),
+        float(reactions.time[at]) if thrust.max() > 0 else math.nan,
         float(max(-thrust.min(), 0.0)),
         math.pi**2 * stiff / length**2,
         math.pi / (2 * length**2) * math.sqrt(stiff * length / mass),

@@ -113,7 +113,11 @@ class RodCheck:
     ----------
     rod : str
         Its link.
-    compression, tension : float
+    compression : float
+        The largest, at either end [N]; zero where there is none.
+    compression_time : float
+        When [s]; NaN without any.
+    tension : float
         The largest, at either end [N]; zero where there is none.
     buckling : float
         Euler's load with both ends hinged [N].
@@ -123,6 +127,7 @@ class RodCheck:
 
     rod: str
     compression: float
+    compression_time: float
     tension: float
     buckling: float
     frequency: float

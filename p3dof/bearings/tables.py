@@ -93,6 +93,7 @@ def rods_table(report: BearingReport) -> Table:
     rows = {
         rod.rod: (
             number(rod.compression) if rod.compression else "none",
+            number(rod.compression_time),
             number(rod.tension) if rod.tension else "none",
             number(rod.buckling),
             _safety(rod.buckling_safety),
@@ -100,7 +101,15 @@ def rods_table(report: BearingReport) -> Table:
         )
         for rod in report.rods
     }
-    header = ("rod", "compression [N]", "tension [N]", "buckles at [N]", "safety", "bends at [Hz]")
+    header = (
+        "rod",
+        "compression [N]",
+        "at t [s]",
+        "tension [N]",
+        "buckles at [N]",
+        "safety",
+        "bends at [Hz]",
+    )
     return table_of("Legs and rods, hinged at both ends", header, rows)
 
 

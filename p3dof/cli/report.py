@@ -2,27 +2,34 @@
 
 from __future__ import annotations
 
+import math
 import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
 from rich.console import Console
 
 from p3dof.cli.app import app
-from p3dof.cli.files import STREAM, OutputFile
+from p3dof.cli.files import STREAM, InputFile, OutputFile
 from p3dof.cli.options import JOINTS, STIFFNESS, Case, stiffness_in, with_case
 from p3dof.cli.output import print_plain, print_warnings, progress_bar
 from p3dof.cli.payloads import payloads_in_words, print_payloads
+from p3dof.cli.work import WORK, Work, task_named
 from p3dof.files import suffix_of
-from p3dof.manipulator import InverseDynamics
+from p3dof.manipulator import InverseDynamics, TaskForces
 from p3dof.reactions import ALL, Choice, of_result
 
 
 @app.command("report")
+@click.argument("task_file", metavar="[TASK]", type=InputFile(), required=False)
 @with_case
 @JOINTS
 @STIFFNESS
+@WORK
 @click.option(
     "--out",
     type=OutputFile("report"),
@@ -32,12 +39,100 @@ from p3dof.reactions import ALL, Choice, of_result
 )
 @click.option("--title", help="Heading of the page.")
 @click.option("--page/--no-page", default=True, help="Embed the page in which the machine moves.")
-def make(case: Case, joints: Choice, stiffness: Path | None, out: Path, title: str | None, page: bool) -> int:
-    """Write parameters, figures, tables and the moving machine as one page (needs the extra 'report').
+def make(
+    case: Case,
+    task_file: Path | None,
+    joints: Choice,
+    stiffness: Path | None,
+    out: Path,
+    title: str | None,
+    page: bool,
+    **given: Any,
+) -> int:
+    """Write a report in one file, HTML or PDF (needs the extra 'report').
 
-    Exit code 1 when the machine cannot make the motion.
+    Of a TASK (YAML): does the machine fit, which rating is worst, when and by how much; drives of a
+    catalogue with their torque-speed curves, lives of bearings, alternatives. Of a motion (--motion; the
+    paper's without it): parameters, figures and tables; with --drives or --bearings as of a task.
+
+    Exit code 1 when the machine cannot make the motion, or does not fit.
     """
+    work = Work(**given)
     case.protect(out)
+    work.protect(task_file, (case.parameters, case.motion_file, case.wrench_file, stiffness), (out,))
+    told = _Told(out, title, page, _command(case, task_file, work, joints, stiffness, out, title, page))
+    if task_file is not None or work.asks:
+        return _assessed(case, task_file, work, stiffness, told)
+    return _of_motion(case, joints, stiffness, told)
+
+
+@dataclass(frozen=True)
+class _Told:
+    """Where a report goes, and what it says of itself."""
+
+    out: Path
+    title: str | None
+    page: bool
+    command: str
+
+    @property
+    def printed(self) -> bool:
+        return suffix_of(self.out, "report") == ".pdf"
+
+
+def _assessed(case: Case, task_file: Path | None, work: Work, stiffness: Path | None, told: _Told) -> int:
+    """Write the report on a machine and what it has to do."""
+    from p3dof import report
+
+    robot, given = case.robot, stiffness_in(stiffness)
+    if task_file is None:
+        if case.on_invalid != "raise":
+            raise click.UsageError("--on-invalid nan: a motion with gaps cannot be held against ratings")
+        work.refuse_plans("a motion file says how long it takes")
+        found: InverseDynamics | TaskForces = case.solve("compiled")[0]
+    else:
+        _refuse_motion(case)
+        found = work.forces(robot, task_named(task_file), case.samples)
+    result = work.assessed(robot, found, given, told.title or "")
+    page = report.moving_page(result) if told.page else None
+    picture = None
+    if told.printed and page is not None:
+        from p3dof.viewer.pictures import screenshot
+
+        time = result.worst.time
+        picture = screenshot(page, 0.0 if math.isnan(time) else time)
+    files = {"task": task_file, "drives": work.drives, "bearings": work.bearings, "stiffness": stiffness}
+    path = report.write_assessment(
+        told.out,
+        result,
+        title=told.title,
+        about=_about(case, {name: str(file) for name, file in files.items() if file is not None}),
+        command=told.command,
+        page=None if page is None or told.printed else page.html,
+        picture=picture,
+    )
+    console = Console()
+    print_payloads(console, case)
+    print_plain(console, f"{result.name}: {result.verdict}")
+    print_warnings(console, result.warnings)
+    print_plain(console, f"wrote {path}")
+    return 0 if result.fits else 1
+
+
+def _refuse_motion(case: Case) -> None:
+    """Refuse options of motions beside a task, which has its own."""
+    others = {
+        "--motion": case.motion_file,
+        "--wrench": case.wrench_file,
+        "--on-invalid nan": None if case.on_invalid == "raise" else True,
+    }
+    for option, value in others.items():
+        if value is not None:
+            raise click.UsageError(f"{option}: a task has its own motion and loads")
+
+
+def _of_motion(case: Case, joints: Choice, stiffness: Path | None, told: _Told) -> int:
+    """Write the report on a motion."""
     from p3dof import report
 
     with progress_bar("report", len(case.motion)) as progress:
@@ -49,7 +144,6 @@ def make(case: Case, joints: Choice, stiffness: Path | None, out: Path, title: s
         )
     result = comparison.second
     case.require_valid(result.valid)
-    printed = suffix_of(out, "report") == ".pdf"
     reactions = of_result(
         case.robot.loop,
         case.robot.parameters,
@@ -58,17 +152,17 @@ def make(case: Case, joints: Choice, stiffness: Path | None, out: Path, title: s
         case.on_invalid,  # type: ignore[arg-type]  # likewise
         stiffness_in(stiffness),
     )
-    moving = case.robot.page(result, reactions=reactions).html if page and not printed else None
-    picture = _picture(case, result) if page and printed else None
+    moving = case.robot.page(result, reactions=reactions).html if told.page and not told.printed else None
+    picture = _picture(case, result) if told.page and told.printed else None
     path = report.write(
-        out,
+        told.out,
         case.robot,
         case.motion,
         case.wrench,
         case.on_invalid,
-        title=title,
+        title=told.title,
         about=_about(case),
-        command=_command(case, joints, stiffness, out, title, page),
+        command=told.command,
         page=moving,
         picture=picture,
         comparison=comparison,
@@ -89,12 +183,12 @@ def _picture(case: Case, result: InverseDynamics) -> bytes:
     return screenshot(case.robot.page(result), float(result.time[strongest]))
 
 
-def _about(case: Case) -> dict[str, str]:
-    """Say where machine, motion and loads come from."""
-    found = {
-        "machine": _named(case.parameters),
-        "motion": _named(case.motion_file),
-    }
+def _about(case: Case, files: Mapping[str, str] | None = None) -> dict[str, str]:
+    """Say where machine, motion and loads come from, and other files."""
+    found = {"machine": _named(case.parameters)}
+    if files is None or "task" not in files:
+        found["motion"] = _named(case.motion_file)
+    found |= files or {}
     words = payloads_in_words(case.robot.parameters, case.parameters, case.payload)
     if words:
         found["payload"] = words.removeprefix("payload: ")
@@ -110,7 +204,14 @@ def _named(path: Path | None) -> str:
 
 
 def _command(
-    case: Case, joints: Choice, stiffness: Path | None, out: Path, title: str | None, page: bool
+    case: Case,
+    task_file: Path | None,
+    work: Work,
+    joints: Choice,
+    stiffness: Path | None,
+    out: Path,
+    title: str | None,
+    page: bool,
 ) -> str:
     """Return the command that makes this report."""
     payload = None
@@ -125,9 +226,12 @@ def _command(
         "--on-invalid": None if case.on_invalid == "raise" else case.on_invalid,
         "--joints": None if joints == ALL else joints,
         "--stiffness": stiffness,
+        **work.options,
         "--title": title,
         "--out": out,
     }
-    words = ["p3dof", "report"]
-    words += [f"{name}={value}" for name, value in options.items() if value is not None]
+    words = ["p3dof", "report", *([] if task_file is None else [str(task_file)])]
+    words += [
+        name if value is True else f"{name}={value}" for name, value in options.items() if value is not None
+    ]
     return shlex.join(words if page else [*words, "--no-page"])

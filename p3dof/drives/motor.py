@@ -41,6 +41,9 @@ class Motor:
         Friction torque of its bearings and seals [N m].
     time_constant : float, optional
         Thermal [s]; without it, heating within the cycle is not checked.
+    max_inertia_ratio : float
+        Largest inertia of the load at its shaft by that of the rotor that its control takes; infinite if
+        nothing is known.
     name : str
         What tables call it.
 
@@ -60,6 +63,7 @@ class Motor:
     coupling_inertia: float = 0.0
     drag: float = 0.0
     time_constant: float | None = None
+    max_inertia_ratio: float = math.inf
     name: str = "motor"
 
     def __post_init__(self) -> None:
@@ -73,6 +77,8 @@ class Motor:
         set_(self, "rated_speed", above_zero(f"{where}: rated_speed", rated))
         if self.time_constant is not None:
             set_(self, "time_constant", above_zero(f"{where}: time_constant", self.time_constant))
+        if self.max_inertia_ratio != math.inf:
+            set_(self, "max_inertia_ratio", above_zero(f"{where}: max_inertia_ratio", self.max_inertia_ratio))
         if self.peak_torque < self.rated_torque:
             raise DriveError(
                 f"{where}: peak_torque: expected at least the rated torque, {self.rated_torque:g} N m"

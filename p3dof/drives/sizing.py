@@ -161,6 +161,7 @@ def size_of(
     drives: Drive | Sequence[Drive],
     *,
     held: FloatArray | None = None,
+    held_time: FloatArray | None = None,
     load_mass: FloatArray | None = None,
     brake_safety: float = BRAKE_SAFETY,
 ) -> Sizing:
@@ -175,6 +176,8 @@ def size_of(
     held : ndarray, shape (3,), optional
         Largest forces that brakes must hold, over the poses of the task, without friction [N]; those at rest
         in the cycle without it.
+    held_time : ndarray, shape (3,), optional
+        When the machine is where they are so large [s].
     load_mass : ndarray, shape (2, 3), optional
         Least and largest mass that each slider moves, for the inertia ratio [kg].
     brake_safety : float
@@ -197,12 +200,20 @@ def size_of(
     safety = above_zero("brake_safety", brake_safety)
     still = np.abs(cycle.holding) if held is None else np.abs(frozen_array("held", held, (3,), DriveError))
     unknown: FloatArray = np.full((2, 3), np.nan)
+    when = unknown[0] if held_time is None else frozen_array("held_time", held_time, (3,), DriveError)
     mass = unknown if load_mass is None else frozen_array("load_mass", load_mass, (2, 3), DriveError)
     axes, powers = [], []
     for leg, drive in enumerate(chosen):
         columns = cycle.force[:, leg], cycle.speed[:, leg], cycle.acceleration[:, leg]
         axis = _Axis(cycle, drive, *columns, float(cycle.holding[leg]))
-        axes.append(axis.loads(safety * float(still[leg]), (float(mass[0, leg]), float(mass[1, leg]))))
+        brake = Rating(
+            "brake",
+            safety * float(still[leg]) / drive.ratio,
+            drive.motor.brake_torque,
+            "N m",
+            float(when[leg]),
+        )
+        axes.append(axis.loads(brake, (float(mass[0, leg]), float(mass[1, leg]))))
         powers.append(axis.power)
     bus = np.sum(powers, axis=0)
     given, back = (float(np.trapezoid(part, cycle.time)) for part in (np.maximum(bus, 0), np.minimum(bus, 0)))
@@ -238,12 +249,13 @@ class _Axis:
         self._holding = holding / drive.ratio
         self.power = self._torque * self._turning
 
-    def loads(self, brake_force: float, mass: tuple[float, float]) -> AxisLoads:
+    def loads(self, brake: Rating, mass: tuple[float, float]) -> AxisLoads:
         """Return what the cycle takes, given what the brake must hold and the least and largest load."""
         drive, motor = self._drive, self._drive.motor
         top = int(np.argmax(np.abs(self._torque)))
         ratio = [m / drive.ratio**2 / motor.inertia if motor.inertia else math.inf for m in mass]
-        heating = math.nan if motor.time_constant is None else self._heating(motor.time_constant)
+        constant = motor.time_constant
+        heating, hottest = (math.nan, math.nan) if constant is None else self._heating(constant)
         rms_speed = self._mean_square(self._turning, 0.0) ** 0.5
         rms = self._mean_square(self._torque, self._holding) ** 0.5
         nut_power = self._force * self._speed
@@ -267,7 +279,11 @@ class _Axis:
             screw_loss=float(np.trapezoid(loss, self._time)),
             heating=heating,
             inertia_ratio=(ratio[0], ratio[1]),
-            ratings=tuple(self._ratings(rms, rms_speed, heating, brake_force)),
+            ratings=(
+                *self._ratings(rms, rms_speed),
+                *([brake] if motor.brake_torque > 0 else []),
+                *self._of_motor(heating, hottest, ratio),
+            ),
         )
 
     def _mean_square(self, values: FloatArray, resting: float) -> float:
@@ -281,13 +297,13 @@ class _Axis:
         steps = self._step * (1 - self._cycle.resting)
         return float(steps @ (squares[1:] + squares[:-1]) / 2) / self._cycle.duration
 
-    def _heating(self, constant: float) -> float:
-        """Return the largest heating in steady state."""
+    def _heating(self, constant: float) -> tuple[float, float]:
+        """Return the largest heating in steady state, and when; NaN in the rest after the cycle."""
         allowed = self._drive.motor.continuous(self._turning)
         with np.errstate(divide="ignore"):
             loads = (self._torque / allowed) ** 2
         if not np.isfinite(loads).all():
-            return math.inf
+            return math.inf, float(self._time[int(np.argmax(loads))])
         still = float(self._drive.motor.continuous(np.zeros(1))[0])
         means = np.append((loads[1:] + loads[:-1]) / 2, (self._holding / still) ** 2)
         fade = np.exp(-np.append(self._step, self._cycle.rest) / constant)
@@ -299,15 +315,21 @@ class _Axis:
             return found
 
         # Once from zero, which tells where the cycle begins in steady state.
-        return max(heated(heated(0.0)[-1] / -math.expm1(-self._cycle.duration / constant)))
+        found = heated(heated(0.0)[-1] / -math.expm1(-self._cycle.duration / constant))
+        hottest = int(np.argmax(found))
+        return found[hottest], float(np.append(self._time, math.nan)[hottest])
 
-    def _ratings(self, rms: float, rms_speed: float, heating: float, brake_force: float) -> list[Rating]:
-        drive, motor, slow, gear = (
-            self._drive,
-            self._drive.motor,
-            self._drive.transmission,
-            self._drive.gear,
-        )
+    def _of_motor(self, heating: float, hottest: float, inertia: list[float]) -> list[Rating]:
+        """Return what is used of the motor's heat and of the load's inertia that it may have."""
+        allowed, found = self._drive.motor.max_inertia_ratio, []
+        if not math.isnan(heating):
+            found.append(Rating("heating", heating, 1.0, "", hottest))
+        if allowed < math.inf and not math.isnan(inertia[1]):
+            found.append(Rating("inertia ratio", inertia[1], allowed, ""))
+        return found
+
+    def _ratings(self, rms: float, rms_speed: float) -> list[Rating]:
+        motor, slow, gear = self._drive.motor, self._drive.transmission, self._drive.gear
         allowed = motor.peak(self._turning)
         with np.errstate(divide="ignore", invalid="ignore"):
             used = np.where(self._torque == 0, 0.0, np.abs(self._torque) / allowed)
@@ -336,8 +358,4 @@ class _Axis:
             most = int(np.argmax(np.abs(self._screw_torque)))
             torque = float(np.abs(self._screw_torque[most]))
             found.append(Rating("gear torque", torque, gear.max_torque, "N m", float(self._time[most])))
-        if motor.brake_torque > 0:
-            found.append(Rating("brake", brake_force / drive.ratio, motor.brake_torque, "N m"))
-        if not math.isnan(heating):
-            found.append(Rating("heating", heating, 1.0, ""))
         return found

@@ -12,8 +12,9 @@ from p3dof.drives import Drive, Sizing, cycle_of, size_of
 from p3dof.drives.sizing import BRAKE_SAFETY
 from p3dof.errors import DriveError, InputError
 from p3dof.manipulator.facade import Manipulator
-from p3dof.manipulator.tasks import TaskForces
+from p3dof.manipulator.tasks import TaskForces, machines_of
 from p3dof.methods import InverseDynamics
+from p3dof.motion import Motion
 from p3dof.parameters import Friction, Parameters
 
 _POSES = 200
@@ -79,13 +80,15 @@ def size_drives(
     if not chosen:
         raise DriveError("drives: expected at least one, got none")
     cycle = cycle_of(found, rest)
-    held, mass, last = _static(robot, found)
+    held, when, mass, last = _static(robot, found)
     cycle = replace(cycle, holding=last)
     sizings = []
     for done, drive in enumerate(chosen, 1):
         if not isinstance(drive, Drive):
             raise DriveError(f"drives: expected Drive objects, got {shown(drive)}")
-        sizings.append(size_of(cycle, drive, held=held, load_mass=mass, brake_safety=brake_safety))
+        sizings.append(
+            size_of(cycle, drive, held=held, held_time=when, load_mass=mass, brake_safety=brake_safety)
+        )
         if progress is not None:
             progress(done, len(chosen))
     return sorted(sizings, key=_rank)
@@ -100,33 +103,37 @@ def _rank(sizing: Sizing) -> tuple[float, ...]:
 
 def _static(
     robot: Manipulator, found: InverseDynamics | TaskForces
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the largest holding forces (3,), least and largest moved masses (2, 3), and the last holding."""
-    pieces = _loaded(robot, found)
-    forces, masses = [], []
-    for parameters, poses in pieces:
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the largest holding forces (3,), when, least and largest moved masses (2, 3), last holding."""
+    times, forces, masses = [], [], []
+    for parameters, motion in _loaded(robot, found):
+        rows = np.linspace(0, len(motion) - 1, min(len(motion), _POSES)).round().astype(int)
+        poses = motion.pose[np.unique(rows)]
         machine = Manipulator(replace(parameters, friction=Friction()))
         still = np.zeros_like(poses)
+        when = motion.time[np.unique(rows)]
+        when[0] = np.nextafter(when[0], np.inf)  # of this piece, not of the one before it
+        times.append(when)
         forces.append(machine.forces(poses, still, still, method="compiled"))
         jacobian = np.linalg.inv(machine.jacobian(poses))
         moved = np.swapaxes(jacobian, 1, 2) @ machine.mass_matrix(poses) @ jacobian
         masses.append(np.diagonal(moved, axis1=1, axis2=2) - parameters.actuators.rotors)
     held, moved = np.concatenate(forces), np.concatenate(masses)
-    return np.abs(held).max(axis=0), np.array([moved.min(axis=0), moved.max(axis=0)]), held[-1]
+    most = np.abs(held).argmax(axis=0)
+    return (
+        np.abs(held)[most, np.arange(3)],
+        np.concatenate(times)[most],
+        np.array([moved.min(axis=0), moved.max(axis=0)]),
+        held[-1],
+    )
 
 
-def _loaded(robot: Manipulator, found: InverseDynamics | TaskForces) -> list[tuple[Parameters, FloatArray]]:
-    """Return the machine with what it carries, and poses that it takes with it, piece by piece."""
+def _loaded(robot: Manipulator, found: InverseDynamics | TaskForces) -> list[tuple[Parameters, Motion]]:
+    """Return the machine with what it carries, and how it moves with it, piece by piece."""
     if isinstance(found, InverseDynamics):
-        return [(robot.parameters, _some(found.motion.pose))]
-    pieces = []
-    for piece in found.plan.pieces:
-        bare = robot.parameters
-        laden = bare if piece.payload is None else bare.carrying(piece.payload)
-        pieces.append((laden, _some(piece.motion.pose)))
-    return pieces
-
-
-def _some(poses: FloatArray) -> FloatArray:
-    rows = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), _POSES)).round().astype(int))
-    return np.asarray(poses[rows])
+        return [(robot.parameters, found.motion)]
+    pieces = found.plan.pieces
+    return [
+        (machine.parameters, piece.motion)
+        for machine, piece in zip(machines_of(robot, found.plan), pieces, strict=True)
+    ]

@@ -188,19 +188,8 @@ def forces_of_task(
     SingularityError
         If the actuators cannot hold the machine somewhere on the way.
     """
-    if not isinstance(robot, Manipulator):
-        raise InputError(f"robot: expected a Manipulator, got {shown(robot)}")
-    if not isinstance(plan, Plan):
-        raise InputError(f"plan: expected what Task.plan returns, got {shown(plan)}")
-    laden: dict[int, Manipulator] = {}
     results = []
-    for done, piece in enumerate(plan.pieces, 1):
-        machine = robot
-        if piece.payload is not None:
-            key = id(piece.payload)
-            if key not in laden:
-                laden[key] = Manipulator(robot.parameters.carrying(piece.payload))
-            machine = laden[key]
+    for done, (machine, piece) in enumerate(zip(machines_of(robot, plan), plan.pieces, strict=True), 1):
         try:
             results.append(
                 machine.inverse_dynamics(
@@ -217,6 +206,37 @@ def forces_of_task(
         if progress is not None:
             progress(done, len(plan.pieces))
     return TaskForces(plan, tuple(results))
+
+
+def machines_of(robot: Manipulator, plan: Plan) -> tuple[Manipulator, ...]:
+    """Return the machine with what it carries, for each piece of a plan.
+
+    Parameters
+    ----------
+    robot : Manipulator
+        The machine; what it carries already stays on it.
+    plan : Plan
+        Of `Task.plan`.
+
+    Returns
+    -------
+    tuple of Manipulator
+        The same object wherever the same payload is carried.
+
+    Raises
+    ------
+    InputError
+        If an argument is something else.
+    """
+    if not isinstance(robot, Manipulator):
+        raise InputError(f"robot: expected a Manipulator, got {shown(robot)}")
+    if not isinstance(plan, Plan):
+        raise InputError(f"plan: expected what Task.plan returns, got {shown(plan)}")
+    laden: dict[int, Manipulator] = {id(None): robot}
+    for piece in plan.pieces:
+        if piece.payload is not None and id(piece.payload) not in laden:
+            laden[id(piece.payload)] = Manipulator(robot.parameters.carrying(piece.payload))
+    return tuple(laden[id(piece.payload)] for piece in plan.pieces)
 
 
 def pieces_table(found: TaskForces) -> Table:

@@ -1,5 +1,6 @@
 """Figures; they need the extra ``plot`` (matplotlib), which is imported when one is drawn."""
 
+from p3dof.plots.assessment import axis_forces_figure, utilisation_figure
 from p3dof.plots.balance import balance_figure
 from p3dof.plots.common import save, save_all
 from p3dof.plots.designs import designs_figure
@@ -17,6 +18,7 @@ from p3dof.plots.tolerances import sensitivity_figure, tolerance_figure
 from p3dof.plots.tracking import tracking_figure
 
 __all__ = [
+    "axis_forces_figure",
     "balance_figure",
     "designs_figure",
     "drives_figure",
@@ -34,4 +36,5 @@ __all__ = [
     "task_figure",
     "tolerance_figure",
     "tracking_figure",
+    "utilisation_figure",
 ]

@@ -1,8 +1,9 @@
-"""One page that tells all about a machine and a motion, in one HTML file that needs no network.
+"""Reports in one file each, HTML that needs no network or PDF: a motion, and whether a machine fits a task.
 
 It needs the extra ``report`` (Jinja2, matplotlib), which is imported when a page is made.
 """
 
+from p3dof.report.assessment import moving_page, render_assessment, write_assessment
 from p3dof.report.page import render, write
 
-__all__ = ["render", "write"]
+__all__ = ["moving_page", "render", "render_assessment", "write", "write_assessment"]

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import base64
 import os
-import platform
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
-from importlib import resources
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +13,7 @@ import numpy as np
 
 from p3dof.checks import FloatArray, Progress, shown
 from p3dof.energy import Energy, balance_table, bodies_table, drives_table
-from p3dof.errors import InputError, MissingExtraError
+from p3dof.errors import InputError
 from p3dof.files import suffix_of, write_atomic
 from p3dof.manipulator import Comparison, Manipulator, agreement_table
 from p3dof.methods import evidence_table, limits_table
@@ -36,14 +31,10 @@ from p3dof.reactions import (
     reactions_table,
 )
 from p3dof.report.figures import Pictures, pictures_of
+from p3dof.report.templates import data_uri, dated, rendered, template, texts, versions
 from p3dof.samples import OnInvalid
-from p3dof.tables import table_html
 
 TITLE = "Inverse dynamics of a 3-DOF spatial parallel manipulator"
-_INSTANT = "at t [s]"
-"""The column of tables that has instants."""
-_NUMBER = re.compile(r"-?\d+(\.\d+)?(e-?\d+)?")
-PACKAGES = ("p3dof", "pin", "numpy", "scipy", "matplotlib", "Jinja2")
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,10 +129,11 @@ def render(
     MissingExtraError
         If Jinja2 or matplotlib is not installed.
     """
-    template = _template()
-    _check(robot, title=title, command=command, page=page)
-    if date is not None and not isinstance(date, datetime):
-        raise InputError(f"date: expected a datetime, got {shown(date)}")
+    page_of = template("report.html.j2")
+    if not isinstance(robot, Manipulator):
+        raise InputError(f"robot: expected a Manipulator, got {shown(robot)}")
+    texts(title=title, command=command, page=page)
+    when = dated(date)
     if comparison is None:
         comparison = robot.compare(motion, wrench=wrench, on_invalid=on_invalid, progress=progress)
     elif not isinstance(comparison, Comparison) or comparison.first.motion is not motion:
@@ -153,19 +145,17 @@ def render(
     elif not isinstance(reactions, AnyReactions) or reactions.motion is not motion:
         raise InputError("reactions: expected those of this motion")
     findings = Findings(robot, motion, comparison, robot.energy(comparison.first), reactions)
-    when = datetime.now().astimezone() if date is None else date
     words: dict[str, Any] = {
         "title": TITLE if title is None else title,
         "about": dict(about or {}),
         "command": command,
         "page": page,
-        "picture": None if picture is None else _data_uri(picture),
-        "date": when.isoformat(sep=" ", timespec="seconds"),
-        "versions": _versions(),
+        "picture": None if picture is None else data_uri(picture),
+        "date": when,
+        "versions": versions(),
         **_content(findings),
     }
-    text: str = template.render(words)
-    return text.encode("utf-8", "backslashreplace").decode("utf-8")  # names of files may not be text
+    return rendered(page_of, words)
 
 
 def write(
@@ -205,46 +195,6 @@ def write(
     return write_atomic(path, pdf_of(text))
 
 
-def _data_uri(picture: bytes) -> str:
-    if not isinstance(picture, bytes):
-        raise InputError(f"picture: expected the bytes of a PNG, got {shown(picture)}")
-    return f"data:image/png;base64,{base64.b64encode(picture).decode('ascii')}"
-
-
-def _check(robot: Manipulator, **texts: str | None) -> None:
-    if not isinstance(robot, Manipulator):
-        raise InputError(f"robot: expected a Manipulator, got {shown(robot)}")
-    for name, text in texts.items():
-        if text is not None and not isinstance(text, str):
-            raise InputError(f"{name}: expected text, got {shown(text)}")
-
-
-def _template() -> Any:
-    try:
-        import jinja2
-        import markupsafe  # Jinja2's own
-        import matplotlib.figure  # noqa: F401 - a page without figures is none
-    except ImportError as error:
-        missing = error.name or "Jinja2 and matplotlib"
-        raise MissingExtraError(f"a report needs {missing}: pip install 'p3dof[report]'") from error
-    text = resources.files("p3dof.report").joinpath("report.html.j2").read_text(encoding="utf-8")
-    environment = jinja2.Environment(
-        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.filters["table"] = lambda table: markupsafe.Markup(table_html(table))  # noqa: S704 - it has escaped its texts
-    environment.filters["linked"] = lambda table: markupsafe.Markup(linked(table_html(table)))  # noqa: S704 - likewise
-    return environment.from_string(text)
-
-
-def _versions() -> dict[str, str]:
-    found = {name: version(name) for name in PACKAGES}
-    return {
-        **found,
-        "Python": platform.python_version(),
-        "system": f"{platform.system()} {platform.machine()}",
-    }
-
-
 def _content(findings: Findings) -> dict[str, Any]:
     """Return what the template shows of the numbers."""
     parameters, motion = findings.robot.parameters, findings.motion
@@ -274,33 +224,6 @@ def _content(findings: Findings) -> dict[str, Any]:
         "undecided": how_chosen(findings.reactions),
         "pictures": pictures,
     }
-
-
-def linked(table: str) -> str:
-    """Return a table as HTML whose instants, "at t [s]", lead to the page of the report.
-
-    Parameters
-    ----------
-    table : str
-        As of `p3dof.tables.table_html`.
-
-    Returns
-    -------
-    str
-    """
-    names = re.findall(r'<th scope="col">(.*?)</th>', table)
-    if _INSTANT not in names:
-        return table
-    column = names.index(_INSTANT) - 1  # the first is the name of the row
-
-    def led(row: re.Match[str]) -> str:
-        cells = row[0].split("<td>")
-        value, end, rest = cells[1 + column].partition("</td>")
-        if _NUMBER.fullmatch(value):
-            cells[1 + column] = f'<a href="#t={value}">{value}</a>{end}{rest}'
-        return "<td>".join(cells)
-
-    return re.sub(r'<tr><th scope="row">.*?</tr>', led, table)
 
 
 def _key_numbers(findings: Findings) -> dict[str, str]:

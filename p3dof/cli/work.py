@@ -1,0 +1,186 @@
+"""The options that say what a machine has to do and with which parts: shared by reports and comparisons."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+
+from p3dof.bearings import read_bearings
+from p3dof.cli.files import InputFile, protect, source
+from p3dof.cli.options import POSITIVE, Number
+from p3dof.cli.output import in_options, progress_bar
+from p3dof.drives import read_catalogue
+from p3dof.drives.sizing import BRAKE_SAFETY
+from p3dof.errors import P3dofError, ParameterError, TaskError
+from p3dof.files import called
+from p3dof.manipulator import (
+    Assessment,
+    InverseDynamics,
+    Manipulator,
+    TaskForces,
+    assess,
+    fastest_plan,
+    forces_of_task,
+)
+from p3dof.parameters import read_parameters
+from p3dof.reactions import Stiffness
+from p3dof.tasks import AxisLimits, Task, read_task
+
+SAMPLES = 2001
+"""Least number of samples of a planned task."""
+
+_OPTIONS = (
+    click.option(
+        "--drives",
+        type=InputFile(),
+        help="Catalogue of motors, gears, screws and belts (YAML) to choose from.",
+    ),
+    click.option(
+        "--bearings", type=InputFile(), help="Ratings of bearings and guides (YAML), for their lives."
+    ),
+    click.option(
+        "--duration",
+        type=POSITIVE,
+        help="Time of the whole task, dwells included [s]; not needed where all stops have one in the file.",
+    ),
+    click.option(
+        "--fastest", is_flag=True, help="Plan the fastest motion of the task within the machine's limits."
+    ),
+    click.option(
+        "--rest",
+        type=Number(min=0),
+        default=0.0,
+        show_default=True,
+        help="Time at rest after each cycle [s].",
+    ),
+    click.option(
+        "--brake-safety",
+        type=POSITIVE,
+        default=BRAKE_SAFETY,
+        show_default=True,
+        help="How much more a holding brake must hold than what it bears.",
+    ),
+)
+
+
+def WORK(command: Callable[..., Any]) -> Callable[..., Any]:  # noqa: N802 - used as the other options are
+    """Give a command the options of a `Work`."""
+    for option in reversed(_OPTIONS):
+        command = option(command)
+    return command
+
+
+@dataclass(frozen=True)
+class Work:
+    """What a machine has to do it with, as the options name it.
+
+    Parameters
+    ----------
+    drives, bearings : Path, optional
+        Files to read.
+    duration : float, optional
+        Of tasks [s].
+    fastest : bool
+        Whether tasks are done as fast as the limits allow.
+    rest : float
+        After each cycle [s].
+    brake_safety : float
+        Of holding brakes.
+    """
+
+    drives: Path | None
+    bearings: Path | None
+    duration: float | None
+    fastest: bool
+    rest: float
+    brake_safety: float
+
+    @property
+    def asks(self) -> bool:
+        """Whether anything is asked of a machine besides its forces."""
+        return any((self.drives, self.bearings, self.duration, self.fastest, self.rest))
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The options that differ from what they are without."""
+        return {
+            "--drives": self.drives,
+            "--bearings": self.bearings,
+            "--duration": self.duration,
+            "--fastest": self.fastest or None,
+            "--rest": self.rest or None,
+            "--brake-safety": None if self.brake_safety == BRAKE_SAFETY else self.brake_safety,
+        }
+
+    def protect(
+        self, task: Path | None, inputs: Iterable[Path | None], outputs: Iterable[Path | None]
+    ) -> None:
+        """Refuse to write over a file that is read, and settings that exclude each other."""
+        protect((task, self.drives, self.bearings, *inputs), outputs)
+        if self.fastest and self.duration is not None:
+            raise click.UsageError("--duration: the fastest motion finds its own (--fastest)")
+
+    def refuse_plans(self, reason: str) -> None:
+        """Refuse options of plans where there is nothing to plan."""
+        for option in ("--duration", "--fastest"):
+            if self.options[option] is not None:
+                raise click.UsageError(f"{option}: {reason}")
+
+    def forces(self, robot: Manipulator, task: Task, samples: int | None = None) -> TaskForces:
+        """Return the forces over a task, in the time that is given or the least."""
+        count = SAMPLES if samples is None else samples
+        if self.fastest:
+            own = robot.parameters.limits
+            limits = AxisLimits(own.force, own.speed, math.inf, 0.0)
+            with progress_bar("ways", len(task.paths)) as progress:
+                plan = fastest_plan(robot, task, limits, samples=count, progress=progress)
+        else:
+            with in_options({"duration: ": "--duration, or --fastest: "}):
+                plan = task.plan(self.duration, count)
+        with progress_bar("forces", len(plan.pieces)) as progress:
+            return forces_of_task(robot, plan, progress=progress)
+
+    def assessed(
+        self, robot: Manipulator, found: InverseDynamics | TaskForces, stiffness: Stiffness | None, name: str
+    ) -> Assessment:
+        """Return whether a machine fits what it has to do."""
+        catalogue = None if self.drives is None else read_catalogue(source(self.drives))
+        parts = None if self.bearings is None else read_bearings(source(self.bearings))
+        with progress_bar("drives", 0 if catalogue is None else len(catalogue)) as progress:
+            return assess(
+                robot,
+                found,
+                drives=catalogue,
+                bearings=parts,
+                stiffness=stiffness,
+                rest=self.rest,
+                brake_safety=self.brake_safety,
+                name=name,
+                progress=progress,
+            )
+
+
+def task_named(path: Path) -> Task:
+    """Return the task of a file; of a file of a machine, say that it is one."""
+    try:
+        return read_task(source(path))
+    except TaskError as error:
+        if _is_machine(path):
+            name = called(path)
+            raise TaskError(
+                f"{name}: expected a task, got the parameters of a machine: --parameters takes them"
+            ) from error
+        raise
+
+
+def _is_machine(path: Path) -> bool:
+    try:
+        read_parameters(path, any_size=True)
+    except (P3dofError, ParameterError):
+        return False
+    return True

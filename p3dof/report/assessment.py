@@ -1,0 +1,290 @@
+"""The engineer's report: whether a machine fits a task, and all that this rests on."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from p3dof import plots
+from p3dof.bearings import bearings_table, guides_table, rods_table
+from p3dof.checks import shown
+from p3dof.drives import axes_table, ranking_table, ratings_table
+from p3dof.errors import InputError
+from p3dof.files import suffix_of, write_atomic
+from p3dof.manipulator import Manipulator, forces_of_task
+from p3dof.manipulator.assessment import Assessment, as_result
+from p3dof.manipulator.assessment_tables import assumptions, loads_table, needs_table, share, uses_table
+from p3dof.manipulator.tasks import TaskForces, pieces_table, sizing_table
+from p3dof.methods import limits_table
+from p3dof.motion import motion_table
+from p3dof.parameters import parameter_tables, payload_table
+from p3dof.plots.mechanism import mechanism_figure
+from p3dof.reactions import how_chosen, names_table, reactions_table
+from p3dof.report.figures import Picture, picture
+from p3dof.report.templates import data_uri, dated, rendered, template, texts, versions
+from p3dof.tables import number
+
+_ALTERNATIVES = 8
+
+
+@dataclass(frozen=True)
+class AssessmentPictures:
+    """The pictures of the report on an assessment.
+
+    Parameters
+    ----------
+    mechanism, used, forces : Picture
+        The machine, how much of the ratings is used, and forces over the cycle.
+    task, drives : Picture or None
+        Of a task; of drives, if some were chosen.
+    """
+
+    mechanism: Picture
+    used: Picture
+    forces: Picture
+    task: Picture | None
+    drives: Picture | None
+
+
+def render_assessment(
+    found: Assessment,
+    *,
+    title: str | None = None,
+    about: Mapping[str, str] | None = None,
+    command: str | None = None,
+    page: str | None = None,
+    picture: bytes | None = None,
+    date: datetime | None = None,
+) -> str:
+    """Return the report on an assessment as one HTML page that loads nothing from elsewhere.
+
+    Its first lines say whether the machine fits, which rating is worst, when, where and by how much.
+
+    Parameters
+    ----------
+    found : Assessment
+        Of `p3dof.assess`.
+    title : str, optional
+        Heading of the page; the name of the assessment by default.
+    about : mapping of str to str, optional
+        What else its head should tell, such as where machine and task come from.
+    command : str, optional
+        How to make this report again.
+    page : str, optional
+        A page that shows the motion, put into a frame; see `moving_page`.
+    picture : bytes, optional
+        A picture of the machine (PNG), for paper, where nothing moves; it takes the place of that page.
+    date : datetime, optional
+        When it was made; now by default.
+
+    Returns
+    -------
+    str
+        The page.
+
+    Raises
+    ------
+    InputError
+        If an argument does not fit.
+    MissingExtraError
+        If Jinja2 or matplotlib is not installed.
+    """
+    if not isinstance(found, Assessment):
+        raise InputError(f"found: expected an Assessment, got {shown(found)}")
+    page_of = template("assessment.html.j2")
+    texts(title=title, command=command, page=page)
+    words: dict[str, Any] = {
+        "title": found.name if title is None else title,
+        "about": dict(about or {}),
+        "command": command,
+        "page": page,
+        "picture": None if picture is None else data_uri(picture),
+        "date": dated(date),
+        "versions": versions(),
+        **_answer(found),
+        **_content(found),
+    }
+    return rendered(page_of, words)
+
+
+def write_assessment(path: str | os.PathLike[str], found: Assessment, **options: Any) -> Path:
+    """Write the report on an assessment to a file.
+
+    Parameters
+    ----------
+    path : path-like
+        The file, replaced whole or not at all: ``.html``, or ``.pdf``, which a Chromium prints.
+    found : Assessment
+        Of `p3dof.assess`.
+    **options
+        As of `render_assessment`.
+
+    Returns
+    -------
+    Path
+        The path written.
+
+    Raises
+    ------
+    InputError
+        If the name ends in something else, or an argument does not fit.
+    FileError
+        If the file cannot be written.
+    MissingExtraError
+        If Jinja2 or matplotlib is not installed, or playwright or a browser for a PDF.
+    """
+    return write_report(path, render_assessment(found, **options))
+
+
+def write_report(path: str | os.PathLike[str], text: str) -> Path:
+    """Write a page of this room to a file, as HTML or printed to a PDF."""
+    if suffix_of(path, "report") != ".pdf":
+        return write_atomic(path, text)
+    from p3dof.viewer.headless import pdf_of
+
+    return write_atomic(path, pdf_of(text))
+
+
+def moving_page(found: Assessment) -> Any:
+    """Return the page in which the machine moves over the cycle, with the loads of its joints if known.
+
+    Parameters
+    ----------
+    found : Assessment
+        The assessment.
+
+    Returns
+    -------
+    p3dof.page.Page
+    """
+    return found.robot.page(as_result(found.found), reactions=found.reactions, title=found.name)
+
+
+def _answer(found: Assessment) -> dict[str, Any]:
+    """Return what the first lines say."""
+    one = found.worst
+    given, back, where = _energy(found)
+    return {
+        "fits": found.fits,
+        "verdict": found.verdict,
+        "chosen": None if found.drives is None else found.drives.drives[0].name,
+        "energy": f"{number(round(given, 4))} J given, {number(round(-back, 4))} J taken back {where}",
+        "key": {
+            "used most": f"{one.name} of {one.part}: {share(one.share)}",
+            "when": one.when,
+            "cycle": f"{number(found.cycle_time)} s",
+            "cycles an hour": f"{3600 / found.cycle_time:.0f}",
+            "energy a cycle": f"{number(round(given, 3))} J",
+            "mean power": f"{number(round(given / found.cycle_time, 3))} W",
+        },
+        "warnings": found.warnings,
+        "uses": uses_table(found, 12),
+    }
+
+
+def _energy(found: Assessment) -> tuple[float, float, str]:
+    """Return the work that is given and taken back over a cycle [J], and where."""
+    if found.drives is None:
+        return (*found.slider_energy, "at the sliders, on a common bus without losses")
+    sizing = found.drives
+    return sizing.bus_positive_work, sizing.bus_negative_work, "by the motors' shafts, on a common bus"
+
+
+def _content(found: Assessment) -> dict[str, Any]:
+    """Return what the template shows of the numbers."""
+    parameters, forces = found.robot.parameters, found.found
+    task = isinstance(forces, TaskForces)
+    motion = forces.plan.motion if isinstance(forces, TaskForces) else forces.motion
+    report, sizing = found.bearings, found.drives
+    lives = [] if report is None else [bearings_table(report), guides_table(report), rods_table(report)]
+    return {
+        "pictures": _pictures(found),
+        "loads": loads_table(found),
+        "limits": (
+            sizing_table(forces, parameters.limits)
+            if isinstance(forces, TaskForces)
+            else limits_table(forces, parameters.limits)
+        ),
+        "pieces": pieces_table(forces) if isinstance(forces, TaskForces) else None,
+        "needs": needs_table(found) if sizing is None else None,
+        "axes": None if sizing is None else axes_table(sizing),
+        "ratings": None if sizing is None else ratings_table(sizing, found.place if task else None),
+        "ranking": ranking_table(found.ranked, _ALTERNATIVES) if len(found.ranked) > 1 else None,
+        "lives": [table for table in lives if table.rows],
+        "reactions": None if found.reactions is None else reactions_table(found.reactions),
+        "undecided": None if found.reactions is None else how_chosen(found.reactions),
+        "names": names_table(),
+        "assumptions": assumptions(found),
+        "agreement": _agreement(found),
+        "motion": motion_table(motion, as_result(forces).wrench),
+        "parameters": parameter_tables(parameters),
+        "payload": payload_table(parameters),
+    }
+
+
+def _agreement(found: Assessment) -> str:
+    """Say how well the two methods agree on the forces, which are worked out by both here."""
+    both = []
+    for method in ("pinocchio", "virtual-power"):
+        if isinstance(found.found, TaskForces):
+            both.append(forces_of_task(found.robot, found.found.plan, method).forces)
+        else:
+            given = found.found
+            both.append(found.robot.inverse_dynamics(given.motion, wrench=given.wrench, method=method).forces)
+    gap, most = float(np.abs(both[0] - both[1]).max()), float(np.abs(both[1]).max())
+    return (
+        f"Pinocchio and virtual powers differ by {gap:.1e} N at most, {gap / most:.1e} of the largest force"
+    )
+
+
+def _pictures(found: Assessment) -> AssessmentPictures:
+    robot: Manipulator = found.robot
+    forces = found.found
+    motion = forces.plan.motion if isinstance(forces, TaskForces) else forces.motion
+    time = found.worst.time
+    row = 0 if np.isnan(time) else int(np.abs(motion.time - time).argmin())
+    span = f"over the cycle of {found.cycle_time:.4g} s"
+    return AssessmentPictures(
+        mechanism=picture(
+            mechanism_figure(robot, motion.pose[row], motion),
+            "Drawing of the mechanism from the front, the side, the top and at an angle, with the joints.",
+            f"The mechanism at t = {motion.time[row]:.4g} s and the path of P.",
+        ),
+        used=picture(
+            plots.utilisation_figure(found),
+            f"Bars of how much of each rating is used. {found.verdict}.",
+            "How much of each rating is used, by axis.",
+        ),
+        forces=picture(
+            plots.axis_forces_figure(found),
+            f"Forces of A, B and C {span}.",
+            "Forces at the nuts, and those of the motors at the sliders; dotted lines are the waypoints."
+            if found.drives is not None
+            else "Forces of the sliders; dotted lines are the waypoints.",
+        ),
+        task=(
+            picture(
+                plots.task_figure(forces),
+                f"The path of the platform, pose, slider speeds and forces {span}.",
+                "Path, pose, slider speeds and forces; shaded while something is carried.",
+            )
+            if isinstance(forces, TaskForces)
+            else None
+        ),
+        drives=(
+            None
+            if found.drives is None
+            else picture(
+                plots.drives_figure(found.drives, found.cycle),
+                "Torque over speed of each motor within its curves.",
+                "Torque over speed: the cycle is the curve, its root mean square the dot; the curve must "
+                "stay in the light field, the dot in the dark one.",
+            )
+        ),
+    )
