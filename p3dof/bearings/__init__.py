@@ -3,8 +3,9 @@
 The loads are those of `p3dof.reactions`, of elastic joints where rigid bodies leave them open.
 """
 
-from p3dof.bearings.catalogue import Bearing, Bearings, Guide, read_bearings
+from p3dof.bearings.catalogue import Bearing, Bearings, Guide
 from p3dof.bearings.evaluation import bearing_life
+from p3dof.bearings.files import read_bearings
 from p3dof.bearings.results import BearingLife, BearingReport, GuideLife, RodCheck
 from p3dof.bearings.tables import bearings_table, guides_table, rods_table
 

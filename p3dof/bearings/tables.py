@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from p3dof.bearings.results import BearingReport
+from p3dof.bearings.results import BearingLife, BearingReport, GuideLife
 from p3dof.tables import NONE, Table, html_of, notebook_html, number, table_of
 
 _LONG = 1e5
@@ -22,24 +22,11 @@ def bearings_table(report: BearingReport) -> Table:
     -------
     Table
     """
+    header = ("joint", "bearing", *_LOAD, "swing [°]", "turns a cycle", "L10 [Mrev]", *_LIFE)
     rows = {
-        one.joint: (
-            one.bearing.name,
-            number(one.mean_load),
-            number(one.peak_load),
-            number(one.peak_time),
-            number(math.degrees(one.swing)),
-            number(one.revolutions),
-            number(one.life / 1e6) if math.isfinite(one.life) else NONE,
-            _hours(one.hours),
-            _safety(one.static_safety),
-        )
+        one.joint: _row(one, one.bearing.name, (math.degrees(one.swing), one.revolutions), one.life / 1e6)
         for one in report.bearings
     }
-    header = (
-        "joint", "bearing", "mean load [N]", "peak [N]", "at t [s]", "swing [°]", "turns a cycle",
-        "L10 [Mrev]", "L10 [h]", "static safety",
-    )  # fmt: skip
     note = f"A cycle takes {number(report.cycle)} s. Mean load: equivalent, by angle turned (ISO 281)."
     return table_of("Bearings", header, rows, note, "wide")
 
@@ -56,26 +43,27 @@ def guides_table(report: BearingReport) -> Table:
     -------
     Table
     """
+    header = ("joint", "guide", *_LOAD, "from moments", "way a cycle [m]", "L10 [km]", *_LIFE)
     rows = {
-        one.joint: (
-            one.guide.name,
-            number(one.mean_load),
-            number(one.peak_load),
-            number(one.peak_time),
-            f"{one.moment_share:.0%}",
-            number(one.way),
-            number(one.life / 1e3) if math.isfinite(one.life) else NONE,
-            _hours(one.hours),
-            _safety(one.static_safety),
-        )
+        one.joint: _row(one, one.guide.name, (f"{one.moment_share:.0%}", one.way), one.life / 1e3)
         for one in report.guides
     }
-    header = (
-        "joint", "guide", "mean load [N]", "peak [N]", "at t [s]", "from moments", "way a cycle [m]",
-        "L10 [km]", "L10 [h]", "static safety",
-    )  # fmt: skip
     note = "Mean load: equivalent, with moments about the carriage, weighted by the way (ISO 14728-1)."
     return table_of("Guides", header, rows, note, "wide")
+
+
+_LOAD = ("mean load [N]", "peak [N]", "at t [s]")
+_LIFE = ("L10 [h]", "static safety")
+
+
+def _row(
+    one: BearingLife | GuideLife, name: str, middle: tuple[float | str, float], life: float
+) -> tuple[str, ...]:
+    """Return the cells of a bearing or a guide: load, what is its own, life."""
+    loads = (one.mean_load, one.peak_load, one.peak_time)
+    own = (cell if isinstance(cell, str) else number(cell) for cell in middle)
+    lives = (number(life) if math.isfinite(life) else NONE, _hours(one.hours), _safety(one.static_safety))
+    return (name, *map(number, loads), *own, *lives)
 
 
 def rods_table(report: BearingReport) -> Table:

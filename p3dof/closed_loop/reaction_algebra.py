@@ -6,7 +6,7 @@ those of the tree's joints in the joints' own.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,31 +16,11 @@ from numpy.typing import NDArray
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.batch.linear import apply, blocks, largest
 from p3dof.closed_loop.closure_joints import ClosureJoint
-from p3dof.closed_loop.compliance import JointCompliance, factor
 from p3dof.closed_loop.linear import RANK_TOLERANCE
+from p3dof.closed_loop.open_loads import Measure, Weighting, fit_of, steps_to_least, weighting
 from p3dof.closed_loop.rotations import skew
-from p3dof.errors import ModelError
 
 IndexArray = NDArray[np.int_]
-
-
-@dataclass(frozen=True, eq=False)
-class Measure:
-    """What is smallest where rigid bodies leave a choice: (2), or the complementary energy.
-
-    Parameters
-    ----------
-    length : float
-        What compares moments with forces in (2) [m].
-    compliances : tuple of JointCompliance, optional
-        Of all joints and closures: then their energy is smallest.
-    misfit : (n + c, 6) array, optional
-        By how much each joint may be out of place when it is assembled [m, rad].
-    """
-
-    length: float
-    compliances: tuple[JointCompliance, ...] | None = None
-    misfit: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,24 +184,11 @@ class _Places:
         """Return some of the samples."""
         return _Places(self.structure, self.loads.rows(chosen))
 
-    def weighted(self, alike: IndexArray) -> Callable[[FloatArray], FloatArray]:
+    def weighted(self, alike: IndexArray) -> Weighting:
         """Return what takes wrenches (N, 6 m, k) of some samples to rows whose squares are to be small."""
         measure = self.structure.measure
-        if measure.compliances is None:
-            row = np.array([1.0] * 3 + [1.0 / measure.length] * 3)
-            return lambda X: np.tile(row, X.shape[1] // 6)[:, None] * X
-        own = np.array([factor(one.own) for one in measure.compliances])
-        before = {
-            i: factor(one.before) for i, one in enumerate(measure.compliances) if one.before is not None
-        }
-        turned = {i: S @ self._to_predecessor(i)[alike] for i, S in before.items()}
-
-        def rows(X: FloatArray) -> FloatArray:
-            each = X.reshape(len(X), -1, 6, X.shape[-1])
-            parts = [(own @ each).reshape(X.shape), *(S @ each[:, i] for i, S in turned.items())]
-            return np.concatenate(parts, axis=1)
-
-        return rows
+        turns = {i: self._to_predecessor(i)[alike] for i in measure.links}
+        return weighting(measure, turns)
 
     def _to_predecessor(self, i: int) -> FloatArray:
         """Return what takes a joint's wrench to the axes of the body before it, (N, 6, 6)."""
@@ -328,12 +295,12 @@ def _solve_alike(place: _Places, where: IndexArray, result: Solved) -> None:
         all_ = np.concatenate([tree + apply(T[alike], some), some[:, :wrenched]], axis=1)
         weighted = place.weighted(alike)
         coupled = wrenched < some.shape[1]
-        steps = _steps(weighted(all_[..., None])[..., 0], weighted(change), coupled)
+        steps = steps_to_least(weighted(all_[..., None])[..., 0], weighted(change), coupled)
         wrenches = some - apply(null, steps)
         at = where[alike]
         total = np.concatenate([tree + apply(T[alike], wrenches), wrenches[:, :wrenched]], axis=1)
         if structure.measure.misfit is not None:
-            result.fit[:, at] = _fit(structure.measure.misfit, change, weighted(change))
+            result.fit[:, at] = fit_of(structure.measure.misfit, change, weighted(change))
         result.wrenches[at] = total.reshape(len(alike), -1, 6)
         result.moves[at] = np.linalg.norm(change, axis=-1).reshape(len(alike), -1, 2, 3)
         result.rank[at], result.undetermined[at] = r, null.shape[-1]
@@ -341,40 +308,6 @@ def _solve_alike(place: _Places, where: IndexArray, result: Solved) -> None:
         result.scale[at] = np.max([loads.scale[alike], largest(tree), largest(wrenches)], axis=0)
     result.rotations[where] = np.concatenate([loads.R[:, 1:], place.R1], axis=1)
     result.positions[where] = np.concatenate([loads.p[:, 1:], place.p1], axis=1)
-
-
-def _steps(all_: FloatArray, change: FloatArray, coupled: bool) -> FloatArray:
-    """Return how much of each open change (N, m, k) to take away, (N, k), for the least squares."""
-    if change.shape[-1] == 0:
-        return np.zeros((len(change), 0))
-    if coupled:  # changes of couplings alone move nothing here, and stay out
-        inverse = np.linalg.pinv(change, rcond=RANK_TOLERANCE)
-        return apply(np.asarray(inverse, dtype=np.float64), all_)
-    Q, R = _factored(change)
-    return np.asarray(np.linalg.solve(R, np.swapaxes(Q, -1, -2) @ all_[..., None])[..., 0])
-
-
-def _factored(change: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return Q and R of weighted changes, which must all count."""
-    Q, R = np.linalg.qr(change)
-    diagonal = np.abs(np.diagonal(R, axis1=-2, axis2=-1))
-    if (diagonal <= RANK_TOLERANCE * diagonal.max(axis=-1, keepdims=True)).any():
-        raise ModelError(
-            "compliances: they leave loads open: in some way that loads can change, nothing gives way"
-        )
-    return Q, R
-
-
-def _fit(misfit: FloatArray, change: FloatArray, weighted: FloatArray) -> FloatArray:
-    """Return what misfits within their tolerances add at worst, and at random, (2, N, m, 6)."""
-    if change.shape[-1] == 0:
-        return np.zeros((2, len(change), *misfit.shape))
-    _, R = _factored(weighted)
-    B = np.swapaxes(np.linalg.solve(np.swapaxes(R, -1, -2), np.swapaxes(change, -1, -2)), -1, -2)
-    H = np.abs(B @ np.swapaxes(B, -1, -2))
-    tolerance = misfit.ravel()
-    both = np.stack([H @ tolerance, np.sqrt(H**2 @ tolerance**2)])
-    return both.reshape(2, len(change), *misfit.shape)
 
 
 def _dual(R: FloatArray, p: FloatArray) -> FloatArray:

@@ -28,13 +28,11 @@ M. Wojtyra, Joint reactions in rigid body mechanisms with dependent constraints,
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TypeAlias
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, frozen_array, positive, shown
 from p3dof.closed_loop.batch.kinematics import placed, shared_placements
@@ -44,12 +42,12 @@ from p3dof.closed_loop.closures import ClosurePoint, LoopKinematics, max_abs
 from p3dof.closed_loop.compliance import JointCompliance
 from p3dof.closed_loop.loop_model import External
 from p3dof.closed_loop.model import ClosedLoopModel
-from p3dof.closed_loop.reaction_algebra import Loads, Measure, Solved, Structure, solve
+from p3dof.closed_loop.open_loads import Measure
+from p3dof.closed_loop.reaction_algebra import Loads, Solved, Structure, solve
+from p3dof.closed_loop.reaction_results import BoolArray, JointReactions, State
 from p3dof.errors import DynamicsError, InputError, ModelError
 
 __all__ = ["BoolArray", "ClosureJoint", "JointReactions", "ReactionSolver", "loop_reactions"]
-
-BoolArray: TypeAlias = NDArray[np.bool_]
 
 _ACCURACY = 1e-9
 """Largest error of (1), relative to the forces in it."""
@@ -57,50 +55,6 @@ _UNIQUE = 1e-7
 """Share of an undetermined change that a component must take part in to be undetermined."""
 LENGTH_SHARE = 1 / 20
 """The length of (2) as a share of the longest link, unless it is given."""
-
-
-@dataclass(frozen=True, eq=False)
-class JointReactions:
-    """The wrench that every joint and closure transmits at one state of motion.
-
-    Tree joints come first, in Pinocchio's order, then the closures in the sidecar's. A reaction is what the
-    predecessor exerts on the successor: at a joint of the tree the parent's side on the child's, at the
-    joint's origin and in the joint's axes, those of the child's link; at a closure the body of `frame1` on
-    the body of `frame2`, at the origin and in the axes of `frame1` (as the multipliers of `InverseDynamics`).
-    It is the total: along the freedoms of a joint lie the forces of its actuator, of couplings and of
-    `joint_forces`, less what its rotor (`model.armature`) takes.
-
-    Parameters
-    ----------
-    names : tuple of str
-        Names of the joints, then of the closures (``frame1/frame2``).
-    forces, moments : (n, 3) array
-        The reactions [N, N m]; of undetermined ones those that make (2) smallest.
-    determined_forces, determined_moments : (n, 3) array of bool
-        Which components every solution has in common.
-    rotations : (n, 3, 3) array
-        The axes of each reaction, as columns, in the world frame.
-    positions : (n, 3) array
-        Where each reaction acts, in the world frame [m].
-    undetermined : int
-        How many independent changes of the closures' wrenches leave the motion as it is.
-    residual : float
-        Largest error of (1) [N or N m].
-    fit : (2, n, 2, 3) array
-        What misfits of assembly may add to forces and moments, at worst and at random [N, N m]; zero unless
-        the solver knows any.
-    """
-
-    names: tuple[str, ...]
-    forces: FloatArray
-    moments: FloatArray
-    determined_forces: BoolArray
-    determined_moments: BoolArray
-    rotations: FloatArray
-    positions: FloatArray
-    undetermined: int
-    residual: float
-    fit: FloatArray
 
 
 def loop_reactions(
@@ -135,23 +89,6 @@ def loop_reactions(
         As `ReactionSolver` and its `solve`.
     """
     return ReactionSolver(loop, joints, length).solve(q, v, a, tau, external, joint_forces)
-
-
-@dataclass(frozen=True, eq=False)
-class State:
-    """What the algebra needs of one state of motion; see `p3dof.closed_loop.reaction_algebra.Loads`."""
-
-    missing: FloatArray
-    tree: FloatArray
-    J: FloatArray
-    placements: FloatArray
-    coupled: FloatArray
-    rank: int
-    tolerance: float
-    scale: float
-
-    def __iter__(self) -> Iterator[FloatArray | float]:
-        return (getattr(self, name) for name in self.__dataclass_fields__)
 
 
 class ReactionSolver:

@@ -252,10 +252,7 @@ class Manipulator:
         method: Method = DEFAULT_METHOD,
         out: FloatArray | None = None,
     ) -> FloatArray:
-        """Return J = ∂(λA, λB, λC)/∂(y, z, θ), (..., 3, 3) [1, 1, m/rad].
-
-        Slider velocities are J times the pose's velocity.
-        """
+        """Return J = ∂(λA, λB, λC)/∂(y, z, θ), (..., 3, 3) [1, 1, m/rad]: slider per pose velocities."""
         dynamics = self._model.methods[method]
         one = dynamics.one
         if one is not None and (found := one.jacobian(out, pose, on_invalid)) is not None:
@@ -321,10 +318,7 @@ class Manipulator:
         method: Method = DEFAULT_METHOD,
         out: FloatArray | None = None,
     ) -> FloatArray:
-        """Return the acceleration of the platform under actuator forces, (..., 3) [m/s², m/s², rad/s²].
-
-        It exists at singular poses too.
-        """
+        """Return the acceleration of the platform under forces, (..., 3) [m/s², rad/s²]; also if singular."""
         dynamics = self._model.methods[method]
         one = dynamics.one
         if one is not None:
@@ -376,10 +370,7 @@ class Manipulator:
         method: Method = "virtual-power",
         out: FloatArray | None = None,
     ) -> FloatArray:
-        """Return the gradient of the potential energy by y, z, θ, (..., 3) [N, N, N m].
-
-        By the paper's formulas, or ``"compiled"``.
-        """
+        """Return the gradient of the potential energy by y, z, θ, (..., 3) [N, N, N m]; not by Pinocchio."""
         term = equation_terms(method).gravity_forces
         states = states_of(pose, on_invalid=on_invalid)
         return result_in(out, states.pose.shape, states, partial(term, self, states))
@@ -437,8 +428,8 @@ class Manipulator:
     ) -> InverseDynamics:
         """Return the actuator forces over a motion, with joints, closure error, power balance and warnings.
 
-        Where the motion crosses a singularity between samples, those near by are invalid. `load_friction` and
-        `stiffness`: as of the method `load_friction`, whose `result` this then is.
+        Where it crosses a singularity between samples, those near by are invalid. With `load_friction` and
+        `stiffness` it is the `result` of the method `load_friction`.
         """
         if load_friction is not None:
             return self.load_friction(
@@ -470,9 +461,8 @@ class Manipulator:
     ) -> LoadFrictionEffect:
         """Return the forces over a motion with `friction` that grows with the loads of the joints.
 
-        The loads are those of elastic joints, with the `stiffness` of joints and rods: `p3dof.load_friction`.
-        By ``"pinocchio"`` or ``"virtual-power"``; kernels and runs in time have the constant friction of the
-        parameters only. `DynamicsError` if friction and loads do not settle: the machine would jam.
+        The loads are those of elastic joints with a `stiffness`: `p3dof.load_friction`. Not ``"compiled"``.
+        `DynamicsError` if friction and loads do not settle: the machine would jam.
         """
         history = wrench if isinstance(wrench, WrenchHistory) else None
         return friction_over_motion(
@@ -583,8 +573,8 @@ class Manipulator:
         """Return the force and moment in every joint over a motion: `p3dof.reactions`.
 
         Rigid bodies leave some loads open. `joints` is how these are found: ``"elastic"``, by the `stiffness`
-        of joints and rods; ``"paper"`` or ``"points"``, two idealisations of the joints; or ``"all"``. With
-        `load_friction`, friction that grows with the loads is part of them: see the method of that name.
+        of joints and rods; ``"paper"`` or ``"points"``, two idealisations of the joints; or ``"all"``. They
+        have `load_friction` too, where it is given.
         """
         if load_friction is not None:
             ways_of(joints)

@@ -52,8 +52,8 @@ from p3dof.reactions.stiffness import (
     SlideStiffness,
     Stiffness,
     UniversalStiffness,
-    read_stiffness,
 )
+from p3dof.reactions.stiffness_file import read_stiffness
 from p3dof.reactions.tables import names_table, open_tables, reactions_table
 
 __all__ = [

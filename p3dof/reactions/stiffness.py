@@ -1,18 +1,7 @@
 """How the joints and rods of the manipulator give way, from numbers of catalogues and of the drawing.
 
-The form of a file, in which everything may be left out::
-
-    hinges: {radial: 100 N/um, axial: 50 N/um, tilt: 10 N m/mrad}
-    slides: {lateral: 200 N/um, tilt: 20 N m/mrad, roll: 10 N m/mrad}
-    universals: {force: 80 N/um, moment: 4 N m/mrad}
-    rods: {diameter: 20 mm, young: 210 GPa, poisson: 0.3}    # or: rods: rigid
-    joints:                                     # where one joint differs
-      hinge_left: {radial: 60 N/um}
-    misfit: {shift: 5 um, turn: 0.1 mrad}       # what assembly may be off by, in every joint
-    cuts: paper                                 # or points: ball joints at the ends of the legs
-
-Numbers are in SI units, or have one of their own. What is left out has the values of `Stiffness`: they are
-guesses for joints of this size. Replace them by those of the bearings that are to be used.
+The numbers by default are guesses for joints of this size: replace them by those of the bearings that are to
+be used. `p3dof.reactions.stiffness_file` reads them from files.
 """
 
 from __future__ import annotations
@@ -20,17 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
 
 import numpy as np
 
 from p3dof.checks import FloatArray, shown
 from p3dof.closed_loop.compliance import JointCompliance, beam
-from p3dof.errors import InputError, ParameterError
-from p3dof.files import Source, called, parse_yaml, read_text
+from p3dof.errors import ParameterError
 from p3dof.parameters import STEEL_DENSITY, Parameters
-from p3dof.parameters.plain import named, read_fields
-from p3dof.parameters.quantities import ANGLE, LENGTH, PRESSURE, STIFFNESS, TURNING_STIFFNESS, Quantity
 from p3dof.reactions.joints import JOINTS, Idealisation, cuts
 
 _LOOPS = ("loop_a", "loop_b", "loop_c")
@@ -254,7 +239,7 @@ class Stiffness:
 
     def __post_init__(self) -> None:
         cuts(self.cuts)
-        for name, kind in _KINDS.items():
+        for name, kind in KINDS.items():
             if not isinstance(getattr(self, name), kind):
                 raise ParameterError(f"{name}: expected a {kind.__name__}, got {shown(getattr(self, name))}")
         if not isinstance(self.rods, RodSection | None):
@@ -262,7 +247,7 @@ class Stiffness:
         if not isinstance(self.misfit, Misfit | None):
             raise ParameterError(f"misfit: expected a Misfit or None, got {shown(self.misfit)}")
         for name, stiffness in self.joints.items():
-            kind = _KINDS[_kind(name)]
+            kind = KINDS[kind_of(name)]
             if not isinstance(stiffness, kind):
                 raise ParameterError(f"joints: {name}: expected a {kind.__name__}, got {shown(stiffness)}")
 
@@ -280,7 +265,7 @@ class Stiffness:
         """
         found = []
         for joint in JOINTS:
-            stiffness = self.joints.get(joint.name, getattr(self, _kind(joint.name)))
+            stiffness = self.joints.get(joint.name, getattr(self, kind_of(joint.name)))
             rod = None
             if self.rods is not None and joint.name in _RODS:
                 mass = getattr(parameters.bodies, _RODS[joint.name]).mass
@@ -295,89 +280,22 @@ class Stiffness:
             return None
         each = np.array([[self.misfit.shift] * 3 + [self.misfit.turn] * 3] * len(JOINTS))
         for row, joint in zip(each, JOINTS, strict=True):
-            row[2 if _kind(joint.name) == "slides" else 4] = 0.0  # along the joint's freedom
+            row[2 if kind_of(joint.name) == "slides" else 4] = 0.0  # along the joint's freedom
         return each
 
 
-_KINDS: Mapping[str, type[_JointStiffness]] = {
+KINDS: Mapping[str, type[_JointStiffness]] = {
     "hinges": HingeStiffness,
     "slides": SlideStiffness,
     "universals": UniversalStiffness,
 }
-_NUMBERS: Mapping[str, Quantity] = {
-    "radial": STIFFNESS,
-    "axial": STIFFNESS,
-    "lateral": STIFFNESS,
-    "force": STIFFNESS,
-    "tilt": TURNING_STIFFNESS,
-    "roll": TURNING_STIFFNESS,
-    "moment": TURNING_STIFFNESS,
-    "diameter": LENGTH,
-    "young": PRESSURE,
-    "shift": LENGTH,
-    "turn": ANGLE,
-}
 
 
-def _kind(joint: str) -> str:
+def kind_of(joint: str) -> str:
+    """Return which of the fields of `Stiffness` a joint belongs to; `ParameterError` if there is none."""
     names = [one.name for one in JOINTS]
     if joint not in names:
         raise ParameterError(f"joints: expected names of {', '.join(names)}, got {joint!r}")
     if joint.startswith("slide"):
         return "slides"
     return "universals" if joint in _LOOPS[:2] else "hinges"
-
-
-def read_stiffness(path: Source) -> Stiffness:
-    """Read how joints and rods give way; for the form see the module.
-
-    Parameters
-    ----------
-    path : path-like or stream
-        The YAML file.
-
-    Returns
-    -------
-    Stiffness
-
-    Raises
-    ------
-    ParameterError
-        If a field is unknown, in a wrong unit or does not fit; the message names file and field.
-    FileError
-        If the file cannot be read.
-    """
-    source = called(path)
-    known = tuple(item.name for item in fields(Stiffness))
-    data = read_fields(parse_yaml(read_text(path), source, ParameterError), source, (), known)
-    parts: dict[str, Any] = {
-        name: _read(data[name], kind(), f"{source}: {name}") for name, kind in _KINDS.items() if name in data
-    }
-    if "joints" in data:
-        where = f"{source}: joints"
-        own = read_fields(data["joints"], where, (), [joint.name for joint in JOINTS])
-        alike = {name: parts.get(name, kind()) for name, kind in _KINDS.items()}
-        parts["joints"] = {
-            name: _read(value, alike[_kind(name)], f"{where}.{name}") for name, value in own.items()
-        }
-    if "rods" in data:
-        rigid = data["rods"] == "rigid"
-        parts["rods"] = None if rigid else _read(data["rods"], RodSection(), f"{source}: rods")
-    if "misfit" in data:
-        parts["misfit"] = _read(data["misfit"], Misfit(), f"{source}: misfit")
-    if "cuts" in data:
-        parts["cuts"] = data["cuts"]
-    try:
-        return named(source, lambda: Stiffness(**parts))
-    except InputError as error:
-        raise ParameterError(f"{source}: {error}") from error
-
-
-def _read(data: Any, start: Any, where: str) -> Any:
-    """Return a part with the numbers of a file in place of its own."""
-    data = read_fields(data, where, (), [item.name for item in fields(start)])
-    values = {
-        key: _NUMBERS[key].read(value, f"{where}.{key}") if key in _NUMBERS else value
-        for key, value in data.items()
-    }
-    return named(where, lambda: replace(start, **values))
