@@ -16,7 +16,8 @@ The rooms, from the bottom; each imports only from below:
 - `kinematics`: closed forms over arrays; `compiled`: the paper's method folded into few operations, in C.
 - `methods`: the ways to the forces, with one kind of result; `engines`: second opinions from other programs.
 - `simulation`: runs in time, under control; `energy`; `reactions`: joint forces;
-  `workspace`: where the machine can work; `bearings`: how long they live; `codegen`: C code.
+  `workspace`: where the machine can work; `indices`: how well, at poses;
+  `bearings`: how long they live; `codegen`: C code.
 - `load_friction`: friction that grows with the loads of joints.
 - `designs`: the forces of many designs over one motion, by columns; `sweeps`: by the million, in blocks.
 - `viewer`: moving robots in the browser; `manipulator`: one object with everything about one machine.

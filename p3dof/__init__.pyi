@@ -38,6 +38,7 @@ from .manipulator import (
 
 # Where it is
 from .kinematics import BodyMotion, InverseKinematics, MechanismMotion, Singularity
+from .indices import Indices
 from .workspace import Aspects, Box, PoseMargins, Workspace, WorkspaceMargins
 
 # What is found
@@ -117,6 +118,7 @@ from . import (
     codegen,
     drives,
     engines,
+    indices,
     load_friction,
     optimisation,
     page,
@@ -178,6 +180,7 @@ __all__ = [
     "Friction",
     "Geometry",
     "Histogram",
+    "Indices",
     "InitialState",
     "InputError",
     "Integration",
@@ -252,6 +255,7 @@ __all__ = [
     "fastest_plan",
     "forces_of_designs",
     "forces_of_task",
+    "indices",
     "load",
     "load_friction",
     "load_robot",

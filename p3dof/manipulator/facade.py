@@ -15,6 +15,7 @@ from p3dof.checks import FloatArray, Progress, batch_of
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.compiled import MachineKernels
 from p3dof.energy import Energy, energy_of
+from p3dof.indices import Indices
 from p3dof.kinematics import InverseKinematics, MechanismMotion, Singularity
 from p3dof.load_friction import LoadFriction, LoadFrictionEffect
 from p3dof.load_friction import over_motion as friction_over_motion
@@ -264,13 +265,15 @@ class Manipulator:
         """Return the margins of poses from both kinds of singularity; NaN where a pose is not finite."""
         return kinematics.singularity(self.parameters.geometry, pose)
 
-    def workspace(self, limits: Limits | None = None, margins: WorkspaceMargins | None = None) -> Workspace:
-        """Return where the machine can work: areas, volume, loci of singularities, the largest box.
+    def indices(self, pose: ArrayLike, length: float | None = None, **options: Any) -> Indices:
+        """Return performance indices at poses: `p3dof.Indices`, which has the `options`.
 
-        `limits` are the machine's own without them; `margins` (`WorkspaceMargins`) demand more: distances
-        from singularities, velocities and accelerations that the platform must have. `InputError` if no pose
-        keeps them.
+        `length` is the characteristic length of those that need one [m]; r without it.
         """
+        return Indices(self, pose, length, **options)
+
+    def workspace(self, limits: Limits | None = None, margins: WorkspaceMargins | None = None) -> Workspace:
+        """Return where the machine can work, within `limits` (its own without it) and `margins`."""
         return Workspace(self, limits, margins)
 
     def mechanism_motion(

@@ -14,6 +14,7 @@ from p3dof.workspace.closed_forms import (
 )
 from p3dof.workspace.largest import Box
 from p3dof.workspace.loci import Aspects
+from p3dof.workspace.machine import Machine
 from p3dof.workspace.margins import PoseMargins, WorkspaceMargins
 from p3dof.workspace.region import Points
 from p3dof.workspace.slices import aspect_range, reach_range, stroke_range, theta_of
@@ -23,6 +24,7 @@ __all__ = [
     "Aspects",
     "Box",
     "BoxMargins",
+    "Machine",
     "Points",
     "PoseMargins",
     "Sizes",

@@ -1,0 +1,16 @@
+"""Performance indices at poses and over workspaces: how well a machine moves, holds and withstands."""
+
+from p3dof.indices.definitions import COLUMNS, DEFINITIONS, Definition
+from p3dof.indices.elasticity import DRIVE
+from p3dof.indices.results import STEEL_RODS, Indices, check_names, columns_of
+
+__all__ = [
+    "COLUMNS",
+    "DEFINITIONS",
+    "DRIVE",
+    "STEEL_RODS",
+    "Definition",
+    "Indices",
+    "check_names",
+    "columns_of",
+]

@@ -1,0 +1,163 @@
+"""What each index is: its parts, unit, definition and source, for data sets, tables and figures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+_LEGS = ("a", "b", "c")
+_POSE = ("y", "z", "theta")
+_ORDER = ("1", "2", "3")
+_LINES = "m/s, m/s, rad/s"
+
+
+@dataclass(frozen=True)
+class Definition:
+    """One index.
+
+    Parameters
+    ----------
+    name : str
+        Attribute of `Indices`.
+    unit : str
+        Of it, or one for each part, with commas.
+    meaning : str
+        Its definition.
+    source : str
+        Who defined it; empty for what needs no source.
+    parts : tuple of str
+        Of an index of several numbers; empty for one number.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    source: str = ""
+    parts: tuple[str, ...] = ()
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The names of its numbers, such as ``"iti_a"``."""
+        return tuple(f"{self.name}_{part}" for part in self.parts) or (self.name,)
+
+    def unit_of(self, column: str) -> str:
+        """Return the unit of one of its columns."""
+        units = self.unit.split(", ")
+        return units[self.columns.index(column)] if len(units) > 1 else units[0]
+
+    def describe(self, column: str, length: float | None = None) -> str:
+        """Return the definition of one of its columns, with the characteristic length where it has one."""
+        part = f", {column.removeprefix(self.name + '_')}" if self.parts else ""
+        told = f"{self.meaning}{part}"
+        if length is not None and "ℓ" in self.meaning:
+            told += f"; ℓ = {length:g} m"
+        return told
+
+
+_ROSYID = "Rosyid, El-Khasawneh, Alazzam, Mech. Sci. 11 (2020) 49"
+_WANG = "Wang, Wu, Liu, Mech. Mach. Theory 45 (2010) 1462; Takeda, Funabashi (1995)"
+
+DEFINITIONS = {
+    one.name: one
+    for one in (
+        Definition("determinant", "m/rad", "det J of ∂(λA, λB, λC)/∂(y, z, θ)", "Gosselin, Angeles (1990)"),
+        Definition("actuation", "rad", "angle from det J = 0, positive on home's side"),
+        Definition("serial", "1", "S/L of each leg, the cosine of its angle from the vertical", "", _LEGS),
+        Definition(
+            "sigma",
+            "1",
+            "singular values of the homogeneous Jacobian J diag(1, 1, 1/ℓ), the largest first",
+            "Salisbury, Craig (1982)",
+            _ORDER,
+        ),
+        Definition("condition", "1", "largest by least singular value of J diag(1, 1, 1/ℓ)", _ROSYID),
+        Definition("lci", "1", "1 / condition, the local conditioning index; depends on ℓ", _ROSYID),
+        Definition(
+            "accuracy",
+            "1, 1, rad/m",
+            "row sums of |J⁻¹|: largest error of the pose for errors of all sliders up to 1",
+            "Merlet, J. Mech. Des. 128 (2006) 199",
+            _POSE,
+        ),
+        Definition("iti", "1", "input transmission: |rod direction · slider direction| = S/L", _WANG, _LEGS),
+        Definition(
+            "oti",
+            "1",
+            "output transmission: |rod direction · v| / |v|, v the velocity of the leg's joint at the "
+            "platform when its slider alone moves",
+            _WANG,
+            _LEGS,
+        ),
+        Definition(
+            "lti", "1", "least of all ITI and OTI, the local transmission index; good from 0.7", _WANG
+        ),
+        Definition(
+            "lone_velocity",
+            _LINES,
+            "largest velocity along one coordinate alone, with sliders within the speed limit",
+            "",
+            _POSE,
+        ),
+        Definition(
+            "lone_force",
+            "N, N, N m, N, N, N m",
+            "least and largest force on the surroundings along one coordinate alone, at rest, with actuators "
+            "within the force limit, gravity included",
+            "",
+            tuple(f"{end}_{name}" for end in ("least", "largest") for name in _POSE),
+        ),
+        Definition(
+            "lone_acceleration",
+            "m/s^2, m/s^2, rad/s^2, m/s^2, m/s^2, rad/s^2",
+            "least and largest acceleration along one coordinate alone, from rest, with actuators within the "
+            "force limit, gravity included",
+            "",
+            tuple(f"{end}_{name}" for end in ("least", "largest") for name in _POSE),
+        ),
+        Definition(
+            "acceleration_ball",
+            "m/s^2",
+            "radius of the largest ball of accelerations (y, z, ℓ θ) from rest within the force limit",
+            _ROSYID,
+        ),
+        Definition("holding", "N", "forces of the actuators that hold the machine at rest", "", _LEGS),
+        Definition(
+            "actuator_inertia",
+            "kg",
+            "eigenvalues of J⁻ᵀ M J⁻¹, the inertia that the sliders feel, the least first",
+            "Cammarata, Angeles (2010)",
+            _ORDER,
+        ),
+        Definition("reflected_mass", "kg", "diagonal of J⁻ᵀ M J⁻¹: one slider moved alone", "", _LEGS),
+        Definition(
+            "inertia_ellipsoid",
+            "kg",
+            "eigenvalues of M in (y, z, ℓ θ), of the generalized inertia ellipsoid, the least first",
+            "Asada, J. Dyn. Syst. Meas. Control 105 (1983) 131",
+            _ORDER,
+        ),
+        Definition(
+            "gie",
+            "1",
+            "least by largest eigenvalue of M in (y, z, ℓ θ): 1 is isotropic inertia",
+            "Asada, J. Dyn. Syst. Meas. Control 105 (1983) 131",
+        ),
+        Definition(
+            "dynamic_manipulability",
+            "m^2 rad/(s^6 N^3)",
+            "|det J| / det M: the volume of accelerations that forces in a unit cube give, by that cube",
+            "Yoshikawa (1985)",
+        ),
+        Definition(
+            "frequency",
+            "Hz",
+            "natural frequencies with sliders held by elastic drives, rods elastic along themselves, and the "
+            "stiffness of gravity; the lowest first",
+            "",
+            _ORDER,
+        ),
+    )
+}
+"""Every index by its name."""
+
+COLUMNS = {column: one for one in DEFINITIONS.values() for column in one.columns}
+"""The definition of every single number, by its name."""
