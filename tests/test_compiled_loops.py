@@ -214,7 +214,7 @@ def sprung(name):
     loop = gallery(name)
     joints = [str(n) for n in loop.model.names[1:] if loop.model.nvs[loop.model.getJointId(n)] == 1]
     data = [
-        JointData(joint, stiffness=2.0 + i, rest=0.3, damping=0.2, friction=0.1 * i)
+        JointData(joint, stiffness=2.0 + i, rest=0.3, damping=0.2, friction=0.1 * i, force=i)
         for i, joint in enumerate(joints)
     ]
     several = [str(n) for n in loop.model.names[1:] if loop.model.nqs[loop.model.getJointId(n)] == 7]

@@ -26,7 +26,7 @@ from p3dof.simulation import simulate_robot
 DATA = (
     JointData("left_elbow", stiffness=3.0, rest=-0.4, damping=0.7),
     JointData("right_joint", damping=0.2, friction=0.3),
-    JointData("right_elbow", stiffness=1.5, rest=0.2),
+    JointData("right_elbow", stiffness=1.5, rest=0.2, force=0.9),
 )
 
 
@@ -45,7 +45,7 @@ def law(q, v):
     forces = np.zeros(4)
     forces[1] = -3.0 * (q[1] + 0.4) - 0.7 * v[1]
     forces[2] = -0.2 * v[2] - 0.3 * np.tanh(v[2] / 1e-3)
-    forces[3] = -1.5 * (q[3] - 0.2)
+    forces[3] = 0.9 - 1.5 * (q[3] - 0.2)
     return forces
 
 
@@ -86,7 +86,7 @@ def test_power_of_the_motors_is_energy_and_loss():
     np.testing.assert_allclose(loop.power_batch(q, v, a), put_in - lost, rtol=0, atol=1e-11)
     assert loop.power(q[0], v[0], a[0]) == pytest.approx(put_in[0] - lost[0], abs=1e-11)
     energies = loop.body_energies(q, v)
-    springs = 1.5 * (q[:, 1] + 0.4) ** 2 + 0.75 * (q[:, 3] - 0.2) ** 2
+    springs = 1.5 * (q[:, 1] + 0.4) ** 2 + 0.75 * (q[:, 3] - 0.2) ** 2 - 0.9 * q[:, 3]
     np.testing.assert_allclose(energies.springs, springs, rtol=1e-13)
     without = five_bar(()).body_energies(q, v).total
     np.testing.assert_allclose(energies.total - without, springs, rtol=0, atol=1e-12)
@@ -363,7 +363,8 @@ def test_the_gear_of_an_actuator_is_the_ratio_of_its_motor():
 def test_data_that_do_not_fit():
     for fields, words in (
         ({"joint": ""}, "joint data: joint: expected a name"),
-        ({"joint": "x", "stiffness": -1.0}, "joint data of 'x': stiffness: expected zero or more, got -1"),
+        ({"joint": "x", "stiffness": np.inf}, "joint data of 'x': stiffness"),
+        ({"joint": "x", "force": "some"}, "joint data of 'x': force"),
         ({"joint": "x", "rest": np.nan}, "joint data of 'x': rest"),
         ({"joint": "x", "damping": "much"}, "joint data of 'x': damping"),
         ({"joint": "x", "gear_ratio": 0}, "'x': gear_ratio: expected a number other than zero"),
@@ -393,6 +394,8 @@ def test_data_that_do_not_fit():
             JointData("shift", stiffness=1.0),
             "only a joint with one degree of freedom, a ball",
         ),
+        (JointData("shift", force=1.0), "'shift': force: expected a joint with one degree of freedom"),
+        (JointData("ball", stiffness=-1.0), "'ball': stiffness: expected zero or more, got -1"),
         (JointData("ball", stiffness=1.0, rest=0.3), "rest: expected 4 values, got one"),
         (JointData("ball", stiffness=1.0, rest=(0, 0, 0, 2.0)), "rest: expected 4 values that end"),
         (

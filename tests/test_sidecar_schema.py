@@ -28,7 +28,7 @@ FULL = {
     "joint_name": ["hip"],
     "joint_type": ["SPHERICAL"],
     "joint_data": [
-        {"joint": "hip", "stiffness": 2, "rest": -0.5, "damping": "1e-3"},
+        {"joint": "hip", "stiffness": -2, "rest": -0.5, "damping": "1e-3", "force": -3},
         {"joint": "knee", "friction": 0.1, "armature": 0.01, "rotor_inertia": "4e-6", "gear_ratio": -50},
         {"joint": "ball", "stiffness": 1, "rest": [0, 0, "0", 1]},
     ],
@@ -78,7 +78,7 @@ REFUSED = {
     "joint data of no joint": changed("joint_data", [{"stiffness": 1}]),
     "joint data that are no mapping": changed("joint_data", ["hip"]),
     "joint data that are no list": changed("joint_data", {"hip": 1}),
-    "a negative stiffness": joint_data(stiffness=-1),
+    "a force in words": joint_data(force="some"),
     "a negative armature": joint_data(armature=-1e-3),
     "damping in words": joint_data(damping="some"),
     "an unknown datum": joint_data(mass=1),

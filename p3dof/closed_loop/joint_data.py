@@ -1,4 +1,4 @@
-"""`JointData`: what acts in a joint by itself: a spring, damping, friction; and the inertia of its rotor."""
+"""`JointData`: what acts in a joint by itself: spring, balance, damping, friction; and its rotor's inertia."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ from p3dof.checks import frozen_array, shown
 from p3dof.closed_loop.constraints import checked_name
 from p3dof.errors import ModelError
 
-_POSITIVE = ("stiffness", "damping", "friction", "armature", "rotor_inertia")
+_SIGNED = ("stiffness", "force", "gear_ratio")
+_POSITIVE = ("damping", "friction", "armature", "rotor_inertia")
 _SEVERAL = (4, 7)
 """How many values a ball and a free joint have."""
 
 
 @dataclass(frozen=True)
 class JointData:
-    """What acts in a joint by itself: -stiffness (q - rest) - damping v - friction tanh(v / 0.001).
+    """What acts in a joint by itself: force - stiffness (q - rest) - damping v - friction tanh(v / 0.001).
 
     Parameters
     ----------
@@ -27,7 +28,8 @@ class JointData:
     stiffness : float
         Of a spring [N/m or N m/rad], in a joint with one degree of freedom, a ball or a free joint. That of a
         ball turns back about the axis of the turn from `rest`, its torque in proportion to the angle; a free
-        joint has such a spring for its turn and one of the same stiffness for its shift, as in MuJoCo.
+        joint has such a spring for its turn and one of the same stiffness for its shift, as in MuJoCo. With
+        one degree of freedom it may be negative, as of a spring beyond its dead point.
     rest : float or tuple of float
         Value of the joint at which the spring has no force [m or rad]; of a continuous joint an angle, from
         which it turns back by the shorter way. Of a ball or free joint all its values, in Pinocchio's order
@@ -45,12 +47,14 @@ class JointData:
     gear_ratio : float
         Turns of the motor per turn of the joint, or radians per metre of a slide; not zero. Forces are those
         at the joint whatever it is: `ClosedLoopModel.motor_side` tells what is before the gear.
+    force : float
+        Constant force of a balance, along a joint with one degree of freedom and ends [N or N m].
 
     Raises
     ------
     ModelError
-        If the name is empty or not text, or a number is not finite or, but for `rest` and the gear ratio,
-        negative; if the gear ratio is zero.
+        If the name is empty or not text, a number is not finite, a loss or an inertia is negative, or the
+        gear ratio is zero.
     """
 
     joint: str
@@ -61,21 +65,23 @@ class JointData:
     armature: float = 0.0
     rotor_inertia: float = 0.0
     gear_ratio: float = 1.0
+    force: float = 0.0
 
     def __post_init__(self) -> None:
         checked_name("joint data: joint", self.joint)
         object.__setattr__(self, "rest", _rest(self.joint, self.rest))
-        for name in (*_POSITIVE, "gear_ratio"):
+        for name in (*_SIGNED, *_POSITIVE):
             where = f"joint data of {shown(self.joint)}: {name}"
             value = float(frozen_array(where, getattr(self, name), (), ModelError))
-            if value < 0 and name != "gear_ratio":
+            if value < 0 and name in _POSITIVE:
                 raise ModelError(f"{where}: expected zero or more, got {value:g}")
             if value == 0 and name == "gear_ratio":
                 raise ModelError(f"{where}: expected a number other than zero")
             object.__setattr__(self, name, value)
 
     def __bool__(self) -> bool:
-        return any(getattr(self, name) for name in _POSITIVE) or self.gear_ratio != 1.0
+        given = any(getattr(self, name) for name in (*_POSITIVE, "stiffness", "force"))
+        return given or self.gear_ratio != 1.0
 
     @property
     def reflected_inertia(self) -> float:

@@ -1,4 +1,4 @@
-"""Springs, damping and friction in the joints of a tree: forces, energy and power, of one state or many."""
+"""Springs, balances, damping and friction in the joints of a tree: forces, energy and power, of one state or many."""
 
 from __future__ import annotations
 
@@ -32,13 +32,15 @@ class Passive:
     ------
     ModelError
         If a joint does not exist, a spring is in one of several freedoms other than a ball or a free joint,
-        its rest does not fit, or the tree lacks what an entry says of rotors.
+        is negative there, or its rest does not fit; a constant force is in a joint of several freedoms or
+        without ends; or the tree lacks what an entry says of rotors.
     """
 
     def __init__(self, model: pin.Model, entries: Sequence[JointData]) -> None:
         self._nv = int(model.nv)
         self._any = bool(entries)
-        self._damping, self._friction = np.zeros((2, model.nv))
+        self._damping, self._friction, self._force = np.zeros((3, model.nv))
+        pushed = []
         self._turning: list[TurningSpring] = []
         springs = []
         for entry in entries:
@@ -46,6 +48,10 @@ class Passive:
             span = slice(model.idx_vs[joint], model.idx_vs[joint] + model.nvs[joint])
             _require_rotor(entry, np.asarray(model.armature)[span])
             self._damping[span], self._friction[span] = entry.damping, entry.friction
+            _require_one(entry, model.nvs[joint], model.nqs[joint])
+            if entry.force:
+                self._force[span] = entry.force
+                pushed.append((model.idx_qs[joint], model.idx_vs[joint]))
             if entry.stiffness and model.nvs[joint] > 1:
                 self._turning.append(TurningSpring.of(model, joint, entry))
             elif entry.stiffness:
@@ -57,13 +63,14 @@ class Passive:
         self._q, self._v = columns[:2].astype(int)
         self._circles = np.flatnonzero(columns[2])
         self._stiffness, self._rest = columns[3:]
+        self._pushed_q, self._pushed_v = np.array(pushed, dtype=int).reshape(-1, 2).T
 
     def __bool__(self) -> bool:
         return self._any
 
     def forces(self, q: FloatArray, v: FloatArray) -> FloatArray:
         """Return the generalised forces (..., nv) at configurations (..., nq) and velocities (..., nv)."""
-        found: FloatArray = -self._damping * v - self._friction * np.tanh(v / SMOOTHING)
+        found: FloatArray = self._force - self._damping * v - self._friction * np.tanh(v / SMOOTHING)
         if len(self._q):
             found[..., self._v] -= self._stiffness * self._stretch(q)
         for spring in self._turning:
@@ -82,17 +89,21 @@ class Passive:
         return by_q, -self._damping - self._friction / SMOOTHING * (1.0 - np.tanh(v / SMOOTHING) ** 2)
 
     def energy(self, q: FloatArray) -> FloatArray:
-        """Return the energy in the springs (...) [J]."""
+        """Return the energy in springs and balances (...) [J]."""
         found = np.asarray(np.sum(self._stiffness * self._stretch(q) ** 2, axis=-1) / 2)
         for spring in self._turning:
             found = found + spring.stiffness * np.sum(spring.stretch(q) ** 2, axis=-1) / 2
+        if len(self._pushed_q):
+            found = found - np.sum(self._force[self._pushed_v] * q[..., self._pushed_q], axis=-1)
         return np.asarray(found)
 
     def power(self, q: FloatArray, v: FloatArray) -> FloatArray:
-        """Return how fast the springs take up energy (...) [W]."""
+        """Return how fast springs and balances take up energy (...) [W]."""
         found = np.sum(self._stiffness * self._stretch(q) * v[..., self._v], axis=-1)
         for spring in self._turning:
             found = found + spring.stiffness * np.sum(spring.stretch(q) * v[..., spring.v], axis=-1)
+        if len(self._pushed_v):
+            found = found - np.sum(self._force[self._pushed_v] * v[..., self._pushed_v], axis=-1)
         return np.asarray(found)
 
     def dissipation(self, v: FloatArray) -> FloatArray:
@@ -108,6 +119,17 @@ class Passive:
             angle = np.arctan2(q[..., at + 1], q[..., at]) - self._rest[self._circles]
             values[..., self._circles] = np.arctan2(np.sin(angle), np.cos(angle))
         return np.asarray(values)
+
+
+def _require_one(entry: JointData, freedoms: int, values: int) -> None:
+    """Refuse a constant force, or a negative spring, where it has no direction."""
+    where = f"joint data of {shown(entry.joint)}"
+    if entry.force and (freedoms != 1 or values != 1):
+        raise ModelError(
+            f"{where}: force: expected a joint with one degree of freedom that is not continuous"
+        )
+    if entry.stiffness < 0 and freedoms != 1:
+        raise ModelError(f"{where}: stiffness: expected zero or more, got {entry.stiffness:g}")
 
 
 def _require_rotor(entry: JointData, armature: FloatArray) -> None:

@@ -31,7 +31,7 @@ class LoopRegressor:
         Of the P parameters: ``body.name`` with a link's name and the names in `MOMENTS`, masses [kg], first
         moments [kg m] and inertias [kg m²] about the origin of the joint that carries the body; then
         ``joint.armature``, ``joint.damping``, ``joint.friction``, ``joint.stiffness`` (about `rest` of
-        `JointData`) and ``joint.preload``, a constant force that resists.
+        `JointData`) and ``joint.preload``, a constant force that resists: less its `force`.
     parameters : (P,) array
         Their values.
     forces : (..., m, P) array
@@ -90,6 +90,7 @@ class TreeRegressor:
         self._circles = np.array([model.nqs[i] == 2 for i in single], dtype=bool)
         self._stiffness = np.array([each[i - 1].stiffness for i in single])
         self._rest = np.array([each[i - 1].rest for i in single])
+        self._preload = np.array([-each[i - 1].force for i in single])
         several = [i for i in range(1, model.njoints) if model.nvs[i] > 1 and each[i - 1].stiffness]
         self._turning = [TurningSpring.of(model, i, each[i - 1]) for i in several]
         freedoms = coordinate_names(model)
@@ -107,7 +108,7 @@ class TreeRegressor:
         bodies = [self._model.inertias[i].toDynamicParameters() for i in range(1, self._model.njoints)]
         joints = np.asarray(self._model.armature), *self._friction.T, self._stiffness
         turning = [spring.stiffness for spring in self._turning]
-        return np.concatenate([np.zeros(0), *bodies, *joints, np.zeros(len(self._rest)), turning])
+        return np.concatenate([np.zeros(0), *bodies, *joints, self._preload, turning])
 
     def rows(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """Return the matrix (nv, P) from the parameters to the generalised forces that the motion takes."""

@@ -13,7 +13,7 @@ from p3dof.errors import ModelError
 
 _REQUIRED = ("closed_loop", "type", "name_mot")
 _OPTIONAL = ("length", "coupling", "reference", "joint_name", "joint_type", "joint_data")
-_JOINT_DATA = ("stiffness", "rest", "damping", "friction", "armature", "rotor_inertia", "gear_ratio")
+_JOINT_DATA = ("stiffness", "rest", "damping", "friction", "armature", "rotor_inertia", "gear_ratio", "force")
 _COUPLING = ("joint", "coefficients", "on", "name", "others")
 
 

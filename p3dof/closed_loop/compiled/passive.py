@@ -1,4 +1,4 @@
-"""Springs, damping and friction in joints as formulas."""
+"""Springs, balances, damping and friction in joints as formulas."""
 
 from __future__ import annotations
 
@@ -47,6 +47,8 @@ class PassiveJoints:
         for entry, at_q, places, circle in self._entries:
             for place in places:
                 value = -entry.damping * v[place]
+                if entry.force:
+                    value = value + entry.force
                 if entry.friction:
                     value = value - entry.friction * tape.tanh(v[place] * (1.0 / SMOOTHING))
                 if entry.stiffness and len(places) == 1:

@@ -193,10 +193,14 @@ class _Writer:
                 raise ModelError(f"MJCF: the joint {shown(name)} of several freedoms has a spring")
             values |= {"stiffness": data.stiffness}
             if isinstance(data.rest, float):
-                values |= {"springref": data.rest}
+                values |= {"springref": data.rest + data.force / data.stiffness}
             if model.nqs[part.joint] == 2:
                 message = f"MJCF: the spring of the continuous joint {shown(name)} counts its turns in MuJoCo"
                 warnings.warn(message, ModelWarning, stacklevel=6)
+        elif data.force:
+            raise ModelError(
+                f"MJCF: the joint {shown(name)} has a constant force, which MuJoCo has with a spring only"
+            )
         return {key: numbers(value, exact=True) for key, value in values.items() if value}
 
     def _limits(self, part: Part) -> dict[str, str]:

@@ -232,8 +232,12 @@ class _Writer:
     def _dynamics(self, axis: Xml.Element, part: Part, data: JointData) -> None:
         values = {"damping": data.damping, "friction": data.friction}
         if data.stiffness:
-            rest = data.rest - self._values[part.name][0]
+            rest = data.rest + data.force / data.stiffness - self._values[part.name][0]
             values |= {"spring_stiffness": data.stiffness, "spring_reference": rest}
+        elif data.force:
+            raise ModelError(
+                f"SDF: the joint {shown(part.name)} has a constant force, which SDF has no word for"
+            )
         if any(values.values()):
             dynamics = sub(axis, "dynamics")
             for name, value in values.items():
