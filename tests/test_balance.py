@@ -95,6 +95,43 @@ def test_no_other_balance_leaves_less(kind, objective, seed):
                 assert (cost(replace(best.actuators, **{name: changed})) >= least * (1 - 1e-9)).all()
 
 
+@pytest.mark.parametrize("objective", ["rms", "peak"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_machine_with_it_takes_what_was_foretold(kind, objective):
+    """With armature, friction and another balance that is replaced, over a motion not at rest at its ends."""
+    own = Actuators(
+        armature={"sliders": 14.8044},
+        counterbalance={"slide_a": 20.0},
+        spring={"slide_b": 100.0},
+        counterweight={"slide_c": 1.0},
+    )
+    parameters = replace(PAPER, actuators=own, friction=Friction(viscous={"sliders": 20.0}))
+    machine, motion = p3dof.load(parameters), p3dof.paper_motion(301)
+    best = best_balance(machine, machine.inverse_dynamics(motion), kind, objective)
+    result = p3dof.load(best.parameters).inverse_dynamics(motion)
+    np.testing.assert_allclose(best.after, result.forces, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(best.peak_after, result.peak_forces, rtol=1e-12)
+    mean_square = np.trapezoid(result.forces**2, motion.time, axis=0)
+    np.testing.assert_allclose(best.rms_after, np.sqrt(mean_square / motion.duration), rtol=1e-12)
+    again = best_balance(p3dof.load(best.parameters), result, kind, objective)
+    for name, row in best.values.items():
+        np.testing.assert_allclose(again.values[name], row, rtol=1e-6, atol=1e-6)
+    assert best.actuators.armature == own.armature
+
+
+def test_armature_shifts_the_best_force_where_a_motion_does_not_rest_at_its_ends():
+    """By mass times change of the slider's speed over the duration."""
+    machine = p3dof.load(replace(PAPER, actuators=Actuators(armature={"sliders": 14.8044})))
+    best = best_balance(machine, machine.inverse_dynamics(p3dof.paper_motion(4001)))
+    np.testing.assert_allclose(best.values["counterbalance"], [61.220, 57.180, 64.377], atol=1e-3)
+    motion = Motion.rest_to_rest([0, 0, 0], [0.1, 0.05, 0.2], 0.5, 1001)
+    chosen = [
+        best_balance(one, one.inverse_dynamics(motion)).values["counterbalance"]
+        for one in (machine, p3dof.load())
+    ]
+    np.testing.assert_allclose(*chosen, atol=1e-4)  # trapezoids: m step² / 12 by the change of the jerk
+
+
 def test_a_slider_that_stands_still_needs_no_spring(robot):
     still = Motion(np.linspace(0, 1, 5), *(np.tile(row, (5, 1)) for row in np.zeros((3, 3))))
     found = robot.inverse_dynamics(still)

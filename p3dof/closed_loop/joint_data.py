@@ -1,4 +1,4 @@
-"""`JointData`: what acts in a joint by itself: spring, balance, damping, friction; and its rotor's inertia."""
+"""`JointData`: what acts in a joint by itself: spring, balance, damping, friction; and its rotor."""
 
 from __future__ import annotations
 

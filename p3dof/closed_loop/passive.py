@@ -1,4 +1,4 @@
-"""Springs, balances, damping and friction in the joints of a tree: forces, energy and power, of one state or many."""
+"""Springs, balances, damping and friction in joints of a tree: forces, energy, power, at any states."""
 
 from __future__ import annotations
 

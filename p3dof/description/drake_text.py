@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from xml.etree import ElementTree as ET
 
-from p3dof.description.mechanism import Mechanism
+from p3dof.description.mechanism import Joint, Mechanism
 from p3dof.description.urdf_text import urdf_tree
-from p3dof.description.xml_text import document
-from p3dof.markup import sub
+from p3dof.description.xml_text import document, require_no_drive
+from p3dof.markup import numbers, sub
 
 NAMESPACE = "http://drake.mit.edu"
 
@@ -20,7 +20,7 @@ def drake(mechanism: Mechanism) -> str:
     the parallelogram a second time. Each loop is a ``<drake:ball_constraint>`` between the origins of its two
     frames. Drake keeps them in discrete plants only (a continuous one refuses to move), and neither its
     inverse dynamics nor its mass matrix know of them. What a URDF has no place for is left to the reader:
-    gravity, and a weld of the root to the world.
+    gravity, and a weld of the root to the world. Inertia of motors is that of a rotor with a gear of 1.
 
     Parameters
     ----------
@@ -31,6 +31,11 @@ def drake(mechanism: Mechanism) -> str:
     -------
     str
 
+    Raises
+    ------
+    ModelError
+        If a joint has a balance.
+
     References
     ----------
     Drake, "Parsing Models for MultibodyPlant", tag drake:ball_constraint.
@@ -39,8 +44,9 @@ def drake(mechanism: Mechanism) -> str:
     root = urdf_tree(replace(mechanism, joints=joints))
     root.set("xmlns:drake", NAMESPACE)
     for joint in mechanism.moving:
+        require_no_drive(joint, "Drake's URDF", armature=joint.name in mechanism.actuated)
         if joint.name in mechanism.actuated:
-            _transmission(root, joint.name)
+            _transmission(root, joint)
     for closure in mechanism.closures:
         element = sub(root, "drake:ball_constraint")
         for side, point, frame in (("A", "AP", closure.frame1), ("B", "BQ", closure.frame2)):
@@ -49,12 +55,15 @@ def drake(mechanism: Mechanism) -> str:
     return document(root, mechanism, "For discrete plants of Drake.")
 
 
-def _transmission(root: ET.Element, joint: str) -> None:
+def _transmission(root: ET.Element, joint: Joint) -> None:
     """Make a joint an actuated one; Drake takes the largest force from the joint's limits."""
     interface = "hardware_interface/EffortJointInterface"
-    element = sub(root, "transmission", name=f"{joint}_transmission")
+    element = sub(root, "transmission", name=f"{joint.name}_transmission")
     sub(element, "type", "transmission_interface/SimpleTransmission")
-    sub(sub(element, "joint", name=joint), "hardwareInterface", interface)
-    actuator = sub(element, "actuator", name=f"{joint}_actuator")
+    sub(sub(element, "joint", name=joint.name), "hardwareInterface", interface)
+    actuator = sub(element, "actuator", name=f"{joint.name}_actuator")
     sub(actuator, "hardwareInterface", interface)
     sub(actuator, "mechanicalReduction", "1")
+    if joint.armature:
+        sub(actuator, "drake:rotor_inertia", value=numbers(joint.armature))
+        sub(actuator, "drake:gear_ratio", value="1")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -224,11 +224,16 @@ class Joint:
         None for a fixed joint.
     mimic : Mimic, optional
         For a joint that always copies another one when the loops are closed.
+    armature : float
+        Inertia that its actuator adds, on which gravity does not act [kg or kg m²].
+    force, stiffness : float
+        What a balance adds along the axis at home [N or N m], and how fast that falls [N/m or N m/rad].
 
     Raises
     ------
     ModelError
-        If a moving joint lacks axis or limits, a fixed one has them, or the axis is not a unit vector.
+        If a moving joint lacks axis or limits, a fixed one has them or an actuator, or the axis is not a unit
+        vector.
     """
 
     name: str
@@ -239,6 +244,14 @@ class Joint:
     axis: FloatArray | None = None
     limits: JointLimits | None = None
     mimic: Mimic | None = None
+    armature: float = 0.0
+    force: float = 0.0
+    stiffness: float = 0.0
+
+    @property
+    def balanced(self) -> bool:
+        """Whether a balance acts in it."""
+        return bool(self.force or self.stiffness)
 
     def __post_init__(self) -> None:
         if self.kind not in ("prismatic", "revolute", "fixed"):
@@ -248,6 +261,8 @@ class Joint:
             raise ModelError(
                 f"{self.name}: expected axis and limits for a moving joint, none for a fixed one"
             )
+        if not moves and (self.armature or self.balanced):
+            raise ModelError(f"{self.name}: expected no armature and no balance of a fixed joint")
         if self.axis is not None:
             axis = frozen_array(f"{self.name}: axis", np.add(self.axis, 0.0), (3,), ModelError)
             if abs(float(np.linalg.norm(axis)) - 1) > _UNIT:
@@ -358,6 +373,10 @@ class Mechanism:
     def markers(self) -> dict[str, Joint]:
         """The frames fixed to a link, by name: the joints that fix them."""
         return {joint.child: joint for joint in self.joints if joint.kind == "fixed"}
+
+    def without_balance(self) -> Mechanism:
+        """Return the mechanism without the balances of its joints; their inertia stays."""
+        return replace(self, joints=tuple(replace(one, force=0.0, stiffness=0.0) for one in self.joints))
 
     @property
     def mass(self) -> float:

@@ -27,6 +27,9 @@ def mjcf(mechanism: Mechanism) -> str:
     where MuJoCo's defaults leave a millimetre. Its Euler and implicit integrators diverge at this stiffness.
     Solids that are drawn are in group 2, those that must not touch in group 3, and none has a mass. The
     keyframe ``home`` is at rest under its own forces. A joint that mimics another one is left to the loops.
+    Inertia of motors is ``armature``. A balance is the joint's spring with its ``springref``; one of constant
+    force compensates as much of the gravity of the body on the joint (``gravcomp``). Both are passive forces:
+    inverse dynamics counts them, and they take nothing of the motors' limits.
 
     Parameters
     ----------
@@ -40,7 +43,7 @@ def mjcf(mechanism: Mechanism) -> str:
     Raises
     ------
     ModelError
-        If a moving link has no mass.
+        If a moving link has no mass, or a constant force in a joint does not act against gravity.
     """
     links = {link.name: link for link in mechanism.links}
     for joint in mechanism.moving:
@@ -61,7 +64,7 @@ def mjcf(mechanism: Mechanism) -> str:
 
 
 def holding_forces(mechanism: Mechanism) -> FloatArray:
-    """Return the actuator forces that hold a mechanism at home against gravity.
+    """Return the actuator forces that hold a mechanism at home against gravity, besides its balances.
 
     Parameters
     ----------
@@ -104,7 +107,8 @@ def holding_forces(mechanism: Mechanism) -> FloatArray:
         point = places[closure.frame1].position
         columns.append((jacobian(closure.frame1, point) - jacobian(closure.frame2, point)).T)
     balance = np.linalg.lstsq(np.hstack(columns), -load, rcond=_RANK)[0]  # [B Jᵀ] [f; λ] = -Q
-    return np.asarray(balance[: len(mechanism.actuated)], dtype=float)
+    taken_over = [next(j.force for j in mechanism.moving if j.name == name) for name in mechanism.actuated]
+    return np.asarray(balance[: len(mechanism.actuated)] - taken_over, dtype=float)
 
 
 def _home(mechanism: Mechanism) -> dict[str, Placement]:
@@ -139,6 +143,21 @@ def _bodies(root: ET.Element, mechanism: Mechanism, links: Mapping[str, Link]) -
         element = sub(elements[joint.parent], "body", name=joint.child, **_pose(joint.placement))
         elements[joint.child] = element
         _contents(element, links[joint.child], joint)
+        if joint.force and not joint.stiffness:
+            element.set("gravcomp", numbers(_compensation(joint, links[joint.child], mechanism.gravity)))
+
+
+def _compensation(joint: Joint, link: Link, gravity: FloatArray) -> float:
+    """Return which share of a body's gravity to compensate so that its slide gets a constant force."""
+    weight = 0.0
+    if link.body is not None and joint.kind == "prismatic" and joint.axis is not None:
+        weight = -link.body.mass * float(gravity @ joint.placement.rotation @ joint.axis)
+    if not weight or joint.force / weight < 0:
+        raise ModelError(
+            f"MJCF: {joint.name}: a constant force of {joint.force:g} N: MuJoCo has only those against the "
+            "gravity of the body on the joint, or with a spring"
+        )
+    return joint.force / weight
 
 
 def _contents(element: ET.Element, link: Link, joint: Joint | None = None) -> None:
@@ -153,6 +172,7 @@ def _contents(element: ET.Element, link: Link, joint: Joint | None = None) -> No
             axis=numbers(joint.axis),
             range=numbers(joint.limits.lower, joint.limits.upper),
             actuatorfrcrange=numbers(-joint.limits.effort, joint.limits.effort),
+            **_drive(joint),
         )
     if link.body is not None and link.body.mass > 0:
         mass = {"pos": numbers(link.body.com), "mass": numbers(link.body.mass)}
@@ -161,6 +181,14 @@ def _contents(element: ET.Element, link: Link, joint: Joint | None = None) -> No
         _geom(element, "visual", solid, material=solid.colour.name)
     for solid in link.collisions:
         _geom(element, "collision", solid)
+
+
+def _drive(joint: Joint) -> dict[str, str]:
+    """Return what motor and spring add, as attributes of a joint."""
+    found = {"armature": joint.armature, "stiffness": joint.stiffness}
+    if joint.stiffness:
+        found["springref"] = joint.force / joint.stiffness
+    return {name: numbers(value) for name, value in found.items() if value}
 
 
 def _inertia(body: Body) -> dict[str, str]:

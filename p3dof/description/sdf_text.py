@@ -5,7 +5,7 @@ from __future__ import annotations
 from xml.etree import ElementTree as ET
 
 from p3dof.description.mechanism import Box, Colour, Cylinder, Joint, Link, Mechanism, Placement, Solid
-from p3dof.description.xml_text import document
+from p3dof.description.xml_text import document, require_no_drive
 from p3dof.errors import ModelError
 from p3dof.markup import moments, numbers, roll_pitch_yaw, sub
 from p3dof.markup.sdf import VERSION, check_names, joint_between
@@ -32,11 +32,15 @@ def sdf(mechanism: Mechanism) -> str:
     ------
     ModelError
         If a link has no mass, for SDF has no massless links and takes a missing mass for 1 kg; or if a name
-        is used twice among links, joints and closures, or reserved in SDF.
+        is used twice among links, joints and closures, or reserved in SDF; or if a joint has inertia of a
+        motor or a constant force, for which SDF has no word. Springs it has.
     """
     anchor = f"{mechanism.links[0].name}_fixed"
     names = [anchor, *(link.name for link in mechanism.links), *(joint.name for joint in mechanism.joints)]
     check_names([*names, *(closure.name for closure in mechanism.closures)])
+    for joint in mechanism.joints:
+        if joint.armature or not joint.stiffness:
+            require_no_drive(joint, "SDF")
     frames = _frames(mechanism)
     bodies = _bodies(mechanism, frames)
     placed = {joint.child: joint.name for joint in mechanism.joints}
@@ -143,3 +147,7 @@ def _axis(element: ET.Element, joint: Joint) -> None:
     limit = sub(axis, "limit")
     for name in ("lower", "upper", "effort", "velocity"):
         sub(limit, name, numbers(getattr(joint.limits, name)))
+    if joint.stiffness:
+        dynamics = sub(axis, "dynamics")
+        sub(dynamics, "spring_reference", numbers(joint.force / joint.stiffness))
+        sub(dynamics, "spring_stiffness", numbers(joint.stiffness))

@@ -79,10 +79,12 @@ def _moved(body: Body, place: Placement) -> Body:
 def _joints(parameters: Parameters) -> tuple[Joint, ...]:
     geometry, limits = parameters.geometry, joint_limits(parameters)
     R, r, L, b = geometry.R, geometry.r, geometry.L, geometry.b
-    rod = rod_axes(geometry)
+    rod, own = rod_axes(geometry), parameters.actuators
+    added = (own.inertia, own.balance_at_home(parameters.gravity), own.stiffness)
+    drives = dict(zip(SLIDES, np.column_stack(added).tolist(), strict=True))
 
     def slide(name: str, child: str, place: _Point) -> Joint:
-        return Joint(name, "prismatic", "base_link", child, _at(place), _Z, limits[name])
+        return Joint(name, "prismatic", "base_link", child, _at(place), _Z, limits[name], None, *drives[name])
 
     def hinge(name: str, parent: str, child: str, place: Placement, mimic: Mimic | None = None) -> Joint:
         return Joint(name, "revolute", parent, child, place, _Y, limits[name], mimic)

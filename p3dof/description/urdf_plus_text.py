@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from p3dof.description.mechanism import Mechanism, Placement
 from p3dof.description.urdf_text import urdf_tree
-from p3dof.description.xml_text import document
+from p3dof.description.xml_text import document, require_no_drive
 from p3dof.markup import numbers, roll_pitch_yaw, sub
 
 
@@ -33,6 +33,11 @@ def urdf_plus(mechanism: Mechanism) -> str:
     -------
     str
 
+    Raises
+    ------
+    ModelError
+        If a joint has inertia of a motor or a balance.
+
     References
     ----------
     M. Chignoli, J.-J. Slotine, P. M. Wensing, S. Kim, "URDF+: An Enhanced URDF for Robots with Kinematic
@@ -41,6 +46,8 @@ def urdf_plus(mechanism: Mechanism) -> str:
     github.com/ROAM-Lab-ND/generalized_rbda, robot-models/four_bar.urdf at 45fa7c4.
     """
     joints = tuple(replace(joint, mimic=None) for joint in mechanism.joints)
+    for joint in joints:
+        require_no_drive(joint, "URDF+")
     root = urdf_tree(replace(mechanism, joints=joints))
     passive = {joint.name for joint in mechanism.passive}
     for element in root.iter("joint"):

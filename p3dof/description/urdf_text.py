@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from typing import Any
 from xml.etree import ElementTree as ET
 
 import yaml
@@ -15,7 +16,8 @@ def urdf(mechanism: Mechanism) -> str:
     """Return the tree of a mechanism as URDF text: self-contained, primitives only, always the same bytes.
 
     Numbers have 15 significant digits. The parallelogram's joints mimic each other, for readers that keep no
-    loops; ``<ros2_control>`` names the actuators. Links without mass have no ``<inertial>``.
+    loops; ``<ros2_control>`` names the actuators. Links without mass have no ``<inertial>``. The inertia of
+    motors and the balances, for which URDF has no place, are in the `sidecar`.
 
     Parameters
     ----------
@@ -71,17 +73,26 @@ def sidecar(mechanism: Mechanism) -> str:
     -------
     str
         ``closed_loop``: pairs of frames; ``type``: ``3d`` (point closures) for each; ``name_mot``: the
-        actuated joints.
+        actuated joints; ``joint_data``: inertia of motors and screws, and balances, if there are any.
     """
-    data = {
+    data: dict[str, Any] = {
         "closed_loop": [[closure.frame1, closure.frame2] for closure in mechanism.closures],
         "type": ["3d"] * len(mechanism.closures),
         "name_mot": list(mechanism.actuated),
     }
+    drives = [_drive(joint) for joint in mechanism.moving if joint.armature or joint.balanced]
+    if drives:
+        data["joint_data"] = drives
     header = "# Written by p3dof: the loops that the URDF beside this file leaves open.\n"
     return header + yaml.safe_dump(
         data, sort_keys=False, default_flow_style=None, allow_unicode=True, width=110
     )
+
+
+def _drive(joint: Joint) -> dict[str, Any]:
+    """Return what motor and balance add in a joint, as `p3dof.closed_loop.JointData` has it."""
+    values = {"armature": joint.armature, "force": joint.force, "stiffness": joint.stiffness}
+    return {"joint": joint.name, **{key: value for key, value in values.items() if value}}
 
 
 def _origin(parent: ET.Element, placement: Placement) -> None:

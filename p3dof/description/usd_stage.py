@@ -11,6 +11,7 @@ import numpy as np
 
 from p3dof.checks import FloatArray
 from p3dof.description.mechanism import Box, Cylinder, Joint, Mechanism, Placement, Solid
+from p3dof.description.xml_text import require_no_drive
 from p3dof.errors import MissingExtraError, ModelError
 from p3dof.parameters import Body
 from p3dof.parameters.body import steiner
@@ -29,7 +30,8 @@ def usd(mechanism: Mechanism) -> str:
     scene with the gravity is beside the default prim: opened with it, not referenced with it.
 
     Lengths and placements are doubles; UsdPhysics itself keeps masses, inertias, joint frames and limits in
-    single precision, angles in degrees. It has no limits of velocity: they are written for Newton and PhysX.
+    single precision, angles in degrees. It has no limits of velocity and no inertia of
+    motors: they are written for Newton and PhysX.
 
     Parameters
     ----------
@@ -45,7 +47,8 @@ def usd(mechanism: Mechanism) -> str:
     MissingExtraError
         If usd-core is not installed.
     ModelError
-        If a moving link has no mass: UsdPhysics would give it one, from its solids.
+        If a moving link has no mass: UsdPhysics would give it one, from its solids; or if a joint has a
+        balance.
 
     References
     ----------
@@ -213,6 +216,11 @@ class _Stage:
         for name in ("newton:velocityLimit", "physxJoint:maxJointVelocity"):
             attribute = prim.GetPrim().CreateAttribute(name, Sdf.ValueTypeNames.Float, custom=False)
             attribute.Set(unit * joint.limits.velocity)
+        require_no_drive(joint, "USD", armature=True)
+        if joint.armature:
+            for name in ("newton:armature", "physxJoint:armature"):
+                attribute = prim.GetPrim().CreateAttribute(name, Sdf.ValueTypeNames.Float, custom=False)
+                attribute.Set(joint.armature)
         if joint.name in self.mechanism.actuated:
             drive = UsdPhysics.DriveAPI.Apply(prim.GetPrim(), "linear" if slides else "angular")
             drive.CreateTypeAttr(UsdPhysics.Tokens.force)

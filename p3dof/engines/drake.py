@@ -16,6 +16,7 @@ from p3dof.engines.bare import bare_mechanism
 from p3dof.engines.base import Engine
 from p3dof.engines.inputs import library
 from p3dof.engines.samples import FinalState, FrameMotion, Sample
+from p3dof.errors import InputError
 from p3dof.parameters import PAPER, PLATFORM, Parameters
 
 _STEP = 1e-3
@@ -64,13 +65,17 @@ class DrakeEngine(Engine):
     def _described(self) -> Mechanism:
         return bare_mechanism(self.parameters)
 
-    def _built(self, step: float) -> Any:
-        """Return a plant, its root welded to the world."""
+    def _built(self, step: float, springs: bool = False) -> Any:
+        """Return a plant, its root welded to the world; with the springs of balances, if it is to move."""
         plant = library("pydrake.multibody.plant", self.name).MultibodyPlant(step)
         parser = library("pydrake.multibody.parsing", self.name).Parser(plant)
-        parser.AddModelsFromString(drake(self._mechanism), "urdf")
+        parser.AddModelsFromString(drake(self._mechanism.without_balance()), "urdf")
         plant.WeldFrames(plant.world_frame(), plant.GetFrameByName(self._mechanism.links[0].name))
         plant.mutable_gravity_field().set_gravity_vector(self.parameters.gravity)
+        for joint in self._mechanism.moving if springs else ():
+            if joint.stiffness:
+                spring = self._tree.PrismaticSpring(plant.GetJointByName(joint.name), 0.0, joint.stiffness)
+                plant.AddForceElement(spring)
         plant.Finalize()
         return plant
 
@@ -80,6 +85,10 @@ class DrakeEngine(Engine):
         plant.SetVelocities(context, _scattered(v, self._v_at))
         gravity = self._tree.MultibodyForces(plant)
         plant.CalcForceElementsContribution(context, gravity)
+        balance = [
+            joint.force - joint.stiffness * x for joint, x in zip(self._mechanism.moving, q, strict=True)
+        ]
+        gravity.mutable_generalized_forces()[:] += _scattered(np.array(balance), self._v_at)
         load = plant.CalcInverseDynamics(context, _scattered(a, self._v_at), gravity)[self._v_at]
         pairs = [
             (self._frame(closure.frame1), self._frame(closure.frame2)) for closure in self._mechanism.closures
@@ -134,14 +143,18 @@ class DrakeEngine(Engine):
         Raises
         ------
         InputError, ReachError, DynamicsError
-            As `Engine.simulate`.
+            As `Engine.simulate`; `InputError` also for a spring of negative stiffness.
         """
         _, q, forces = self._start(duration, step, pose, forces)
-        plant = self._built(step)
+        if any(joint.stiffness < 0 for joint in self._mechanism.moving):
+            raise InputError("parameters: drake has no springs of negative stiffness")
+        plant = self._built(step, springs=True)
         simulator = library("pydrake.systems.analysis", self.name).Simulator(plant)
         context = simulator.get_mutable_context()
         plant.SetPositions(context, _scattered(q, self._q_at))
         plant.get_actuation_input_port().FixValue(context, forces)
+        pushes = _scattered(np.array([joint.force for joint in self._mechanism.moving]), self._v_at)
+        plant.get_applied_generalized_force_input_port().FixValue(context, pushes)
         simulator.Initialize()
         begin = time.perf_counter()
         simulator.AdvanceTo(duration)

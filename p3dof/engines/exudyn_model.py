@@ -53,6 +53,9 @@ class ExudynModel:
             self._add_body(link)
         for joint in mechanism.moving:
             self._add_joint(joint)
+        for joint in mechanism.moving:
+            if joint.armature or joint.balanced:
+                self._add_balance(joint)
         self.closures = [self._add_closure(*names) for names in _closures(mechanism)]
         self.drives: list[Any] = []
         self._load: tuple[Any, Any] | None = None
@@ -64,16 +67,19 @@ class ExudynModel:
         coordinates = [*place.position, *place.quaternion]
         node = self.system.AddNode(self.items.NodeRigidBodyEP(referenceCoordinates=coordinates))
         moments = np.zeros((3, 3)) if body is None else body.inertia_about(np.zeros(3))
+        mass = 0.0 if body is None else body.mass
+        joint = next(item for item in self.mechanism.joints if item.child == link)
+        whole = mass + (joint.armature if joint.kind == "prismatic" else 0.0)  # at the slider's origin
         self.nodes[link] = node
         self.bodies[link] = self.system.AddObject(
             self.items.ObjectRigidBody(
-                mass=0.0 if body is None else body.mass,
+                mass=whole,
                 inertia=moments[[0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]],
-                centerOfMass=np.zeros(3) if body is None else body.com,
+                centerOfMass=np.zeros(3) if body is None or not whole else mass / whole * body.com,
                 nodeNumber=node,
             )
         )
-        if body is not None and body.mass > 0:
+        if whole > 0:
             marker = self.system.AddMarker(self.items.MarkerBodyMass(bodyNumber=self.bodies[link]))
             self.system.AddLoad(
                 self.items.LoadMassProportional(markerNumber=marker, loadVector=self.mechanism.gravity)
@@ -87,6 +93,25 @@ class ExudynModel:
         other = self._marker(joint.child, Placement(rotation=turn))
         axes = _SLIDE if joint.kind == "prismatic" else _HINGE
         self._add_generic(one, other, axes)
+
+    def _add_balance(self, joint: Joint) -> None:
+        """Push a slider as its balance does, and take the weight of the inertia of its motor off it."""
+        slide, given = (
+            self._slide(joint.name),
+            joint.force - joint.armature * float(self.mechanism.gravity[2]),
+        )
+        self.system.AddLoad(self.items.LoadCoordinate(markerNumber=slide, load=given))
+        if joint.stiffness:
+            self.system.AddObject(
+                self.items.ObjectConnectorCoordinateSpringDamper(
+                    markerNumbers=[self._ground(), slide], stiffness=joint.stiffness
+                )
+            )
+
+    def _ground(self) -> Any:
+        """Return a coordinate that stays zero."""
+        node = self.system.AddNode(self.items.NodePointGround())
+        return self.system.AddMarker(self.items.MarkerNodeCoordinate(nodeNumber=node, coordinate=0))
 
     def _add_closure(self, name: str, frame1: str, frame2: str) -> Any:
         """Join two points; those of a `PLANAR` closure across y of the first frame."""
@@ -118,11 +143,7 @@ class ExudynModel:
         positions, velocities : sequence of callable
             Of each actuated joint, a function of time [s]; without any, sliders are held at home.
         """
-        ground = self.system.AddMarker(
-            self.items.MarkerNodeCoordinate(
-                nodeNumber=self.system.AddNode(self.items.NodePointGround()), coordinate=0
-            )
-        )
+        ground = self._ground()
         for i, name in enumerate(self.mechanism.actuated):
             led = {}
             if positions:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -40,11 +41,20 @@ class MujocoEngine(Engine):
 
     def __init__(self, parameters: Parameters = PAPER) -> None:
         super().__init__(parameters)
-        self._model = self._library.MjModel.from_xml_string(mjcf(self._mechanism))
+        self._model = self._library.MjModel.from_xml_string(self._text())
         self._data = self._library.MjData(self._model)
 
     def _described(self) -> Mechanism:
         return bare_mechanism(self.parameters)
+
+    def _text(self) -> str:
+        """Return the MJCF. Constant forces of balances are applied: MuJoCo has only some of them."""
+        joints = tuple(replace(joint, force=0.0) for joint in self._mechanism.joints)
+        return mjcf(replace(self._mechanism, joints=joints))
+
+    @property
+    def _pushes(self) -> FloatArray:
+        return np.array([joint.force for joint in self._mechanism.moving])
 
     def _sample(self, q: FloatArray, v: FloatArray, a: FloatArray, wrench: FloatArray) -> Sample:
         lib, model, data = self._library, self._model, self._data
@@ -55,7 +65,7 @@ class MujocoEngine(Engine):
         loops = data.efc_type == lib.mjtConstraint.mjCNSTR_EQUALITY
         J = data.efc_J.reshape(data.nefc, model.nv)[loops]
         platform = self._frame(PLATFORM)
-        given = np.zeros(model.nv)
+        given = self._pushes
         body = model.body(PLATFORM).id
         lib.mj_applyFT(model, data, wrench[:3], wrench[3:], platform.position, body, given)
         pairs = [
@@ -112,11 +122,11 @@ class MujocoEngine(Engine):
             As `Engine.simulate`.
         """
         count, q, forces = self._start(duration, step, pose, forces)
-        lib, model = self._library, self._library.MjModel.from_xml_string(mjcf(self._mechanism))
+        lib, model = self._library, self._library.MjModel.from_xml_string(self._text())
         model.opt.timestep = step
         model.eq_solref[:] = -1 / step**2, -1 / step
         data = lib.MjData(model)
-        data.qpos[:], data.ctrl[:] = q, forces
+        data.qpos[:], data.ctrl[:], data.qfrc_applied[:] = q, forces, self._pushes
         trouble: list[str] = []
         before = lib.get_mju_user_warning()
         lib.set_mju_user_warning(trouble.append)  # rather than into a file

@@ -82,7 +82,8 @@ class ManipulatorModel:
     @cached_property
     def loop(self) -> ClosedLoopModel:
         """The mechanism as a general closed-loop model on Pinocchio."""
-        loop = ClosedLoopModel.from_urdf(self.exact_urdf, self.sidecar, mimic=False)
+        closures = description.sidecar(self.mechanism.without_balance())  # the method adds it itself
+        loop = ClosedLoopModel.from_urdf(self.exact_urdf, closures, mimic=False)
         loop.model.gravity.linear = self.parameters.gravity  # a URDF has no place for it
         loop.model.armature = armature_of(loop.model, self.parameters.actuators)  # nor for this
         return loop

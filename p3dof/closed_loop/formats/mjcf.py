@@ -27,7 +27,7 @@ import pinocchio as pin
 
 from p3dof.checks import FloatArray, shown
 from p3dof.closed_loop.formats.mjcf_file import compiled
-from p3dof.closed_loop.formats.mjcf_left_out import acting, left_out, tendon_armature
+from p3dof.closed_loop.formats.mjcf_left_out import acting, left_out, lifting, tendon_armature
 from p3dof.closed_loop.formats.mjcf_tendons import Tendon, pulled, tendon, tied
 from p3dof.closed_loop.joint_data import JointData
 from p3dof.closed_loop.sidecar import Closure, Coupling, Sidecar, suggestion
@@ -201,12 +201,13 @@ class _Translation:
 
     def _joint_data(self) -> tuple[JointData, ...]:
         """Return springs, damping, friction and motors."""
-        m, found, motors = self._m, [], self._motors()
+        m, found, motors, lifted = self._m, [], self._motors(), lifting(self._m)
         for number, name in enumerate(self._joints):
             stiffness, dof = float(m.jnt_stiffness[number]), m.jnt_dofadr[number]
             losses = float(m.dof_damping[dof]), float(m.dof_frictionloss[dof])
             rest = self._values(m.qpos_spring, number) if stiffness else 0.0
-            found.append(JointData(name, stiffness, rest, *losses, 0.0, *motors.get(name, (0.0, 1.0))))
+            motor = motors.get(name, (0.0, 1.0))
+            found.append(JointData(name, stiffness, rest, *losses, 0.0, *motor, lifted.get(number, 0.0)))
         for number, one in self._tendons.items():
             (rest, slack), stiffness = m.tendon_lengthspring[number], float(m.tendon_stiffness[number])
             losses = float(m.tendon_damping[number]), float(m.tendon_frictionloss[number])

@@ -9,6 +9,9 @@ import numpy as np
 
 from p3dof.checks import FloatArray, shown
 
+_SLIDE = 2
+"""Of `mujoco.mjtJoint`."""
+
 
 def acting(m: Any, number: int) -> bool:
     """Return whether something acts in a tendon by itself.
@@ -43,6 +46,65 @@ def tendon_armature(m: Any) -> FloatArray:
     return np.array(getattr(m, "tendon_armature", np.zeros(m.ntendon)))
 
 
+def lifting(m: Any) -> dict[int, float]:
+    """Return the constant forces of joints that the compensation of gravity comes to.
+
+    It does where a slide alone carries a body: all others would feel it differently in each position.
+
+    Parameters
+    ----------
+    m : mujoco.MjModel
+        The compiled model.
+
+    Returns
+    -------
+    dict of int to float
+        Force along the joint [N], by its number.
+    """
+    found: dict[int, float] = {}
+    for body in np.flatnonzero(m.body_gravcomp > 0):
+        slide = _slide_of(m, int(body))
+        if slide is not None:
+            number, axis = slide
+            weight = -float(m.body_mass[body]) * float(np.dot(m.opt.gravity, axis))
+            found[number] = found.get(number, 0.0) + float(m.body_gravcomp[body]) * weight
+    return found
+
+
+def _slide_of(m: Any, body: int) -> tuple[int, FloatArray] | None:
+    """Return the slide by which alone a body moves, and its axis in the world; None if there is more."""
+    joints: list[int] = []
+    rotation, found = np.eye(3), body
+    while body:
+        first = int(m.body_jntadr[body])
+        joints += range(first, first + int(m.body_jntnum[body]))
+        body = int(m.body_parentid[body])
+    if len(joints) != 1 or m.jnt_type[joints[0]] != _SLIDE:
+        return None
+    body = int(m.jnt_bodyid[joints[0]])
+    while body:
+        rotation = _matrix(m.body_quat[body]) @ rotation
+        body = int(m.body_parentid[body])
+    return (joints[0], rotation @ m.jnt_axis[joints[0]]) if found else None
+
+
+def _not_lifting(m: Any) -> Iterator[str]:
+    for body in np.flatnonzero(m.body_gravcomp > 0):
+        if _slide_of(m, int(body)) is None:
+            yield f"the compensation of gravity of the body {shown(str(m.body(int(body)).name))}"
+
+
+def _matrix(quaternion: FloatArray) -> FloatArray:
+    w, x, y, z = quaternion
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
 def left_out(m: Any, tendons: Collection[int]) -> Iterator[str]:
     """Yield words for what acts and is not read.
 
@@ -71,8 +133,7 @@ def left_out(m: Any, tendons: Collection[int]) -> Iterator[str]:
             yield f"the higher powers of the spring or damper of {called}"
         if m.jnt_type[number] == 0 and m.dof_armature[dofs].any():
             yield f"that the armature of {called} is in axes of the world"
-    if np.any(m.body_gravcomp):
-        yield "the compensation of gravity"
+    yield from _not_lifting(m)
     if m.opt.density or m.opt.viscosity:
         yield "the fluid around the robot"
 

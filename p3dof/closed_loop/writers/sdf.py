@@ -232,7 +232,8 @@ class _Writer:
     def _dynamics(self, axis: Xml.Element, part: Part, data: JointData) -> None:
         values = {"damping": data.damping, "friction": data.friction}
         if data.stiffness:
-            rest = data.rest + data.force / data.stiffness - self._values[part.name][0]
+            at: Any = data.rest  # a number, of a joint with one degree of freedom
+            rest = at + data.force / data.stiffness - self._values[part.name][0]
             values |= {"spring_stiffness": data.stiffness, "spring_reference": rest}
         elif data.force:
             raise ModelError(
