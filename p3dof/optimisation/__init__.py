@@ -15,6 +15,7 @@ from p3dof.optimisation.measure import FunctionMeasure, Measure, Pieces
 from p3dof.optimisation.measures import MEASURES
 from p3dof.optimisation.optimum import Optimum
 from p3dof.optimisation.problem import DesignProblem
+from p3dof.optimisation.robust import Robust
 
 __all__ = [
     "MEASURES",
@@ -26,5 +27,6 @@ __all__ = [
     "Measure",
     "Optimum",
     "Pieces",
+    "Robust",
     "relation",
 ]
