@@ -73,7 +73,7 @@ from .compiled import BoundInverseDynamics, MachineKernels
 from .designs import DesignForces, DesignEvaluation, Designs, DesignStatus, forces_of_designs
 
 # Better machines
-from .optimisation import DesignProblem, Optimum
+from .optimisation import DesignProblem, Front, Optimum
 
 # Many runs at once
 from .many_runs import ManyRuns, RunHistories, simulate_many
@@ -178,6 +178,7 @@ __all__ = [
     "ForceTolerance",
     "FrameTarget",
     "Friction",
+    "Front",
     "Geometry",
     "Histogram",
     "Indices",

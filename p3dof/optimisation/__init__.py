@@ -5,12 +5,14 @@
 - `population`, `statement`, `evaluated`, `settings`: a problem, and what is computed of many designs at once.
 - `epigraph`, `starts`, `evolution`, `feasibility`, `minimising`, `journal`: optima by one objective.
 - `optimum`, `checking`: what was found, and a second look at it.
+- `pareto`, `nsga`, `front`: fronts of several objectives.
 - `problem`: `DesignProblem`.
 """
 
 from p3dof.optimisation.box import Box
 from p3dof.optimisation.constraints import Constraint, relation
 from p3dof.optimisation.evaluated import Evaluated
+from p3dof.optimisation.front import Front
 from p3dof.optimisation.measure import FunctionMeasure, Measure, Pieces
 from p3dof.optimisation.measures import MEASURES
 from p3dof.optimisation.optimum import Optimum
@@ -23,6 +25,7 @@ __all__ = [
     "Constraint",
     "DesignProblem",
     "Evaluated",
+    "Front",
     "FunctionMeasure",
     "Measure",
     "Optimum",

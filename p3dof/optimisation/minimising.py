@@ -95,7 +95,7 @@ def _by_descents(
     begin = starts_of(problem, starts, seed)
     attempts: list[Local] = []
     for index, start in enumerate(begin):
-        attempts.append(_kept(journal, f"start-{index:03d}", problem, start))
+        attempts.append(descent(journal, f"start-{index:03d}", problem, start))
         if index == 0 and attempts[0].violation > 0:
             _kept_design(journal, problem, begin)  # raises now if there is none
         if progress is not None:
@@ -103,7 +103,7 @@ def _by_descents(
     best = best_of(problem, attempts)
     if best is None:
         feasible = _kept_design(journal, problem, begin)
-        attempts.append(_kept(journal, "start-feasible", problem, feasible))
+        attempts.append(descent(journal, "start-feasible", problem, feasible))
         best = best_of(problem, attempts)
     if best is None:
         raise OptimisationError("no optimum was found, though there are designs that keep all constraints")
@@ -123,7 +123,7 @@ def _by_evolution(
     local = Local(design, float(found.objectives[0, 0]), float(found.violation[0]), 0)
     attempts = [local]
     if polish:
-        attempts.append(_kept(journal, "polished", problem, design))
+        attempts.append(descent(journal, "polished", problem, design))
     best = best_of(problem, attempts)
     if best is None:
         nearest_feasible(problem, np.concatenate([design[None], starts_of(problem, STARTS, seed)]))
@@ -145,8 +145,8 @@ def best_of(problem: Statement, attempts: list[Local]) -> Local | None:
     return min(good, key=lambda local: sign * local.value) if good else None
 
 
-def _kept(journal: Journal, name: str, problem: Statement, start: FloatArray) -> Local:
-    """Return the optimum near a design, from the journal if it is there."""
+def descent(journal: Journal, name: str, problem: Statement, start: FloatArray) -> Local:
+    """Return the optimum near a design, from the journal if it is there; it is kept there else."""
     there = journal.read(name)
     if there is not None and np.array_equal(there.get("start", ()), start):
         value, violation, evaluations = there["numbers"].tolist()

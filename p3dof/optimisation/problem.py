@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from p3dof.checks import Progress
 from p3dof.optimisation.evolution import GENERATIONS
+from p3dof.optimisation.front import Front
 from p3dof.optimisation.measure import Measure
 from p3dof.optimisation.minimising import STARTS, Optimiser, minimise
 from p3dof.optimisation.optimum import Optimum
+from p3dof.optimisation.pareto import GENERATIONS as FRONT_GENERATIONS
+from p3dof.optimisation.pareto import POINTS, POPULATION, FrontMethod, pareto
 from p3dof.optimisation.statement import Statement
 
 
@@ -131,6 +134,75 @@ class DesignProblem(Statement):
             generations=generations,
             seed=seed,
             polish=polish,
+            store=store,
+            resume=resume,
+            progress=progress,
+        )
+
+    def pareto(
+        self,
+        objectives: Sequence[str | Measure] | None = None,
+        *,
+        method: FrontMethod = "epsilon",
+        points: int = POINTS,
+        population: int = POPULATION,
+        generations: int = FRONT_GENERATIONS,
+        polish: bool = True,
+        seed: int = 0,
+        store: str | os.PathLike[str] | None = None,
+        resume: bool = False,
+        progress: Progress | None = None,
+    ) -> Front:
+        """Return a Pareto front: designs that no other one beats in all objectives.
+
+        Parameters
+        ----------
+        objectives : sequence of str or Measure, optional
+            Two or more; those of the problem by default.
+        method : {"epsilon", "nsga2", "nsga3"}
+            The ε-constraint method, for two objectives: the first one as good as it can be for even bounds on
+            the second. Or a genetic algorithm (extra ``studio``), whose designs are then polished.
+        points : int
+            Designs of the polished front.
+        population, generations : int
+            Of the genetic algorithm.
+        polish : bool
+            Make the first objective of its designs as good as the others allow; else take them as they are.
+        seed : int
+            Of all random numbers.
+        store : path-like, optional
+            Folder for what is finished, so that an interrupted front can go on.
+        resume : bool
+            Go on with what is in the folder.
+        progress : callable, optional
+            Called with generations, then points done and all of them.
+
+        Returns
+        -------
+        Front
+
+        Raises
+        ------
+        OptimisationError
+            If no design keeps all constraints.
+        InputError
+            If an argument does not fit.
+        SweepError
+            If the folder holds another optimisation, or this one without `resume`.
+        FileError
+            If something cannot be read or written.
+        MissingExtraError
+            If pymoo is needed and not installed.
+        """
+        return pareto(
+            self,
+            objectives,
+            method=method,
+            points=points,
+            population=population,
+            generations=generations,
+            polish=polish,
+            seed=seed,
             store=store,
             resume=resume,
             progress=progress,
