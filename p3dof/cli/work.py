@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,7 +28,7 @@ from p3dof.manipulator import (
 )
 from p3dof.parameters import read_parameters
 from p3dof.reactions import Stiffness
-from p3dof.tasks import AxisLimits, Task, read_task
+from p3dof.tasks import Task, read_task
 
 SAMPLES = 2001
 """Least number of samples of a planned task."""
@@ -135,10 +134,8 @@ class Work:
         """Return the forces over a task, in the time that is given or the least."""
         count = SAMPLES if samples is None else samples
         if self.fastest:
-            own = robot.parameters.limits
-            limits = AxisLimits(own.force, own.speed, math.inf, 0.0)
             with progress_bar("ways", len(task.paths)) as progress:
-                plan = fastest_plan(robot, task, limits, samples=count, progress=progress)
+                plan = fastest_plan(robot, task, samples=count, progress=progress)
         else:
             with in_options({"duration: ": "--duration, or --fastest: "}):
                 plan = task.plan(self.duration, count)

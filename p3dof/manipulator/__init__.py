@@ -4,6 +4,13 @@ from p3dof.manipulator.assessment import Assessment, RatingUse, assess
 from p3dof.manipulator.assessment_tables import assumptions, loads_table, needs_table, uses_table
 from p3dof.manipulator.balance import BalanceKind, BestBalance, balance_table, best_balance
 from p3dof.manipulator.comparison import Comparison, Opinion
+from p3dof.manipulator.design_comparison import (
+    DesignComparison,
+    DesignMeasure,
+    compare_designs,
+    comparison_table,
+    verdicts_table,
+)
 from p3dof.manipulator.facade import Manipulator, load
 from p3dof.manipulator.fastest import fastest_plan
 from p3dof.manipulator.sizing import size_drives
@@ -19,6 +26,8 @@ __all__ = [
     "BalanceKind",
     "BestBalance",
     "Comparison",
+    "DesignComparison",
+    "DesignMeasure",
     "Exceedance",
     "InverseDynamics",
     "JointStates",
@@ -32,6 +41,8 @@ __all__ = [
     "assumptions",
     "balance_table",
     "best_balance",
+    "compare_designs",
+    "comparison_table",
     "fastest_plan",
     "forces_of_task",
     "load",
@@ -41,4 +52,5 @@ __all__ = [
     "reactions_of_task",
     "size_drives",
     "uses_table",
+    "verdicts_table",
 ]

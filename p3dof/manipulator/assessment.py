@@ -24,6 +24,8 @@ from p3dof.parameters import LEGS
 from p3dof.reactions import Reactions, Stiffness, of_result
 from p3dof.tables import ShownInNotebook
 
+_TOLD = 4
+"""Exceeded ratings that are told in words; the tables have all."""
 _WHOLE = "over the cycle"
 _FITS = 1 + 1e-9
 """Shares up to this one are within a limit: the fastest motion uses all of it."""
@@ -66,6 +68,13 @@ class RatingUse:
         if self.allowed != 0:
             return self.required / self.allowed
         return math.inf if self.required > 0 else 0.0
+
+    @property
+    def amounts(self) -> str:
+        """What is required of what is allowed, in words."""
+        if self.share == math.inf:
+            return f"{_short(self.required)} {self.unit} where none is allowed"
+        return f"{_short(self.required)} of {_short(self.allowed)} {self.unit}".strip()
 
     @property
     def when(self) -> str:
@@ -159,20 +168,17 @@ class Assessment(ShownInNotebook):
         if one.share == math.inf:
             much = "is beyond what there is"
         else:
-            much = f"is used to {one.share:.0%}, {abs(one.required):.4g} of {abs(one.allowed):.4g}"
-            much = f"{much} {one.unit}".strip()
+            much = f"is used to {one.share:.0%}, {one.amounts}"
         left = f"; {1 - one.share:.0%} is left" if self.fits else f"; {_beyond(one.share)}"
         return f"{'fits' if self.fits else 'does not fit'}: {words} {much} {one.when}{left}"
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """What to know before the numbers are used, the most important first."""
-        told = [
-            f"{one.name} of {one.part}: {abs(one.required):.4g} of {abs(one.allowed):.4g} {one.unit}, "
-            f"{one.when}"
-            for one in self.ratings
-            if one.share > _FITS
-        ]
+        above = [one for one in self.ratings if one.share > _FITS]
+        told = [f"{one.name} of {one.part}: {one.amounts}, {one.when}" for one in above[:_TOLD]]
+        if len(above) > _TOLD:
+            told.append(f"{len(above) - _TOLD} more ratings are exceeded")
         if isinstance(self.found, TaskForces):
             first, last = self.found.plan.motion.pose[[0, -1]]
             if np.abs(first - last).max() > 1e-12:
@@ -349,6 +355,12 @@ def _of_brakes(sizing: Sizing) -> list[str]:
         dict.fromkeys(drive.motor.name for drive in sizing.drives if not drive.motor.brake_torque)
     )
     return [f"{names}: no brake is given; the machine falls when the power fails"]
+
+
+def _short(value: float) -> str:
+    """Return the size of a number in four digits, without an exponent where it has up to six of them."""
+    size = abs(value)
+    return f"{size:.0f}" if 1e4 <= size < 1e6 else f"{size:.4g}"
 
 
 def _beyond(share: float) -> str:

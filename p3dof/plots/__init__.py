@@ -3,6 +3,7 @@
 from p3dof.plots.assessment import axis_forces_figure, utilisation_figure
 from p3dof.plots.balance import balance_figure
 from p3dof.plots.common import save, save_all
+from p3dof.plots.design_comparison import comparison_figure
 from p3dof.plots.designs import designs_figure
 from p3dof.plots.drives import drives_figure
 from p3dof.plots.energy import energy_figure
@@ -20,6 +21,7 @@ from p3dof.plots.tracking import tracking_figure
 __all__ = [
     "axis_forces_figure",
     "balance_figure",
+    "comparison_figure",
     "designs_figure",
     "drives_figure",
     "energy_figure",
