@@ -12,6 +12,7 @@ from sanitized import LINUX, run_sanitized
 import p3dof
 from p3dof import (
     PAPER,
+    Actuators,
     Body,
     Designs,
     DesignStatus,
@@ -37,6 +38,8 @@ FIGURES = ("reach", "peak_force", "peak_time", "rms_force", "actuation", "lowest
            "travel_margin", "tilt_margin", "speed_margin", "force_margin")  # fmt: skip
 GENERAL = p3dof.Parameters(Geometry(), random_machine(2).bodies, gravity=np.array([1.0, -2.0, -9.0]))
 LADEN = PAPER.carrying(Body(2.0, [0, 0, 0.05], np.zeros(3)))
+DRIVES = Actuators({"sliders": 14.8}, {"slide_a": 40.0}, {"slide_b": 495.0}, {"slide_c": 2.0})
+DRIVEN = p3dof.Parameters(Geometry(), PAPER.bodies, friction=p3dof.Friction({"sliders": 3}), actuators=DRIVES)
 SLIDING = p3dof.Friction({"sliders": 3.0, "hinge_c": 0.2}, {"sliders": 2.0, "universal_a": 0.1}, 0.02)
 
 
@@ -80,6 +83,18 @@ def columns(kind, count=12):
             "friction.viscous.hinge_left": rng.uniform(0, 0.2, count),
             "friction.smoothing [mm/s]": rng.uniform(5, 20, count),
         },
+        "actuators": {
+            "armature.sliders": rng.uniform(0, 40, count),
+            "actuators.armature.slide_b [g]": rng.uniform(0, 4000, count),
+            "counterbalance.slide_a": rng.uniform(-20, 80, count),
+            "spring.sliders [N/um]": rng.uniform(-5e-4, 5e-4, count),
+            "counterweight.slide_c": rng.uniform(0, 5, count),
+            "gravity.z": rng.uniform(-11, -8, count),
+        },
+        "constant": {
+            "armature.slide_a": rng.uniform(0, 40, count),
+            "counterbalance.sliders": rng.uniform(0, 80, count),
+        },
         "viscous": {
             "friction.viscous.sliders": rng.uniform(0, 5, count),
             "friction.viscous.universal_b": rng.uniform(0, 0.2, count),
@@ -98,6 +113,10 @@ CASES = {
     "solids that carry something": ("loads", LADEN, "solids", None),
     "a wrench": ("lengths", PAPER, "kept", [1.0, 20.0, -30.0, 1.0, 2.0, 3.0]),
     "friction": ("friction", GENERAL, "kept", None),
+    "motors and balances": ("actuators", PAPER, "kept", None),
+    "motors and balances of solids, besides others": ("actuators", DRIVEN, "solids", None),
+    "motors and constant forces, under a wrench": ("constant", PAPER, "kept", [0, 5.0, -30.0, 0, 2.0, 3.0]),
+    "lengths of a machine with motors and balances": ("lengths", DRIVEN, "kept", None),
     "friction, viscous or both": ("viscous", GENERAL, "kept", [0.0, 5.0, -30.0, 0.0, 2.0, 3.0]),
     "friction of the machine, under a wrench": ("kept", p3dof.Parameters(
         Geometry(), PAPER.bodies, friction=SLIDING), "kept", [0.0, 5.0, -30.0, 0.0, 2.0, 3.0]),
@@ -169,7 +188,8 @@ def test_figures_of_designs_are_those_of_their_machines(case, level):
 
 def test_machines_in_a_sequence_are_designs():
     machines = [random_machine(seed) for seed in range(4, 8)] + [
-        p3dof.Parameters(Geometry(), PAPER.bodies, friction=SLIDING)
+        p3dof.Parameters(Geometry(), PAPER.bodies, friction=SLIDING),
+        DRIVEN,
     ]
     still = p3dof.Motion(0.0 + np.arange(1), np.zeros((1, 3)), np.zeros((1, 3)), np.zeros((1, 3)))
     found = forces_of_designs(machines, still, figures=EVERYTHING)
@@ -213,6 +233,7 @@ def with_impossible(count=64):
         "platform.inertia.xx": np.full(count, 0.03),
         "friction.viscous.sliders": np.zeros(count),
         "limits.force": np.full(count, 500.0),
+        "armature.slide_b": np.full(count, 3.0),
         "r": np.full(count, 0.1),
     }
     spoiled = {
@@ -225,6 +246,7 @@ def with_impossible(count=64):
         34: ("L", 0.17, DesignStatus.OUT_OF_REACH),
         35: ("friction.viscous.sliders", -1.0, DesignStatus.FRICTION),
         36: ("limits.force", 0.0, DesignStatus.LIMITS),
+        37: ("armature.slide_b", -1.0, DesignStatus.ACTUATORS),
         55: ("platform.mass", np.nan, DesignStatus.NOT_FINITE),
     }
     return given, spoiled
@@ -451,7 +473,7 @@ def test_the_derivations_of_one_machine_and_of_columns_are_one():
     """Constants by columns are those that `model_of` folds from the bodies, bit for bit."""
     from p3dof.compiled.reduced import model_of
 
-    for kind, bodies in (("lengths", "kept"), ("solids", "solids"), ("kept", "kept")):
+    for kind, bodies in (("lengths", "kept"), ("solids", "solids"), ("kept", "kept"), ("actuators", "kept")):
         designs = Designs(columns(kind), PAPER, bodies)
         numbers = folding_of(tuple(designs.columns), PAPER, bodies).fold(designs.columns).numbers
         for index in range(len(designs)):
@@ -732,3 +754,19 @@ print("clean")
 def test_the_compiled_loop_under_sanitizers(tmp_path):
     done = run_sanitized(tmp_path, UNDER_SANITIZERS)
     assert done.stdout == "clean\n", done.stderr[-3000:]
+
+
+@pytest.mark.parametrize("level", levels())
+def test_runs_of_many_have_columns_of_motors_and_balances(level):
+    given = {
+        "armature.sliders": [0.0, 14.8, 40.0],
+        "counterbalance.slide_a": [0.0, 40.0, -10.0],
+        "spring.slide_b": [0.0, 495.0, -200.0],
+        "counterweight.slide_c": [0.0, 2.0, 0.0],
+    }
+    machines, hold = Designs(given), p3dof.load().gravity_forces(np.zeros(3))
+    many = p3dof.load().simulate_many(0.1, given, controller=hold, level=level)
+    assert len(np.unique(np.round(many.pose[:, 1], 6))) == 3
+    for index, pose in enumerate(many.pose):
+        run = p3dof.load(machines[index]).simulate(0.1, controller=hold, samples=2)
+        np.testing.assert_allclose(pose, run.pose[-1], rtol=0, atol=1e-8)

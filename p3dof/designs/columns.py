@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, fields, replace
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
 from p3dof.checks import FloatArray, shown
-from p3dof.designs.names import COMPONENTS, DENSITY, KINDS, SIZES, as_column, columns_of
+from p3dof.designs.names import ACTUATORS, COMPONENTS, DENSITY, KINDS, SIZES, as_column, columns_of
 from p3dof.errors import InputError
 from p3dof.parameters import (
     PAPER,
     STEEL_DENSITY,
+    Actuators,
     Bodies,
     Body,
     Dimensions,
@@ -38,7 +39,8 @@ class Designs:
         Numbers by name, one for each design or one for all: a mapping, a DataFrame of pandas or polars, a
         Dataset of xarray, a table of pyarrow, a structured array. Names are those of the parameter file with
         dots (``bodies.platform.mass``, ``friction.viscous.sliders``, ``limits.travel.low``), in which
-        ``geometry``, ``dimensions`` and ``bodies`` may be left out (``R``, ``rod_radius``, ``leg.mass``);
+        ``geometry``, ``dimensions``, ``bodies`` and ``actuators`` may be left out (``R``, ``rod_radius``,
+        ``leg.mass``, ``armature.sliders``, ``counterbalance.slide_a``);
         components of vectors and inertias are ``com.x``, ``inertia.xy``. ``payload.mass`` and so on are a
         payload besides that of the machine, ``offset.y``, ``offset.z`` and ``offset.theta`` move the whole
         motion. A unit in brackets may follow a name (``R [mm]``); SI units without one.
@@ -185,12 +187,8 @@ def _of_machines(machines: Sequence[Parameters]) -> dict[str, FloatArray]:
     for machine in machines:
         if not isinstance(machine, Parameters):
             raise InputError(f"designs: expected Parameters, got {shown(machine)}")
-        if machine.actuators:
-            raise InputError(
-                "designs: of machines with actuators, give `machine` and columns of what differs"
-            )
     rows = [numbers_of(machine) for machine in machines]
-    joints = dict.fromkeys(name for row in rows for name in row if name.startswith("friction."))
+    joints = dict.fromkeys(name for row in rows for name in row if name.startswith(("friction.", ACTUATORS)))
     return {
         name: np.array([row.get(name, 0.0) for row in rows]) for name in dict.fromkeys((*rows[0], *joints))
     }
@@ -216,6 +214,8 @@ def numbers_of(machine: Parameters) -> dict[str, float]:
         found |= {f"bodies.{link}.{name}": float(v) for name, v in zip(COMPONENTS, values, strict=True)}
     for kind in ("viscous", "coulomb"):
         found |= {f"friction.{kind}.{joint}": v for joint, v in getattr(machine.friction, kind).items()}
+    for what, by_slide in machine.actuators.to_dict().items():
+        found |= {f"{ACTUATORS}{what}.{slide}": value for slide, value in by_slide.items()}
     limits = machine.limits
     found |= {"friction.smoothing": machine.friction.smoothing}
     for name in ("travel", "tilt"):
@@ -247,6 +247,7 @@ def _machine(numbers: dict[str, float], base: Parameters, bodies: BodiesOfDesign
         bodies=Bodies(**links),
         gravity=np.array(gravity),
         friction=_friction(base.friction, parts("friction.")),
+        actuators=_actuators(base.actuators, parts(ACTUATORS)),
     )
     load = parts("payload.")
     return machine.carrying(_replaced(Body.massless(), load)) if load else machine
@@ -292,15 +293,20 @@ def _friction(base: Friction, numbers: dict[str, float]) -> Friction:
     return Friction(smoothing=numbers.get("smoothing", base.smoothing), **by_joint)
 
 
+def _actuators(base: Actuators, numbers: dict[str, float]) -> Actuators:
+    given = {what: by_joint_of(numbers, what) for what in (item.name for item in fields(base))}
+    return replace(base, **{what: {**getattr(base, what), **own} for what, own in given.items() if own})
+
+
 def by_joint_of(numbers: Mapping[str, Any], kind: str) -> dict[str, Any]:
-    """Return coefficients of friction by joint, from numbers such as ``viscous.sliders``; groups give way.
+    """Return numbers by joint, from names such as ``viscous.sliders``, ``armature.slide_a``; groups give way.
 
     Parameters
     ----------
     numbers : mapping
-        What stands behind ``friction.``, and its values.
+        What stands behind ``friction.`` or ``actuators.``, and its values.
     kind : str
-        ``viscous`` or ``coulomb``.
+        ``viscous``, ``coulomb``, ``armature`` or the like.
 
     Returns
     -------

@@ -7,7 +7,7 @@ of the same trace.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -18,7 +18,7 @@ from p3dof.compiled.formulas import MODEL
 from p3dof.compiled.reduced import Actuated, Moments, fold_actuators, fold_moments, moments_of
 from p3dof.compiled.reduced.friction import folded
 from p3dof.designs.columns import BodiesOfDesigns, by_joint_of
-from p3dof.designs.names import DENSITY, GRAVITY, KINDS, LENGTHS, SIZES
+from p3dof.designs.names import ACTUATORS, DENSITY, GRAVITY, KINDS, LENGTHS, SIZES
 from p3dof.paper.formulas import Lengths
 from p3dof.paper.inertials import inertials, numbers
 from p3dof.parameters import LINKS, SLIDES, STEEL_DENSITY, Body, Dimensions, Parameters
@@ -192,7 +192,7 @@ def folding_of(names: tuple[str, ...], machine: Parameters, bodies: BodiesOfDesi
     moments = _moments(inputs, lengths, machine, bodies, tape)
     gravity = [inputs.get(name, float(g) or 0) for name, g in zip(GRAVITY, machine.gravity, strict=True)]
     results = [lengths.r, lengths.R, lengths.L, *gravity, *fold_moments(lengths, moments)]
-    results += _actuators(machine, gravity[2])
+    results += _actuators(inputs, machine, gravity[2])
     results += _friction(inputs, machine)
     exact = tuple(value if isinstance(value, Symbol) else value or 0 for value in results)
     return Folding(tape, inputs, exact, machine)
@@ -283,9 +283,13 @@ def _inertial(body: Body) -> Inertial:
     return Inertial(body.mass or 0, numbers(body.com), (rows[0], rows[1], rows[2]))
 
 
-def _actuators(machine: Parameters, gz: Any) -> Actuated:
+def _actuators(inputs: Mapping[str, Symbol], machine: Parameters, gz: Any) -> Actuated:
     """Return the numbers of motors, screws and balances."""
-    rows = ([of.get(slide, 0) for slide in SLIDES] for of in machine.actuators.mappings)
+    own, given = machine.actuators, _given(inputs, ACTUATORS)
+    rows = []
+    for item in fields(own):
+        by_slide = {**getattr(own, item.name), **by_joint_of(given, item.name)}
+        rows.append([by_slide.get(slide, 0) for slide in SLIDES])
     return fold_actuators(rows, gz)
 
 

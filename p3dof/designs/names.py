@@ -25,6 +25,7 @@ from p3dof.parameters.quantities import (
     RATE,
     SLIDE_DAMPING,
     SPEED,
+    STIFFNESS,
     Quantity,
 )
 
@@ -41,6 +42,10 @@ SIZES = tuple(f"dimensions.{item.name}" for item in fields(Dimensions))
 OFFSETS = ("offset.y", "offset.z", "offset.theta")
 GRAVITY = ("gravity.x", "gravity.y", "gravity.z")
 DENSITY = "density"
+
+ACTUATORS = "actuators."
+"""What the names of motors and balances begin with."""
+_ACTUATOR = {"armature": MASS, "counterbalance": FORCE, "spring": STIFFNESS, "counterweight": MASS}
 
 _DENSITY = Quantity("a density", "kg/m^3", ("g/cm^3",))
 _BODY = {
@@ -63,6 +68,8 @@ def _quantities() -> dict[str, Quantity]:
         known[f"friction.viscous.{joint}"] = SLIDE_DAMPING if slide else HINGE_DAMPING
         known[f"friction.coulomb.{joint}"] = FORCE if slide else MOMENT
     known["friction.smoothing"] = RATE
+    for name in ("sliders", *SLIDES):
+        known |= {f"{ACTUATORS}{what}.{name}": quantity for what, quantity in _ACTUATOR.items()}
     for end in ("low", "high"):
         known |= {f"limits.travel.{end}": LENGTH, f"limits.tilt.{end}": ANGLE}
     return known | {"limits.speed": SPEED, "limits.force": FORCE}
@@ -71,7 +78,7 @@ def _quantities() -> dict[str, Quantity]:
 QUANTITIES = _quantities()
 """Every column by its full name."""
 
-_PREFIXES = ("", "geometry.", "dimensions.", "bodies.")
+_PREFIXES = ("", "geometry.", "dimensions.", "bodies.", ACTUATORS)
 """What may be left out in front of a name."""
 
 
@@ -90,7 +97,7 @@ class Column(NamedTuple):
 
 
 def full_name(name: str) -> str:
-    """Return the full name of a column; it may lack ``geometry``, ``dimensions``, ``bodies`` in front.
+    """Return the full name of a column; it may lack ``geometry``, ``actuators`` and the like in front.
 
     Parameters
     ----------
@@ -114,7 +121,8 @@ def full_name(name: str) -> str:
     hint = f"; did you mean {' or '.join(near)}?" if near else "."
     raise InputError(
         f"designs: unknown column {shown(name)}{hint} Expected names as in parameter files, with dots: R, "
-        "rod_radius, platform.mass, payload.com.x, friction.viscous.sliders, limits.force, offset.y"
+        "rod_radius, platform.mass, payload.com.x, friction.viscous.sliders, armature.sliders, limits.force, "
+        "offset.y"
     )
 
 

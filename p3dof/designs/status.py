@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray
 from p3dof.designs.columns import Designs
-from p3dof.designs.names import COMPONENTS, DENSITY, KINDS, LENGTHS, SIZES
+from p3dof.designs.names import ACTUATORS, COMPONENTS, DENSITY, KINDS, LENGTHS, SIZES
 from p3dof.parameters import LINKS
 from p3dof.parameters.geometry import PARALLEL
 
@@ -32,6 +32,7 @@ class DesignStatus(IntEnum):
     BODY = 6
     FRICTION = 7
     LIMITS = 8
+    ACTUATORS = 9
 
     @property
     def in_words(self) -> str:
@@ -39,6 +40,7 @@ class DesignStatus(IntEnum):
         return _WORDS[self]
 
 
+_MASSES = (f"{ACTUATORS}armature", f"{ACTUATORS}counterweight")
 _WORDS = {
     DesignStatus.FEASIBLE: "makes the motion",
     DesignStatus.OUT_OF_REACH: "a leg is too short for a sample of the motion",
@@ -49,6 +51,7 @@ _WORDS = {
     DesignStatus.BODY: "no possible body: a mass that is not positive, or an inertia that no mass has",
     DesignStatus.FRICTION: "a negative coefficient of friction, or a smoothing that is not positive",
     DesignStatus.LIMITS: "a limit that is not positive, or a range that does not hold home",
+    DesignStatus.ACTUATORS: "a negative armature or counterweight",
 }
 
 
@@ -69,6 +72,7 @@ def status_of(designs: Designs) -> NDArray[np.uint8]:
     with np.errstate(all="ignore"):
         for reason, possible in (
             (DesignStatus.LIMITS, _limits(designs)),
+            (DesignStatus.ACTUATORS, _all(columns, lambda name: name.startswith(_MASSES), 0, True)),
             (DesignStatus.FRICTION, _friction(columns)),
             (DesignStatus.BODY, _bodies(designs)),
             (DesignStatus.DIMENSIONS, _all(columns, lambda name: name in (*SIZES, DENSITY), 0)),
