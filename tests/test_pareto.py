@@ -10,6 +10,7 @@ import pytest
 from design_problems import PAPER_DESIGN, paper_problem
 
 from p3dof import Front, InputError, OptimisationError, SweepError
+from p3dof.optimisation import front_tables
 from p3dof.optimisation.front import hypervolume
 
 PEAK_AND_WIDTH = ["peak_force", "width"]
@@ -98,7 +99,7 @@ def test_an_interrupted_front_goes_on_to_the_same_result(method: str, tmp_path: 
 
 
 def test_a_front_knows_the_start_and_is_written_as_a_table(by_epsilon: Front, tmp_path: Path) -> None:
-    table = by_epsilon.tables()[0]
+    table = front_tables(by_epsilon)[0]
     assert table.rows[0][0] == "start"
     assert table.rows[0][1:5] == pytest.approx(PAPER_DESIGN)
     lines = by_epsilon.to_csv(tmp_path / "front.csv").read_text(encoding="utf-8").splitlines()

@@ -4,13 +4,15 @@
 - `measure`, `of_motion`, `of_poses`, `of_solids`, `measures`: what designs are measured by, with gradients.
 - `population`, `statement`, `evaluated`, `settings`: a problem, and what is computed of many designs at once.
 - `epigraph`, `starts`, `evolution`, `feasibility`, `minimising`, `journal`: optima by one objective.
-- `optimum`, `checking`: what was found, and a second look at it.
+- `optimum`, `checking`, `tables`: what was found, and a second look at it.
 - `pareto`, `nsga`, `front`: fronts of several objectives.
 - `problem`: `DesignProblem`.
 """
 
 from p3dof.optimisation.box import Box
+from p3dof.optimisation.checking import Check
 from p3dof.optimisation.constraints import Constraint, relation
+from p3dof.optimisation.epigraph import Local
 from p3dof.optimisation.evaluated import Evaluated
 from p3dof.optimisation.front import Front
 from p3dof.optimisation.measure import FunctionMeasure, Measure, Pieces
@@ -18,18 +20,25 @@ from p3dof.optimisation.measures import MEASURES
 from p3dof.optimisation.optimum import Optimum
 from p3dof.optimisation.problem import DesignProblem
 from p3dof.optimisation.robust import Robust
+from p3dof.optimisation.statement import Statement
+from p3dof.optimisation.tables import front_tables, optimum_tables
 
 __all__ = [
     "MEASURES",
     "Box",
+    "Check",
     "Constraint",
     "DesignProblem",
     "Evaluated",
     "Front",
     "FunctionMeasure",
+    "Local",
     "Measure",
     "Optimum",
     "Pieces",
     "Robust",
+    "Statement",
+    "front_tables",
+    "optimum_tables",
     "relation",
 ]

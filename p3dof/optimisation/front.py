@@ -18,12 +18,9 @@ from p3dof.optimisation.checking import Check, checked
 from p3dof.optimisation.evaluated import Evaluated
 from p3dof.optimisation.statement import Statement
 from p3dof.parameters import Parameters
-from p3dof.tables import Table
-from p3dof.tables.table import Cell
 
 _DIGITS = 9
-_ROWS = 12
-"""Most designs in a table."""
+"""In which objectives of two designs must differ."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -104,19 +101,6 @@ class Front:
         corner = signs * frozen_array("reference", reference, (len(signs),))
         return hypervolume(signs * self.objectives, corner)
 
-    def tables(self) -> list[Table]:
-        """Return the machine that there was, and some designs of the front from one end to the other."""
-        problem = self.problem
-        shown = np.unique(np.linspace(0, len(self) - 1, min(_ROWS, len(self))).round().astype(int))
-        pairs = zip(problem.variables.labels, problem.variables.units, strict=True)
-        header = [f"{label} [{unit}]" for label, unit in pairs]
-        header += [f"{m.name} [{m.unit}]" if m.unit else m.name for m in problem.objectives]
-        rows: list[tuple[Cell, ...]] = [("start", *_cells(problem.start, self.start.objectives[0]))]
-        rows += [(str(k), *_cells(self.designs[k], self.objectives[k])) for k in shown]
-        return [
-            Table(f"Pareto front of {len(self)} designs", ("design", *header), tuple(rows), layout="wide")
-        ]
-
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write all designs to a CSV file, one a row; `p3dof designs` reads their variables.
 
@@ -139,10 +123,6 @@ class Front:
         """
         columns = self.found.to_columns()
         return write_table(path, list(columns), tuple(columns.values()))
-
-
-def _cells(design: FloatArray, objectives: FloatArray) -> list[Cell]:
-    return [float(value) for value in (*design, *objectives)]
 
 
 def signs_of(problem: Statement) -> FloatArray:

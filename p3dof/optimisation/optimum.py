@@ -11,13 +11,10 @@ import numpy as np
 
 from p3dof.checks import FloatArray
 from p3dof.optimisation.checking import Check, checked
-from p3dof.optimisation.constraints import Linear
 from p3dof.optimisation.epigraph import Local
 from p3dof.optimisation.evaluated import Evaluated
 from p3dof.optimisation.statement import Statement
 from p3dof.parameters import Parameters, write_parameters
-from p3dof.tables import NONE, Table
-from p3dof.tables.table import Cell
 
 _BINDING = 1e-4
 """Margin below which a constraint is called binding, as a share of its bound."""
@@ -120,47 +117,6 @@ class Optimum:
                 notes.append(f"{near} of {len(self.attempts)} starts came to this optimum, the others not")
         return tuple(notes)
 
-    def tables(self) -> list[Table]:
-        """Return what changed against the machine that there was, what binds, and how it was checked."""
-        return [self._changes(), self._limits(), self._checks()]
-
-    def _changes(self) -> Table:
-        variables, start = self.problem.variables, self.problem.start
-        rows: list[tuple[Cell, ...]] = []
-        for index, (label, unit) in enumerate(zip(variables.labels, variables.units, strict=True)):
-            rows.append(_row(f"{label} [{unit}]", start[index], self.design[index]))
-        for index, measure in enumerate(self.problem.objectives):
-            name = f"{measure.name} [{measure.unit}]" if measure.unit else measure.name
-            rows.append(_row(name, self.start.objectives[0, index], self.found.objectives[0, index]))
-        title = f"Optimum of {self.problem.objectives[0].name}"
-        return Table(title, ("", "start", "optimum", "change"), tuple(rows))
-
-    def _limits(self) -> Table:
-        rows: list[tuple[Cell, ...]] = []
-        for index, item in enumerate(self.problem.constraints):
-            margins = (self.start.margins[0, index], self.found.margins[0, index])
-            binding = "binding" if item.name in self.binding else ""
-            unit = f" [{item.measure.unit}]" if item.measure.unit else ""
-            name = (
-                item.name if isinstance(item.measure, Linear) else item.name.removesuffix(unit[2:-1]).strip()
-            )
-            rows.append((f"{name}{unit}", *(_plain(margin) for margin in margins), binding))
-        bounds = ", ".join(name for name in self.binding if name.endswith(" bound"))
-        note = f"Besides: {bounds}." if bounds else ""
-        return Table("Margins", ("constraint", "start", "optimum", ""), tuple(rows), note)
-
-    def _checks(self) -> Table:
-        check, measure = self.check, self.problem.objectives[0]
-        unit = f" [{measure.unit}]" if measure.unit else ""
-        rows: tuple[tuple[Cell, ...], ...] = (
-            (f"{measure.name} by the optimiser{unit}", self.value),
-            (f"{measure.name} on a finer grid{unit}", float(check.finer.objectives[0, 0])),
-            ("violation on a finer grid", check.reason or "none"),
-            ("largest force by Pinocchio [N]", check.largest),
-            ("largest difference of the two ways [N]", f"{check.difference:.2g}"),
-        )
-        return Table("Checks", ("", "value"), rows)
-
     def write_parameters(self, path: str | os.PathLike[str]) -> Path:
         """Write the optimum as a machine file, which every command takes as ``--parameters``.
 
@@ -181,13 +137,3 @@ class Optimum:
         """
         write_parameters(self.machine, path)
         return Path(path)
-
-
-def _row(name: str, before: float, after: float) -> tuple[Cell, ...]:
-    if not np.isfinite(before) or not before:
-        return name, _plain(before), _plain(after), NONE
-    return name, _plain(before), _plain(after), f"{(after - before) / abs(before):+.2%}"
-
-
-def _plain(value: float) -> Cell:
-    return float(value) if np.isfinite(value) else NONE
