@@ -20,6 +20,7 @@ SUFFIXES: dict[str, tuple[str, ...]] = {
     "joints": (".csv", ".yaml", ".yml"),
     "robot": (".urdf", ".xml", ".sdf"),
     "exported robot": (".urdf", ".xml", ".sdf", ".glb"),
+    "map": (".nc",),
     "film": (".mp4", ".gif"),
     "picture": (".png",),
     "show": (".html", ".mp4", ".gif", ".png"),

@@ -1,8 +1,9 @@
 """Performance indices at poses and over workspaces: how well a machine moves, holds and withstands."""
 
+from p3dof.indices.datasets import write_dataset
 from p3dof.indices.definitions import COLUMNS, DEFINITIONS, Definition
 from p3dof.indices.elasticity import DRIVE
-from p3dof.indices.results import STEEL_RODS, Indices, check_names, columns_of
+from p3dof.indices.results import STEEL_RODS, Indices, Machine, check_names, columns_of
 
 __all__ = [
     "COLUMNS",
@@ -11,6 +12,8 @@ __all__ = [
     "STEEL_RODS",
     "Definition",
     "Indices",
+    "Machine",
     "check_names",
     "columns_of",
+    "write_dataset",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from p3dof.checks import FloatArray, batch_of, positive, shown
 from p3dof.errors import InputError
 from p3dof.indices.capability import SIGNS, ball, lone_ranges, lone_velocities
+from p3dof.indices.datasets import dataset_of
 from p3dof.indices.definitions import COLUMNS, DEFINITIONS
 from p3dof.indices.elasticity import DRIVE, frequencies, rod_compliances, stiffness_of_drives
 from p3dof.indices.transmission import input_transmission, output_transmission
@@ -113,6 +115,16 @@ class Indices(ShownInNotebook):
 
     def __len__(self) -> int:
         return len(self.pose) if self.shape else 1
+
+    @property
+    def machine(self) -> Machine:
+        """The machine."""
+        return self._machine
+
+    @property
+    def drive_stiffness(self) -> FloatArray:
+        """Of the three drives, (3,) [N/m]."""
+        return self._drives
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -358,6 +370,40 @@ class Indices(ShownInNotebook):
             If there is no such index.
         """
         return columns_of(self, (name,))[name]
+
+    def to_xarray(
+        self, *names: str, dims: Sequence[str] | None = None, coords: Mapping[str, Any] | None = None
+    ) -> Any:
+        """Return indices as an `xarray.Dataset`, with units and definitions as attributes.
+
+        Parameters
+        ----------
+        *names : str
+            Of indices or of their columns; all of them without any.
+        dims : sequence of str, optional
+            Names of the axes; ``pose`` for one, ``pose_0``, ``pose_1``, ... for more.
+        coords : mapping, optional
+            Coordinates as of `xarray.Dataset`; y, z and θ of the poses by default.
+
+        Returns
+        -------
+        xarray.Dataset
+
+        Raises
+        ------
+        InputError
+            If there is no such index, or names do not fit the axes.
+        MissingExtraError
+            If xarray is not installed.
+        """
+        axes = dims or (["pose"] if len(self.shape) == 1 else [f"pose_{k}" for k in range(len(self.shape))])
+        if coords is None:
+            units = {"y": "m", "z": "m", "theta": "rad"}
+            coords = {
+                name: (tuple(axes), self.pose[..., k], {"units": unit})
+                for k, (name, unit) in enumerate(units.items())
+            }
+        return dataset_of(self, columns_of(self, names or tuple(COLUMNS)), axes, coords)
 
     # Within
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 from numpy.typing import ArrayLike
 
@@ -32,3 +32,6 @@ class Machine(Protocol):
         method: Method = ...,
     ) -> FloatArray:
         """Return the actuator forces (..., 3) [N]."""
+
+    def indices(self, pose: ArrayLike, length: float | None = ..., **options: Any) -> Any:
+        """Return performance indices at poses: `p3dof.Indices`."""

@@ -25,9 +25,9 @@ _SEARCHED = 65
 _ACROSS = 257
 """The same for y."""
 _HALVINGS = 44
-_PANELS, _MORE, _POINTS = 2, 24, 10
+_PANELS, _MORE, _POINTS = 4, 24, 10
 """Panels of each smooth piece of y, where a condition may have kinks of its own, and Gauss points in each."""
-_ALONG = 10
+_ALONG = 20
 """Gauss points along each smooth piece of a range of θ."""
 
 
@@ -204,7 +204,7 @@ class Region:
 
     def points(self) -> Points:
         """Return points and weights to integrate over the region by."""
-        y, weights = self.rows(lambda _, y: self._length(y), self.switches)
+        y, weights = self.rows(lambda _, y: self._exists(y), self.switches)
         row, low, high = self.ranges(y)
         a, b, _ = offsets(self.sizes, y[row], low)
         kinks = []
@@ -221,10 +221,14 @@ class Region:
         rise = np.maximum(np.nan_to_num(self.height(across, theta)), 0.0)
         return Points(across, theta, area, area * rise)
 
-    def _length(self, y: FloatArray) -> FloatArray:
-        """Return the length of all ranges of θ at each y, less than 0 where there are none."""
-        row = self.ranges(y).row
-        return np.where(np.isin(np.arange(len(y)), row), 0.0, -1.0)
+    def _exists(self, y: FloatArray) -> FloatArray:
+        """Return 0 where there is some range of θ at y, less where there is none."""
+        lower, upper = stroke_range(self.sizes, y, *self.within(y), self.travel)
+        found = np.isfinite(lower)
+        if self.condition is not None:
+            grid = lower[:, None] + (upper - lower)[:, None] * np.linspace(0, 1, _SEARCHED)
+            found &= _holds(self.condition, np.broadcast_to(y[:, None], grid.shape), grid).any(axis=1)
+        return np.where(found, 0.0, -1.0)
 
 
 def _gauss(order: int) -> tuple[FloatArray, FloatArray]:

@@ -20,6 +20,8 @@ from p3dof.workspace.margins import HORIZON, PoseMargins, WorkspaceMargins, dema
 from p3dof.workspace.region import Condition, Points, Region
 
 _NONE = WorkspaceMargins()
+_NOTHING = 1e-9
+"""Share of a workspace that a single point of the quadrature may lack."""
 
 
 class Workspace(ShownInNotebook):
@@ -251,6 +253,114 @@ class Workspace(ShownInNotebook):
         """
         return pose_margins(self._machine, self.limits, self.margins, pose)
 
+    # Indices over it
+
+    def mean(self, index: str, measure: str = "volume", **options: Any) -> float:
+        """Return the mean of an index over the workspace; of ``"lci"`` it is the global conditioning index.
+
+        Parameters
+        ----------
+        index : str
+            One of the names of `p3dof.indices.COLUMNS`, such as ``"lci"`` or ``"frequency_1"``.
+        measure : {"volume", "area"}
+            Weigh by dy dz dθ, or by dy dθ; they differ.
+        **options
+            As of `Manipulator.indices`.
+
+        Returns
+        -------
+        float
+            NaN if the index does not exist in a part of the workspace.
+
+        Raises
+        ------
+        InputError
+            If there is no such index or measure.
+        """
+        if measure not in ("volume", "area"):
+            raise InputError(f"measure: expected 'volume' or 'area', got {shown(measure)}")
+        points = self.points
+        weights = getattr(points, measure)
+        values = self._index(index, options)(points.y, points.theta)
+        bad = np.isnan(values) & (weights <= _NOTHING * weights.sum())  # at the very singularity
+        return float(weights[~bad] @ values[~bad] / weights.sum())
+
+    def share(self, index: str, least: float, **options: Any) -> float:
+        """Return the share of the volume in which an index is at least a number.
+
+        Parameters
+        ----------
+        index : str
+            One of the names of `p3dof.indices.COLUMNS`, such as ``"lci"`` or ``"frequency_1"``.
+        least : float
+            The number.
+        **options
+            As of `Manipulator.indices`.
+
+        Returns
+        -------
+        float
+            From 0 to 1.
+
+        Raises
+        ------
+        InputError
+            If there is no such index.
+        """
+        level, values = float(frozen_array("least", least, ())), self._index(index, options)
+        points = self._where(lambda y, theta: values(y, theta) - level).points()
+        return float(points.volume.sum() / self.volume)
+
+    def map(
+        self,
+        *indices: str,
+        y: ArrayLike | None = None,
+        theta: ArrayLike | None = None,
+        count: int = 200,
+        **options: Any,
+    ) -> Any:
+        """Return indices over (y, θ) as an `xarray.Dataset`, with units and definitions as attributes.
+
+        Parameters
+        ----------
+        *indices : str
+            Names of indices or of their columns, such as ``"lti"``, ``"frequency"`` or ``"frequency_1"``.
+        y, theta : array-like, shape (n,), optional
+            Positions [m] and orientations [rad]; evenly over the workspace without them.
+        count : int
+            How many of those that are not given.
+        **options
+            As of `Manipulator.indices`.
+
+        Returns
+        -------
+        xarray.Dataset
+            With the dimensions ``y`` and ``theta``; also ``height``, H(y, θ) [m]. NaN outside the workspace.
+
+        Raises
+        ------
+        InputError
+            If there is no such index, or an argument does not fit.
+        MissingExtraError
+            If xarray is not installed.
+        """
+        axes = [
+            _axis(name, given, ends, count)
+            for name, given, ends in (("y", y, self.points.y), ("theta", theta, self.points.theta))
+        ]
+        across, turned = np.meshgrid(*axes, indexing="ij")
+        rise = self.height(across, turned)
+        poses = np.where(np.isfinite(rise)[..., None], _poses(across, turned), np.nan)
+        found = self._machine.indices(poses, on_invalid="nan", **options)
+        coords = {"y": ("y", axes[0], {"units": "m"}), "theta": ("theta", axes[1], {"units": "rad"})}
+        dataset = found.to_xarray(*indices, dims=("y", "theta"), coords=coords)
+        told = {"units": "m", "long_name": "height H(y, theta) in z that the stroke leaves"}
+        dataset["height"] = (("y", "theta"), rise, told)
+        limits, margins = self.limits, self.margins
+        dataset.attrs |= {"travel": list(limits.travel), "tilt": list(limits.tilt)}
+        dataset.attrs |= {"serial_margin": margins.serial, "actuation_margin": margins.actuation}
+        return dataset
+
     # Within
 
     def _where(self, more: Condition | None) -> Region:
@@ -272,6 +382,15 @@ class Workspace(ShownInNotebook):
         rows = [values.min(axis=-1) for values in found if values is not None]
         least: FloatArray = np.minimum.reduce(rows)
         return least
+
+    def _index(self, name: str, options: dict[str, Any]) -> Condition:
+        def values(y: FloatArray, theta: FloatArray) -> FloatArray:
+            found: FloatArray = self._machine.indices(_poses(y, theta), on_invalid="nan", **options).column(
+                name
+            )
+            return found
+
+        return values
 
     def _tilt(self, name: str, tilt: float | tuple[float, float] | None) -> tuple[float, float]:
         if tilt is None:
@@ -321,6 +440,15 @@ class Workspace(ShownInNotebook):
 
 def _poses(y: FloatArray, theta: FloatArray) -> FloatArray:
     return np.stack([y, np.zeros_like(y), theta], axis=-1)
+
+
+def _axis(name: str, given: ArrayLike | None, places: FloatArray, count: int) -> FloatArray:
+    """Return the positions of an axis of a map: those given, or evenly spaced ones over all places."""
+    if given is not None:
+        return frozen_array(name, given, ("N",))
+    if isinstance(count, bool) or not isinstance(count, int | np.integer) or not 2 <= count <= 5000:
+        raise InputError(f"count: expected a whole number from 2 to 5000, got {shown(count)}")
+    return np.asarray(np.linspace(places.min(), places.max(), int(count)), dtype=np.float64)
 
 
 def _union(count: int, row: Any, low: FloatArray, high: FloatArray) -> FloatArray:
