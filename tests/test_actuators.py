@@ -16,6 +16,7 @@ from p3dof.compiled import levels
 from p3dof.energy import kinetic_energy, potential_energy
 from p3dof.methods import pinocchio as pinocchio_method
 from p3dof.methods.equations_of_motion import coriolis_matrix, gravity_forces
+from p3dof.methods.tables import forces_table
 from p3dof.motion import states_of
 from p3dof.parameters import SLIDES
 
@@ -381,3 +382,36 @@ def test_designs_have_them(level, springs):
         )
         expected = p3dof.load(one).inverse_dynamics(moved, method="virtual-power")
         np.testing.assert_allclose(found.peak_force[i], expected.peak_forces, rtol=1e-11)
+
+
+def test_forces_at_nuts_are_told_beside_those_of_actuators(tmp_path):
+    machine = dataclasses.replace(PAPER, actuators=Actuators({"sliders": 14.8}))
+    robot, motion = p3dof.load(machine), p3dof.paper_motion(51)
+    found, plain = robot.inverse_dynamics(motion), p3dof.load(PAPER).inverse_dynamics(motion)
+    rows = {row[0]: row[1:] for row in forces_table(found).rows}
+    expected = {row[0]: row[1:] for row in forces_table(plain).rows}
+    assert list(rows) == ["A", "B", "C", "nut A", "nut B", "nut C"]
+    assert list(expected) == ["A", "B", "C"]
+    for leg, row in expected.items():
+        assert rows[f"nut {leg}"] == pytest.approx(row, rel=1e-10)
+        assert rows[leg][1] > row[1] + 1
+    header, *lines = found.to_csv(tmp_path / "forces.csv").read_text(encoding="utf-8").splitlines()
+    table = np.array([[float(x) for x in line.split(",")] for line in lines])
+    places = [header.split(",").index(f"nut {leg} [N]") for leg in "ABC"]
+    np.testing.assert_array_equal(table[:, places], found.nut_forces)
+    assert "nut" not in plain.to_csv(tmp_path / "plain.csv").read_text(encoding="utf-8")
+
+
+def test_drives_are_sized_by_the_forces_at_nuts():
+    """An armature in the machine stands for the drive's own turning parts, which must not count twice."""
+    motion = p3dof.paper_motion(201)
+    drive = next(iter(p3dof.drives.GENERIC))
+    sizes = [
+        p3dof.size_drives(p3dof.load(machine), p3dof.load(machine).inverse_dynamics(motion), drive)[0]
+        for machine in (PAPER, dataclasses.replace(PAPER, actuators=Actuators({"sliders": 14.8})))
+    ]
+    for one, other in zip(*(size.axes for size in sizes), strict=True):
+        assert other.worst.name == one.worst.name
+        assert other.worst.share == pytest.approx(one.worst.share, rel=1e-9)
+        ratios = [[r.share for r in axis.ratings] for axis in (one, other)]
+        np.testing.assert_allclose(ratios[1], ratios[0], rtol=1e-9, atol=1e-9)

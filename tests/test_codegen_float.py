@@ -17,13 +17,13 @@ from test_codegen import MACHINES, OK, SINGULAR, STRICT, WARNINGS, build, comman
 
 from p3dof.codegen import controller, reference
 from p3dof.codegen.controller import controller_files, prototypes
-from p3dof.codegen.machine import limit_row, parameter_row
 from p3dof.codegen.precision import SINGLE
 from p3dof.codegen.routines import routines
 from p3dof.codegen.selftest import size_of, tolerances
 from p3dof.compiled.formulas import MODEL
 from p3dof.errors import InputError, ParameterError
 from p3dof.files import write_generated
+from p3dof.page.document import engine_row
 from p3dof.parameters import PAPER, SOLIDS, Body, Friction
 
 NARROW = (*WARNINGS, *STRICT, "-Wfloat-conversion")
@@ -114,7 +114,7 @@ def test_the_selftest_finds_what_is_wrong(tmp_path):
     source = (tmp_path / "p3dof.c").read_text()
     statements = re.findall(r"    const float t\d+ = .* \+ .*;", source)
     for i, statement in enumerate(statements[:: len(statements) // 5]):
-        (tmp_path / "p3dof.c").write_text(source.replace(statement, statement.replace(" + ", " + 1e-2F + ")))
+        (tmp_path / "p3dof.c").write_text(source.replace(statement, statement.replace(" + ", " + 0.1F + ")))
         done = run(build(tmp_path, "-std=c99", "-O0", output=f"wrong{i}"))
         assert done.returncode == 1
         assert "FAILED" in done.stdout
@@ -129,8 +129,7 @@ class Library:
         self.c = ctypes.CDLL(str(build(folder, *flags, sources=("p3dof.c",), output="libp3dof.so")))
 
     def prepare(self, machine):
-        row, limits = parameter_row(machine), limit_row(machine)
-        given_ = np.array([*row[:3], machine.geometry.b, *row[3:], *limits], np.float32)
+        given_ = np.array(engine_row(machine), np.float32)
         model = np.zeros(len(MODEL) + len(routines().constants()) + 6 + 1, np.float32)
         assert self.c.p3dof_prepare(_at(given_), _at(model)) == OK
         return model

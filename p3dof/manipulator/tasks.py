@@ -127,6 +127,8 @@ class TaskForces(ShownInNotebook):
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write time, forces, power and pose of all samples to a CSV file, 17 significant digits.
 
+        With armatures, forces at the nuts follow those of the actuators.
+
         Parameters
         ----------
         path : path-like
@@ -145,9 +147,11 @@ class TaskForces(ShownInNotebook):
         pose = np.concatenate([result.motion.pose for result in self.results])
         carried = [0.0 if piece.payload is None else piece.payload.mass for piece in self.plan.pieces]
         mass = np.concatenate([np.full(len(r.time), m) for r, m in zip(self.results, carried, strict=True)])
-        header = ["t [s]", *(f"f{leg} [N]" for leg in LEGS), "power [W]"]
+        nuts = self.nut_forces.T if any(result.armature.any() for result in self.results) else ()
+        header = ["t [s]", *(f"f{leg} [N]" for leg in LEGS)]
+        header += [*(f"nut {leg} [N]" for leg in LEGS if len(nuts)), "power [W]"]
         header += ["y [m]", "z [m]", "theta [rad]", "carried [kg]"]
-        return write_table(path, header, (self.time, *self.forces.T, self.power, *pose.T, mass))
+        return write_table(path, header, (self.time, *self.forces.T, *nuts, self.power, *pose.T, mass))
 
 
 def forces_of_task(

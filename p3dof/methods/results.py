@@ -142,9 +142,26 @@ class InverseDynamics(ShownInNotebook):
     @property
     def rms_forces(self) -> FloatArray:
         """Root mean square of each force over time, shape (3,) [N]; NaN unless the motion is `possible`."""
-        if len(self.time) < 2 or not self.possible:
-            return self.peak_forces
-        mean = np.trapezoid(self.forces**2, self.time, axis=0) / self.motion.duration
+        return self.rms_of(self.forces)
+
+    def rms_of(self, columns: FloatArray) -> FloatArray:
+        """Return the root mean square over time of columns such as `nut_forces`.
+
+        Parameters
+        ----------
+        columns : ndarray, shape (N, K)
+            Their values at the samples.
+
+        Returns
+        -------
+        ndarray, shape (K,)
+            NaN unless the motion is `possible`.
+        """
+        if not self.possible:
+            return np.full(columns.shape[1], np.nan)
+        if len(self.time) < 2:
+            return np.asarray(np.abs(columns).max(axis=0))
+        mean = np.trapezoid(columns**2, self.time, axis=0) / self.motion.duration
         return np.asarray(np.sqrt(mean))
 
     @property

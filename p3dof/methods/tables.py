@@ -12,7 +12,7 @@ from p3dof.tables import NONE, Table, html_of, notebook_html, number, table_of, 
 
 
 def forces_table(result: InverseDynamics) -> Table:
-    """Return lowest, highest and RMS force of each actuator.
+    """Return lowest, highest and RMS force of each actuator, with armatures of each nut too.
 
     Parameters
     ----------
@@ -27,6 +27,12 @@ def forces_table(result: InverseDynamics) -> Table:
         leg: (result.forces[:, k].min(), result.forces[:, k].max(), result.rms_forces[k])
         for k, leg in enumerate(LEGS)
     }
+    if result.armature.any():
+        nuts = result.nut_forces
+        rows |= {
+            f"nut {leg}": (nuts[:, k].min(), nuts[:, k].max(), mean)
+            for k, (leg, mean) in enumerate(zip(LEGS, result.rms_of(nuts), strict=True))
+        }
     header = ("actuator", "lowest [N]", "highest [N]", "RMS [N]")
     return table_of(f"Forces, {result.method}", header, rows)
 

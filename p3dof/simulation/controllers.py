@@ -125,7 +125,8 @@ class PD:
         self.moved = np.diag(inverse.T @ dynamics.mass_matrix(states_of(_HOME)) @ inverse)
         self.holding = dynamics.forces(states_of(_HOME))
         gravity = max(9.81, float(np.abs(self.model.gravity).max()))
-        self.huge = _HUGE * self.model.bodies.mass * gravity
+        moving = self.model.bodies.mass + float(self.model.actuators.inertia.sum())
+        self.huge = _HUGE * moving * gravity
         self._integral = np.zeros(3)
 
     @property

@@ -50,7 +50,7 @@ def loads(
     F, Q : tuple
         The forces of the actuators are F + J⁻ᵀ Q, the generalized forces Jᵀ F + Q [N, N, N m].
     """
-    c, held = model.bodies, _held(model, x, state.z, xp)
+    c, (held, pulled) = model.bodies, _held(model, x, state.z, xp)
     a_a, a_b, a_c = upper_masses(model)
     gx, gy = model.gx, model.gy
     vy, vt = state.vy, state.vtheta
@@ -93,9 +93,9 @@ def loads(
         - wrench[2],
     )
     F = (
-        plus((a_a + c.c_a) * az + a_a * drop_a + c.d_a * ay, held[0]),
-        plus((a_b + c.c_b) * az + a_b * drop_b + c.d_b * ay, held[1]),
-        plus(a_c * slider_c + c.c_c * (az + aZ) + H_c, held[2]),
+        plus(plus((a_a + c.c_a) * az, held[0]) + a_a * drop_a + c.d_a * ay, pulled[0]),
+        plus(plus((a_b + c.c_b) * az, held[1]) + a_b * drop_b + c.d_b * ay, pulled[1]),
+        plus(plus(a_c * slider_c, held[2]) + c.c_c * (az + aZ) + H_c, pulled[2]),
     )
     return F, Q
 
@@ -106,23 +106,25 @@ def upper_masses(model: Model) -> Vector:
     return plus(c.a_a, more.armature_a), plus(c.a_b, more.armature_b), plus(c.a_c, more.armature_c)
 
 
-def _held(model: Model, x: Shape, z: Scalar, xp: Namespace) -> Vector:
-    """Return the weight that armatures do not have less what balances bear, at the sliders A, B, C."""
+def _held(model: Model, x: Shape, z: Scalar, xp: Namespace) -> tuple[Vector, Vector]:
+    """Return what acts at the sliders A, B, C by itself: what never changes, and what springs make of λ.
+
+    That is the weight that armatures do not have, less what balances bear.
+    """
     more, gz = model.actuators, model.gz
-    constant = (
+    constant: Vector = (
         plus(times(more.armature_a, gz), -more.balance_a),
         plus(times(more.armature_b, gz), -more.balance_b),
         plus(times(more.armature_c, gz), -more.balance_c),
     )
     springs = more.spring_a, more.spring_b, more.spring_c
     if all(type(spring) is int and spring == 0 for spring in springs):
-        return constant
-    depth, rises = home_depth(model, xp), (z + x.Sa, z + x.Sb, (z + x.p) + x.Sc)
-    a, b, c = (
-        plus(plus(rest, -times(spring, depth)), times(spring, rise))
-        for rest, spring, rise in zip(constant, springs, rises, strict=True)
-    )
-    return a, b, c
+        return constant, (0, 0, 0)
+    depth = home_depth(model, xp)
+    a, b, c = (plus(rest, -times(spring, depth)) for rest, spring in zip(constant, springs, strict=True))
+    rises = (z + x.Sa, z + x.Sb, (z + x.p) + x.Sc)
+    d, e, f = (times(spring, rise) for spring, rise in zip(springs, rises, strict=True))
+    return (a, b, c), (d, e, f)
 
 
 def _leg_c(x: Shape, bar: Bar, state: State, vX: Scalar, aX: Scalar) -> tuple[Scalar, ...]:

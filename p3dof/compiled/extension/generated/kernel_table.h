@@ -7,19 +7,19 @@
     X(inverse_dynamics_loaded_symmetric, 28, 12, 4) \
     X(inverse_dynamics_derivatives, 51, 12, 25) \
     X(inverse_dynamics_derivatives_symmetric, 29, 12, 25) \
-    X(forward_dynamics, 59, 9, 4) \
-    X(forward_dynamics_symmetric, 32, 9, 4) \
-    X(forward_dynamics_loaded, 59, 12, 4) \
-    X(forward_dynamics_loaded_symmetric, 32, 12, 4) \
+    X(forward_dynamics, 57, 9, 4) \
+    X(forward_dynamics_symmetric, 30, 9, 4) \
+    X(forward_dynamics_loaded, 57, 12, 4) \
+    X(forward_dynamics_loaded_symmetric, 30, 12, 4) \
     X(inverse_dynamics_with_friction, 68, 12, 4) \
     X(inverse_dynamics_with_friction_symmetric, 47, 12, 4) \
-    X(forward_dynamics_with_friction, 78, 12, 4) \
-    X(forward_dynamics_with_friction_symmetric, 51, 12, 4) \
+    X(forward_dynamics_with_friction, 76, 12, 4) \
+    X(forward_dynamics_with_friction_symmetric, 49, 12, 4) \
     X(mass_matrix, 31, 3, 7) \
     X(mass_matrix_symmetric, 20, 3, 7) \
     X(coriolis_matrix, 28, 6, 7) \
     X(coriolis_matrix_symmetric, 17, 6, 7) \
-    X(gravity_forces, 27, 3, 4) \
+    X(gravity_forces, 24, 3, 4) \
     X(gravity_forces_symmetric, 12, 3, 4) \
     X(kinematics, 8, 3, 8) \
     X(forward_kinematics, 10, 3, 4) \
