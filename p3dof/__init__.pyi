@@ -22,7 +22,7 @@ from .description import Mechanism
 
 # What it does, and what acts on it
 from .motion import Curve, Motion, WrenchHistory, paper_motion
-from .tasks import AxisLimits, Plan, Task, Waypoint, read_task, write_task
+from .tasks import AxisLimits, FastestPlan, LimitUse, Plan, Task, Waypoint, read_task, write_task
 from .manipulator import (
     Assessment,
     BestBalance,
@@ -176,6 +176,7 @@ __all__ = [
     "Encoders",
     "Energy",
     "Exceedance",
+    "FastestPlan",
     "Feedforward",
     "FileError",
     "ForceDerivatives",
@@ -195,6 +196,7 @@ __all__ = [
     "JointData",
     "JointLoad",
     "JointStates",
+    "LimitUse",
     "Limits",
     "LoadFriction",
     "LoadFrictionEffect",

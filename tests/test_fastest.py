@@ -11,9 +11,10 @@ from p3dof import AxisLimits, Waypoint, fastest_plan, forces_of_task
 from p3dof.errors import InputError, TaskError
 from p3dof.manipulator.fastest import WayOfMachine
 from p3dof.methods.utilisation import time_of_peak
-from p3dof.tasks.fastest import _DENSE, _Points, fastest_law
+from p3dof.tasks.fastest import DENSE, fastest_law
 from p3dof.tasks.files import parse
 from p3dof.tasks.laws import SpeedLaw
+from p3dof.tasks.programs import Points
 
 BLENDED = parse(
     """
@@ -132,7 +133,7 @@ def test_a_limit_that_is_left_out_would_be_noticed(robot):
     way = WayOfMachine(robot, LINE.paths[0], NONE, limits.reflected_mass)
     nodes = LINE.paths[0].end * np.linspace(0, 1, 101)
     law = fastest_law(nodes, way, limits)
-    dense = _Points(nodes, np.repeat(np.arange(100), len(_DENSE)), np.tile(_DENSE, 100), way)
+    dense = Points.everywhere(nodes, DENSE, way)
     assert dense.shares(law, limits).max() <= 1
     assert dense.shares(law, AxisLimits(150, 2)).max() > 1.5
 

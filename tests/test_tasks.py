@@ -315,6 +315,24 @@ def test_a_task_file_reads_back_to_the_same_numbers(task, tmp_path):
     VALIDATOR.validate(yaml.safe_load((tmp_path / "task.yaml").read_text(encoding="utf-8")))
 
 
+def test_limits_of_a_file_are_one_number_or_three():
+    text = """
+limits: {force: 0.3 kN, speed: 1500 mm/s, power: 1 kW, jerk: [500, 600, 700 m/s^3], reflected_mass: 900 g}
+waypoints: [{pose: [0, 0, 0]}, {pose: [0.1, 0, 0]}]
+"""
+    VALIDATOR.validate(yaml.safe_load(text))
+    found = parse(text)
+    assert dict(found.limits) == {
+        "force": 300.0,
+        "speed": 1.5,
+        "power": 1000.0,
+        "jerk": (500.0, 600.0, 700.0),
+        "reflected_mass": 0.9,
+    }
+    assert dict(parse(dump(found)).limits) == dict(found.limits)
+    VALIDATOR.validate(yaml.safe_load(dump(found)))
+
+
 def test_the_schema_takes_the_example():
     jsonschema.Draft202012Validator.check_schema(SCHEMA)
     VALIDATOR.validate(yaml.safe_load(PICK_AND_PLACE))
@@ -343,6 +361,18 @@ BAD_FILES = {
     "put_down: expected true or false": {"waypoints": [WAYPOINTS[0], {"pose": [0, 0, 1], "put_down": 1}]},
     "wrench: expected shape (6,)": {"waypoints": [WAYPOINTS[0], {"pose": [0, 0, 1], "wrench": [1, 2]}]},
     "name: expected a text": {"waypoints": WAYPOINTS, "name": 5},
+    "limits: jerk: expected above zero, got 0": {"waypoints": WAYPOINTS, "limits": {"jerk": 0}},
+    "limits: jerk: expected above zero, got -5": {"waypoints": WAYPOINTS, "limits": {"jerk": [1, -5, 2]}},
+    "limits: jerk: expected a jerk": {"waypoints": WAYPOINTS, "limits": {"jerk": "5 m/s^2"}},
+    "limits: jerk: expected a number, or those of A, B and C": {
+        "waypoints": WAYPOINTS,
+        "limits": {"jerk": [1, 2]},
+    },
+    "limits: unknown field 'snap'": {"waypoints": WAYPOINTS, "limits": {"snap": 1}},
+    "limits: reflected_mass: expected zero or more": {
+        "waypoints": WAYPOINTS,
+        "limits": {"reflected_mass": "-1 kg"},
+    },
 }
 
 

@@ -16,10 +16,10 @@ from p3dof.cli.output import print_plain, progress_bar, show
 from p3dof.errors import InputError
 from p3dof.files import together, write_table
 from p3dof.manipulator import Manipulator, fastest_plan, forces_of_task
-from p3dof.manipulator.fastest import NODES
-from p3dof.manipulator.tasks import pieces_table, sizing_table
+from p3dof.manipulator.fastest import MOST_NODES, NODES, SMOOTH_NODES, limits_of
+from p3dof.manipulator.tasks import limits_table, pieces_table, sizing_table
 from p3dof.motion import WrenchHistory
-from p3dof.tasks import AxisLimits, Plan, Task, read_task
+from p3dof.tasks import FastestPlan, Plan, Task, read_task
 
 _OPTIONS = (
     click.argument("task_file", metavar="TASK", type=InputFile()),
@@ -92,47 +92,35 @@ def plan(task: Task, _: Manipulator, samples: int, duration: float | None) -> Pl
 
 @app.command()
 @_with_task
-@click.option("--force", type=POSITIVE, help="Largest force of each actuator [N]; the machine's without it.")
-@click.option("--speed", type=POSITIVE, help="Largest slider speed [m/s]; the machine's without it.")
-@click.option("--power", type=POSITIVE, help="Largest power that each actuator gives [W]; any without it.")
+@click.option("--force", type=POSITIVE, help="Largest force of each actuator [N].")
+@click.option("--speed", type=POSITIVE, help="Largest slider speed [m/s].")
+@click.option("--power", type=POSITIVE, help="Largest power that each actuator gives [W].")
+@click.option(
+    "--jerk", type=POSITIVE, help="Largest jerk of the sliders [m/s³]; without it their acceleration jumps."
+)
+@click.option("--nut-force", type=POSITIVE, help="Largest force that each nut passes on to its slider [N].")
 @click.option(
     "--reflected-mass",
     type=Number(min=0),
-    default=0.0,
-    show_default=True,
     help="What motor and screw add to each slider's mass [kg], for the force limit.",
 )
 @click.option(
     "--nodes",
-    type=Whole(10, 20_000),
-    default=NODES,
-    show_default=True,
-    help="Steps along each way between two stops: more come nearer to the least time.",
+    type=Whole(10, MOST_NODES),
+    help=f"Steps along each way between two stops: more come nearer to the least time.  [default: {NODES}; "
+    f"{SMOOTH_NODES} with a jerk]",
 )
-def fastest(
-    task: Task,
-    robot: Manipulator,
-    samples: int,
-    force: float | None,
-    speed: float | None,
-    power: float | None,
-    reflected_mass: float,
-    nodes: int,
-) -> Plan:
-    """Find the fastest motion of a task file within force, speed and power limits, friction included.
+def fastest(task: Task, robot: Manipulator, samples: int, nodes: int | None, **limits: float | None) -> Plan:
+    """Find the fastest motion of a task file within limits of force, speed, power, jerk; with friction.
 
-    The limits hold between the nodes too. Tables and files are those of 'plan'. Exit code 1 when another
-    limit of the machine is exceeded, such as its stroke.
+    Limits are those of the task file, and force and speed of the parameter file where it gives none; an
+    option counts instead. They hold between the nodes too: the last table says how far each is used, where it
+    holds and when. Files are those of 'plan'. Exit code 1 when another limit of the machine is exceeded, such
+    as its stroke.
     """
-    own = robot.parameters.limits
-    limits = AxisLimits(
-        own.force if force is None else force,
-        own.speed if speed is None else speed,
-        float("inf") if power is None else power,
-        reflected_mass,
-    )
+    chosen = limits_of(robot, task, **limits)
     with progress_bar("ways", len(task.paths)) as progress:
-        return fastest_plan(robot, task, limits, nodes=nodes, samples=samples, progress=progress)
+        return fastest_plan(robot, task, chosen, nodes=nodes, samples=samples, progress=progress)
 
 
 def _told(
@@ -161,7 +149,10 @@ def _told(
         written = [*write_results(planned.motion.to_csv, out, drawn, figure), *others]
     console = console_beside(out)
     limits = robot.parameters.limits
-    show(console, pieces_table(found), sizing_table(found, limits), notes=True)
+    tables = [pieces_table(found), sizing_table(found, limits)]
+    if isinstance(planned, FastestPlan):
+        tables.append(limits_table(planned))
+    show(console, *tables, notes=True)
     if not task.closed:
         print_plain(console, "the task does not end where it began: it cannot be repeated as it is")
     for path in written:

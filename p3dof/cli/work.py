@@ -28,7 +28,7 @@ from p3dof.manipulator import (
 )
 from p3dof.parameters import read_parameters
 from p3dof.reactions import Stiffness
-from p3dof.tasks import Task, read_task
+from p3dof.tasks import Plan, Task, read_task
 
 SAMPLES = 2001
 """Least number of samples of a planned task."""
@@ -133,6 +133,7 @@ class Work:
     def forces(self, robot: Manipulator, task: Task, samples: int | None = None) -> TaskForces:
         """Return the forces over a task, in the time that is given or the least."""
         count = SAMPLES if samples is None else samples
+        plan: Plan
         if self.fastest:
             with progress_bar("ways", len(task.paths)) as progress:
                 plan = fastest_plan(robot, task, samples=count, progress=progress)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from p3dof import kinematics
 from p3dof.checks import FloatArray, Progress, shown
@@ -12,13 +13,19 @@ from p3dof.errors import InputError, TaskError
 from p3dof.manipulator.facade import Manipulator
 from p3dof.motion.times import sample_count
 from p3dof.parameters import SLIDES, Friction
-from p3dof.tasks import Path, Plan, Task
-from p3dof.tasks.fastest import AxisLimits, Demand, fastest_law
-from p3dof.tasks.laws import Law, ProfileLaw
+from p3dof.tasks import Path, Task
+from p3dof.tasks.fastest import fastest_law
+from p3dof.tasks.laws import Law, ProfileLaw, SmoothLaw, SpeedLaw
+from p3dof.tasks.limits import AxisLimits, Demand, Way
 from p3dof.tasks.plan import Stretch, payloads, planned
 from p3dof.tasks.profiles import PROFILES
+from p3dof.tasks.smooth import jerk_limited_law
+from p3dof.tasks.uses import FastestPlan, looked_at, uses_of
 
-NODES, _MOST_NODES = 400, 20_000
+NODES, SMOOTH_NODES, MOST_NODES = 400, 150, 20_000
+_BESIDE, _DIFFERENCE = 1e-7, 1e-3
+"""Share of half a step by which third derivatives are taken off its ends, where they may jump; and of a way
+over which differences are taken."""
 
 
 def fastest_plan(
@@ -26,19 +33,21 @@ def fastest_plan(
     task: Task,
     limits: AxisLimits | None = None,
     *,
-    nodes: int = NODES,
+    nodes: int | None = None,
     samples: int = 1001,
     progress: Progress | None = None,
-) -> Plan:
+) -> FastestPlan:
     """Return the plan of a task in the least time that the actuators allow, friction and payloads counted.
 
     Between stops the platform moves along the task's path as fast as forces, slider speeds and powers allow:
-    mostly one of them is at its limit. The acceleration jumps where another one takes over. Ways whose stops
-    have a duration keep it, with the task's profile.
+    mostly one of them is at its limit. Without a limit of jerk the acceleration jumps where another one takes
+    over; with one it is continuous, and zero at the stops. Ways whose stops have a duration keep it, with the
+    task's profile.
 
-    With more nodes the time comes nearer to the least one, by the square of their distance: with 400 within
-    some 1e-4 of it. The limits hold between the nodes too: they are checked densely, and all of a way is
-    slowed down by as much as that asks for, some 1e-4.
+    With more nodes the time comes nearer to the least one, by the square of their distance: within some 1e-4
+    of it, with a jerk 5e-4, without `nodes`. The limits hold between the nodes too: they are checked densely,
+    and all of a way is slowed down by as much as that asks for, some 1e-4. What a jerk allows is not convex:
+    the motion is the fastest one near it, and the best found from several beginnings.
 
     Parameters
     ----------
@@ -47,9 +56,10 @@ def fastest_plan(
     task : Task
         What it has to do.
     limits : AxisLimits, optional
-        What the actuators may be asked for; force and speed of the machine's `p3dof.Limits` without it.
-    nodes : int
-        Steps along each way, closer together at its ends.
+        What the actuators may be asked for. Without it those of the task, and force and speed of the
+        machine's `p3dof.Limits` where the task gives none.
+    nodes : int, optional
+        Steps along each way, closer together at its ends; 400, with a jerk 150, without it.
     samples : int
         Least number of samples, as of `Task.plan`; all nodes are samples besides.
     progress : callable, optional
@@ -57,7 +67,7 @@ def fastest_plan(
 
     Returns
     -------
-    Plan
+    FastestPlan
 
     Raises
     ------
@@ -68,38 +78,97 @@ def fastest_plan(
     ReachError, SingularityError
         If a path leaves what the machine can reach or hold.
     """
+    chosen = _limits(robot, task, limits)
+    most = isinstance(nodes, int) and not isinstance(nodes, bool) and 10 <= nodes <= MOST_NODES
+    if nodes is not None and not most:
+        raise InputError(f"nodes: expected a whole number from 10 to {MOST_NODES}, got {shown(nodes)}")
+    with_jerk = bool(np.isfinite(chosen.jerk).any())
+    steps = (SMOOTH_NODES if with_jerk else NODES) if nodes is None else nodes
+    count, carried = sample_count(samples, least=2), payloads(task.waypoints, task.carrying)
+    stretches, looked, time = [], [], task.waypoints[0].dwell
+    for done, (path, (first, last)) in enumerate(zip(task.paths, task.stretches, strict=True), 1):
+        name = f"{task.names[first]} to {task.names[last]}"
+        payload = carried[last]
+        machine = robot if payload is None else Manipulator(robot.parameters.carrying(payload))
+        wrenches = np.array([point.wrench for point in task.waypoints[first + 1 : last + 1]])
+        way = WayOfMachine(machine, path, wrenches, chosen.reflected_mass, with_jerk)
+        duration = task.waypoints[last].duration
+        law: Law
+        try:
+            if duration is not None:
+                law = ProfileLaw(PROFILES[task.profile], path.end, duration)
+            else:
+                law = fastest_along(path, way, chosen, steps)
+        except TaskError as error:
+            raise TaskError(f"{name}: {error}") from error
+        stretch = Stretch(path, first, last, law)
+        stretches.append(stretch)
+        looked.append(looked_at(stretch, way, chosen, time, name))
+        time += law.duration + task.waypoints[last].dwell
+        if progress is not None:
+            progress(done, len(task.paths))
+    plan = planned(task.waypoints, task.names, task.carrying, stretches, count, task.name)
+    return FastestPlan(
+        plan.name, plan.motion, plan.pieces, plan.waypoints, plan.times, chosen, uses_of(looked)
+    )
+
+
+def fastest_along(path: Path, way: Way, limits: AxisLimits, nodes: int) -> SpeedLaw | SmoothLaw:
+    """Return how a path is covered in the least time.
+
+    Parameters
+    ----------
+    path : Path
+        Where it goes.
+    way : Way
+        What it takes of the actuators.
+    limits : AxisLimits
+        What they may be asked for.
+    nodes : int
+        About how many steps.
+
+    Returns
+    -------
+    SpeedLaw or SmoothLaw
+    """
+    breaks = np.union1d(path.breaks, path.at_waypoints)
+    if np.isfinite(limits.jerk).any():
+        return jerk_limited_law(nodes, path.end, breaks.tolist(), way, limits)
+    return fastest_law(_nodes(nodes, breaks), way, limits)
+
+
+def _limits(robot: Manipulator, task: Task, limits: AxisLimits | None) -> AxisLimits:
+    """Return the limits of a plan."""
     for name, value, kind in (("robot", robot, Manipulator), ("task", task, Task)):
         if not isinstance(value, kind):
             raise InputError(f"{name}: expected a {kind.__name__}, got {shown(value)}")
-    own = robot.parameters.limits
-    chosen = AxisLimits(own.force, own.speed) if limits is None else limits
-    if not isinstance(chosen, AxisLimits):
+    if limits is None:
+        return limits_of(robot, task)
+    if not isinstance(limits, AxisLimits):
         raise InputError(f"limits: expected AxisLimits, got {shown(limits)}")
-    if isinstance(nodes, bool) or not isinstance(nodes, int) or not 10 <= nodes <= _MOST_NODES:
-        raise InputError(f"nodes: expected a whole number from 10 to {_MOST_NODES}, got {shown(nodes)}")
-    count, carried, stretches = sample_count(samples, least=2), payloads(task.waypoints, task.carrying), []
-    for done, (path, (first, last)) in enumerate(zip(task.paths, task.stretches, strict=True), 1):
-        law: Law
-        duration = task.waypoints[last].duration
-        if duration is not None:
-            law = ProfileLaw(PROFILES[task.profile], path.end, duration)
-        else:
-            payload = carried[last]
-            machine = robot
-            if payload is not None:
-                machine = Manipulator(robot.parameters.carrying(payload))
-            wrenches = np.array([point.wrench for point in task.waypoints[first + 1 : last + 1]])
-            way = WayOfMachine(machine, path, wrenches, chosen.reflected_mass)
-            places = np.union1d(path.end * _graded(nodes), path.at_waypoints)
-            places = places[np.append(True, np.diff(places) > 1e-9 * path.end)]
-            try:
-                law = fastest_law(places, way, chosen)
-            except TaskError as error:
-                raise TaskError(f"{task.names[first]} to {task.names[last]}: {error}") from error
-        stretches.append(Stretch(path, first, last, law))
-        if progress is not None:
-            progress(done, len(task.paths))
-    return planned(task.waypoints, task.names, task.carrying, stretches, count, task.name)
+    return limits
+
+
+def limits_of(robot: Manipulator, task: Task, **others: ArrayLike | None) -> AxisLimits:
+    """Return the limits of a task, with force and speed of the machine where it gives none.
+
+    Parameters
+    ----------
+    robot : Manipulator
+        The machine.
+    task : Task
+        What it has to do.
+    **others : array-like, optional
+        What counts instead, by the names of `AxisLimits`; None does not.
+
+    Returns
+    -------
+    AxisLimits
+    """
+    own = robot.parameters.limits
+    found = {"force": own.force, "speed": own.speed, **task.limits}
+    given = {name: value for name, value in others.items() if value is not None}
+    return AxisLimits(**(found | given))
 
 
 class WayOfMachine:
@@ -115,11 +184,19 @@ class WayOfMachine:
         The external wrench from waypoint to waypoint [N, N m].
     reflected_mass : ndarray, shape (3,)
         What the drives add to each slider [kg].
+    with_jerk : bool
+        Whether third derivatives are asked for.
     """
 
     def __init__(
-        self, robot: Manipulator, path: Path, wrenches: FloatArray, reflected_mass: FloatArray
+        self,
+        robot: Manipulator,
+        path: Path,
+        wrenches: FloatArray,
+        reflected_mass: FloatArray,
+        with_jerk: bool = False,
     ) -> None:
+        self._with_jerk = with_jerk
         bare = replace(robot.parameters, friction=Friction())
         self._lossy, self._bare = robot, Manipulator(bare)
         self._path, self._wrenches, self._mass = path, wrenches, reflected_mass
@@ -140,11 +217,36 @@ class WayOfMachine:
             return np.asarray(self._bare.forces(pose, velocity, acceleration, method="compiled", wrench=load))
 
         rest = forces(none, none)
-        moved = kinematics.mechanism_motion(self._bare.parameters.geometry, pose, slope, bend)
-        rate = np.column_stack([moved.velocity[name] for name in SLIDES])
-        change = np.column_stack([moved.acceleration[name] for name in SLIDES])
+        rate, change = self._sliders(pose, slope, bend)
+        third = np.full_like(rate, np.nan)
+        if self._with_jerk:
+            third = self._third(pose, slope, bend, self._path.third(place + _BESIDE * (middle - place)))
         mass = forces(none, slope) - rest + self._mass * rate
-        return Demand(mass, forces(slope, bend) - rest + self._mass * change, rest, rate)
+        bias = forces(slope, bend) - rest + self._mass * change
+        added, geometry = self._bare.parameters.actuators, self._bare.parameters.geometry
+        sliders = kinematics.inverse_kinematics(geometry, pose).sliders
+        balance = added.balance_at_home(self._bare.parameters.gravity) - added.stiffness * sliders
+        return Demand(mass, bias, rest, rate, change, third, self._mass + added.inertia, balance)
+
+    def _sliders(
+        self, pose: FloatArray, velocity: FloatArray, acceleration: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the velocity and acceleration of the sliders, (P, 3) each."""
+        geometry = self._bare.parameters.geometry
+        moved = kinematics.mechanism_motion(geometry, pose, velocity, acceleration)
+        rate = np.column_stack([moved.velocity[name] for name in SLIDES])
+        return rate, np.column_stack([moved.acceleration[name] for name in SLIDES])
+
+    def _third(self, pose: FloatArray, slope: FloatArray, bend: FloatArray, third: FloatArray) -> FloatArray:
+        """Return the third derivative of the sliders, (P, 3), by differences along a cubic of the pose."""
+        step = _DIFFERENCE * self._path.end
+
+        def change(s: float) -> FloatArray:
+            place = pose + s * (slope + s * (bend / 2 + s * third / 6))
+            return self._sliders(place, slope + s * (bend + s * third / 2), bend + s * third)[1]
+
+        near, far = (change(k * step) - change(-k * step) for k in (1, 2))
+        return (8 * near - far) / (12 * step)
 
     def friction(self, place: FloatArray, speed: FloatArray) -> FloatArray:
         """Return what friction adds to the forces, (P, 3) [N], at parameters and speeds ṡ (P,)."""
@@ -156,7 +258,10 @@ class WayOfMachine:
         return np.asarray(with_ - without)
 
 
-def _graded(count: int) -> FloatArray:
-    """Return shares from 0 to 1 that are closer together at both ends, (count + 1,)."""
+def _nodes(count: int, breaks: FloatArray) -> FloatArray:
+    """Return parameters that are closer together at both ends, those of breaks (B,) among them."""
     even = np.linspace(0.0, 1.0, count + 1)
-    return even**2 * (3 - 2 * even)
+    places = np.union1d(breaks[-1] * even**2 * (3 - 2 * even), breaks)
+    near = np.isin(places, breaks)
+    kept = np.append(True, np.diff(places) > 1e-9 * breaks[-1])
+    return np.asarray(places[kept | near])

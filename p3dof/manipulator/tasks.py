@@ -20,7 +20,7 @@ from p3dof.methods.utilisation import Utilisation, utilisations
 from p3dof.parameters import LEGS, Limits
 from p3dof.reactions import Stiffness
 from p3dof.tables import NONE, ShownInNotebook, Table, html_of, notebook_html, number, table_of
-from p3dof.tasks import Piece, Plan
+from p3dof.tasks import FastestPlan, Piece, Plan
 
 
 @dataclass(frozen=True, eq=False)
@@ -300,6 +300,33 @@ def sizing_table(found: TaskForces, limits: Limits) -> Table:
     }
     header = ("limit of", "peak", "at t [s]", "on the way", "limit", "used")
     return table_of("How much of the limits is used", header, rows)
+
+
+def limits_table(plan: FastestPlan) -> Table:
+    """Return how much of each of its limits the fastest plan uses, between the samples too, when and where.
+
+    Parameters
+    ----------
+    plan : FastestPlan
+        Of `fastest_plan`.
+
+    Returns
+    -------
+    Table
+    """
+    rows = {
+        f"{one.quantity} {one.leg} [{one.unit}]": (
+            one.holds_at,
+            number(one.value),
+            number(one.limit),
+            f"{one.share:.2%}",
+            number(one.time),
+            one.way,
+        )
+        for one in plan.uses
+    }
+    header = ("limit of", "holds at", "peak", "limit", "used", "at t [s]", "on the way")
+    return table_of("Limits that the fastest motion keeps", header, rows)
 
 
 @html_of.register(TaskForces)

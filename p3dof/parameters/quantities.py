@@ -39,6 +39,8 @@ _UNITS: dict[str, tuple[_Powers, Fraction]] = {
     "N": ((1, 1, -2, 0), Fraction(1)),
     "mN": ((1, 1, -2, 0), Fraction(1, 1000)),
     "kN": ((1, 1, -2, 0), Fraction(1000)),
+    "W": ((2, 1, -3, 0), Fraction(1)),
+    "kW": ((2, 1, -3, 0), Fraction(1000)),
     "Pa": ((-1, 1, -2, 0), Fraction(1)),
     "MPa": ((-1, 1, -2, 0), Fraction(10**6)),
     "GPa": ((-1, 1, -2, 0), Fraction(10**9)),
@@ -179,6 +181,8 @@ INERTIA = Quantity("an inertia", "kg m^2", ("kg mm^2",))
 SPEED = Quantity("a speed", "m/s", ("mm/s",))
 RATE = Quantity("a speed", "m/s", ("rad/s", "mm/s"))
 ACCELERATION = Quantity("an acceleration", "m/s^2", ("mm/s^2",))
+JERK = Quantity("a jerk", "m/s^3", ("mm/s^3",))
+POWER = Quantity("a power", "W", ("kW",))
 FORCE = Quantity("a force", "N", ("kN",))
 MOMENT = Quantity("a moment", "N m", ("N mm",))
 ANGLE = Quantity("an angle", "rad", ("deg",))

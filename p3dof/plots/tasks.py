@@ -1,4 +1,4 @@
-"""The figure of a task: its path, and pose, slider speeds and forces over time."""
+"""The figure of a task: its path, and pose, slider speeds, forces and perhaps jerk over time."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from p3dof.errors import InputError
 from p3dof.manipulator.tasks import TaskForces
 from p3dof.parameters import LEGS
 from p3dof.plots.common import COLOURS, new_figure, tidy
+from p3dof.tasks import FastestPlan
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,7 +25,8 @@ _TICKS = 25
 def task_figure(found: TaskForces) -> Figure:
     """Draw the path of a task with its waypoints, and pose, slider speeds and forces over time.
 
-    What is shaded is the time in which the platform carries something; dotted lines are the waypoints.
+    The fastest plan within a jerk has a panel with that of the sliders. What is shaded is the time in which
+    the platform carries something; dotted lines are the waypoints.
 
     Parameters
     ----------
@@ -44,12 +46,17 @@ def task_figure(found: TaskForces) -> Figure:
     """
     if not isinstance(found, TaskForces):
         raise InputError(f"found: expected TaskForces, got {shown(found)}")
-    figure = new_figure(figsize=(9.6, 9.6))
-    above, *panels = figure.subplots(4, 1, height_ratios=(1.5, 1, 1, 1))
+    plan = found.plan
+    jerk = plan.limits.jerk if isinstance(plan, FastestPlan) else np.full(3, np.inf)
+    with_jerk = bool(np.isfinite(jerk).any())
+    figure = new_figure(figsize=(9.6, 11.6 if with_jerk else 9.6))
+    above, *panels = figure.subplots(4 + with_jerk, 1, height_ratios=(1.5, *[1] * (3 + with_jerk)))
     _draw_path(above, found)
     _draw_pose(panels[0], found)
     _draw_legs(panels[1], found.time, found.slider_velocities, "slider speed [m/s]")
     _draw_legs(panels[2], found.time, found.forces, "force [N]")
+    if with_jerk:
+        _draw_jerk(panels[3], found, jerk)
     for axis in panels:
         _mark(axis, found)
         tidy(axis)
@@ -112,6 +119,18 @@ def _draw_legs(axis: Axes, time: FloatArray, values: FloatArray, label: str) -> 
         axis.plot(time, values[:, leg], color=COLOURS[leg], lw=1.2, label=name)
     axis.axhline(0, color="0.6", lw=0.5, zorder=0)
     axis.set_ylabel(label)
+
+
+def _draw_jerk(axis: Axes, found: TaskForces, limits: FloatArray) -> None:
+    """Draw the jerk of the sliders from sample to sample, and its limits."""
+    step = np.diff(found.time)
+    kept = step > 1e-9 * found.plan.duration
+    jerk = np.diff(found.slider_accelerations, axis=0)[kept] / step[kept, None]
+    middle = ((found.time[1:] + found.time[:-1]) / 2)[kept]
+    _draw_legs(axis, middle, jerk, "slider jerk [m/s³]")
+    for limit in np.unique(limits[np.isfinite(limits)]):
+        for side in (-limit, limit):
+            axis.axhline(side, color="0.4", lw=0.8, ls="--", zorder=0)
 
 
 def _mark(axis: Axes, found: TaskForces) -> None:

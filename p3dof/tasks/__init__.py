@@ -1,17 +1,20 @@
 """Tasks: where the platform has to go, what it carries and bears on the way, and the motion that does it."""
 
-from p3dof.tasks.fastest import AxisLimits
 from p3dof.tasks.files import read_task, write_task
+from p3dof.tasks.limits import AxisLimits
 from p3dof.tasks.paths import Path
 from p3dof.tasks.plan import Piece, Plan
 from p3dof.tasks.profiles import PROFILES
 from p3dof.tasks.task import PATHS, Task
+from p3dof.tasks.uses import FastestPlan, LimitUse
 from p3dof.tasks.waypoints import Waypoint
 
 __all__ = [
     "PATHS",
     "PROFILES",
     "AxisLimits",
+    "FastestPlan",
+    "LimitUse",
     "Path",
     "Piece",
     "Plan",

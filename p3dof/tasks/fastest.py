@@ -13,145 +13,41 @@ D. Verscheure et al., IEEE Trans. Automatic Control 54 (2009) 2318: ṡ² as the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from p3dof.checks import FloatArray, frozen_array
+from p3dof.checks import FloatArray
 from p3dof.errors import TaskError
-from p3dof.parameters import LEGS
-from p3dof.tasks.laws import SpeedLaw
+from p3dof.tasks.laws import PathLaw, SpeedLaw
+from p3dof.tasks.limits import AxisLimits, Way
+from p3dof.tasks.programs import Points, Shape, require_standing, rows_of, solved
 
-_POINTS = (0.0, 0.5, 1.0)
+_POINTS: FloatArray = np.array([0.0, 0.5, 1.0])
 """Where in every step the limits are asked for, in shares of it."""
-_DENSE: FloatArray = np.linspace(0.0, 1.0, 33, dtype=np.float64)
-_ROUNDS, _FINER, _SETTLED, _EXCEEDED = 20, 4, 1e-6, 5e-5
-"""Most linear programs one after the other, and most with more points; shares by which their time may still
-change and limits be exceeded."""
-_SLOWEST = 100.0
+DENSE: FloatArray = np.linspace(0.0, 1.0, 33, dtype=np.float64)
+"""Where in every step they are looked at, in shares of it."""
+_ROUNDS, _SETTLED, _NEAR, EXCEEDED = 20, 1e-6, 1e-3, 5e-5
+"""Most linear programs one after the other; shares by which their time may still change at the end, and when
+more points are of use; and by which limits may be exceeded before all is slowed down."""
+SLOWEST = 100.0
 """A path on which limits are kept only this many times more slowly is none that the machine can do."""
+_USELESS, _STUCK = 0.7, 2
+"""Share of what exceeded limits before, over which more points were of no use; and how often they may be."""
 _CLOSE = 1e-9
+_COARSE = 6
 
 
-@dataclass(frozen=True, eq=False)
-class AxisLimits:
-    """What each of the three actuators may be asked for.
-
-    Parameters
-    ----------
-    force : array-like, shape () or (3,)
-        Largest force of A, B, C [N], that on `reflected_mass` included.
-    speed : array-like, shape () or (3,)
-        Largest speed of the sliders [m/s].
-    power : array-like, shape () or (3,)
-        Largest power that each gives [W]; infinite by default.
-    reflected_mass : array-like, shape () or (3,)
-        What the turning parts of the drives add to each slider's mass [kg], see `p3dof.drives.Drive`.
-
-    Raises
-    ------
-    TaskError
-        If a number does not fit.
-    """
-
-    force: FloatArray
-    speed: FloatArray
-    power: FloatArray
-    reflected_mass: FloatArray
-
-    def __init__(
-        self,
-        force: ArrayLike,
-        speed: ArrayLike,
-        power: ArrayLike = np.inf,
-        reflected_mass: ArrayLike = 0.0,
-    ) -> None:
-        given = {"force": force, "speed": speed, "power": power, "reflected_mass": reflected_mass}
-        for name, value in given.items():
-            array = np.asarray(value, dtype=float) if name == "power" else None
-            endless = array is not None and array.shape in ((), (3,)) and np.isinf(array)
-            finite = value if array is None else np.where(endless, 1.0, array)
-            shape = (3,) if np.ndim(value) else ()
-            numbers = np.broadcast_to(frozen_array(name, finite, shape, TaskError), 3).copy()
-            least = "zero or more" if name == "reflected_mass" else "above zero"
-            if (numbers < 0).any() or (name != "reflected_mass" and (numbers == 0).any()):
-                raise TaskError(f"{name}: expected {least}, got {numbers.min():g}")
-            if array is not None:
-                numbers[np.broadcast_to(endless, 3)] = np.inf
-            numbers.setflags(write=False)
-            object.__setattr__(self, name, numbers)
+class _Slowable(PathLaw, Protocol):
+    def slowed(self: _Law, factor: float) -> _Law: ...
 
 
-class Demand(NamedTuple):
-    """What a way takes of the actuators at points on it: f = mass s̈ + bias ṡ² + rest, without friction.
-
-    Parameters
-    ----------
-    mass, bias, rest : ndarray, shape (P, 3)
-        By s̈, by ṡ², and at rest.
-    rate : ndarray, shape (P, 3)
-        Slider speed by ṡ.
-    """
-
-    mass: FloatArray
-    bias: FloatArray
-    rest: FloatArray
-    rate: FloatArray
-
-
-class Way(Protocol):
-    """What a path takes of the actuators."""
-
-    @property
-    def lossy(self) -> bool:
-        """Whether there is friction."""
-
-    def demand(self, place: FloatArray, middle: FloatArray) -> Demand:
-        """Return what is needed at parameters (P,); each is in a step whose middle is given too, (P,)."""
-
-    def friction(self, place: FloatArray, speed: FloatArray) -> FloatArray:
-        """Return what friction adds to the forces, (P, 3) [N], at parameters and speeds ṡ (P,)."""
-
-
-class _Points:
-    """Points on a path, each in a step between two nodes, with what is needed there."""
-
-    def __init__(self, nodes: FloatArray, step: NDArray[np.intp], share: FloatArray, way: Way) -> None:
-        size = np.diff(nodes)
-        self.step, self.share, self.size = step, share, size[step]
-        self.place = nodes[step] + share * self.size
-        self.first, self.last = nodes[0], nodes[-1]
-        self.demand = way.demand(self.place, nodes[step] + self.size / 2)
-        self._way = way
-
-    def motion(self, law: SpeedLaw) -> tuple[FloatArray, FloatArray]:
-        """Return ṡ² and s̈ of a law, (P,) each."""
-        step, way = self.step, self.share * self.size
-        square = law.squares[step] + way * (2 * law.starts[step] + law.slopes[step] * way)
-        return np.maximum(square, 0.0), law.starts[step] + law.slopes[step] * way
-
-    def friction(self, square: FloatArray) -> FloatArray:
-        """Return what friction adds to the forces at ṡ² (P,), in (P, 3) [N]."""
-        return (
-            self._way.friction(self.place, np.sqrt(square)) if self._way.lossy else np.zeros((len(square), 3))
-        )
-
-    def shares(self, law: SpeedLaw, limits: AxisLimits) -> FloatArray:
-        """Return the largest share of any limit that a law uses at each point, (P,)."""
-        square, change = self.motion(law)
-        found = self.demand
-        force = (
-            found.mass * change[:, None] + found.bias * square[:, None] + found.rest + self.friction(square)
-        )
-        speed = found.rate * np.sqrt(square)[:, None]
-        used = [np.abs(force) / limits.force, np.abs(speed) / limits.speed, force * speed / limits.power]
-        return np.asarray(np.max(used, axis=(0, 2)))
+_Law = TypeVar("_Law", bound=_Slowable)
 
 
 def fastest_law(nodes: FloatArray, way: Way, limits: AxisLimits) -> SpeedLaw:
-    """Return how a path is covered in the least time, from rest to rest.
+    """Return how a path is covered in the least time, from rest to rest, whatever the jerk.
 
     Parameters
     ----------
@@ -171,30 +67,58 @@ def fastest_law(nodes: FloatArray, way: Way, limits: AxisLimits) -> SpeedLaw:
     TaskError
         If the limits do not let the machine stand somewhere on the path, or move along it.
     """
-    count = len(nodes) - 1
-    dense = _Points(nodes, np.repeat(np.arange(count), len(_DENSE)), np.tile(_DENSE, count), way)
-    step, share = np.repeat(np.arange(count), len(_POINTS)), np.tile(_POINTS, count)
     curved = way.lossy or bool(np.isfinite(limits.power).any())
-    law, before, finer = None, np.inf, 0
+    law = None
+    if curved and len(nodes) > 20 * _COARSE:  # what is not linear is nearly known from fewer steps
+        few = np.append(nodes[:-1:_COARSE], nodes[-1])
+        law = _between(_programs(few, way, limits, None, rough=True), nodes)
+    law = _programs(nodes, way, limits, law)
+    return slowed(law, Points.everywhere(nodes, DENSE, way), limits)
+
+
+def _programs(
+    nodes: FloatArray, way: Way, limits: AxisLimits, law: SpeedLaw | None, rough: bool = False
+) -> SpeedLaw:
+    """Return a law by programs one after the other, with more points where it exceeds a limit."""
+    count = len(nodes) - 1
+    dense = Points.everywhere(nodes, DENSE, way)
+    curved = way.lossy or bool(np.isfinite(limits.power).any())
+    step, share = np.repeat(np.arange(count), len(_POINTS)), np.tile(_POINTS, count)
+    points = Points(nodes, step, share, way)
+    require_standing(points, limits)
+    before, excess, stuck = np.inf if law is None else law.duration, np.inf, 0
     for _ in range(_ROUNDS):
-        law = _solved(nodes, _Points(nodes, step, share, way), limits, law)
+        law = _solved(points, nodes, limits, law)
+        moved, before = abs(law.duration - before), law.duration
+        near = not curved or moved < _NEAR * before
+        if rough:
+            if near:
+                break
+            continue
         used = dense.shares(law, limits)
-        settled = not curved or abs(law.duration - before) < _SETTLED * law.duration
-        before = law.duration
-        if settled and (used.max() < 1 + _EXCEEDED or finer == _FINER):
+        left, excess = excess, float(used.max()) - 1
+        settled = not curved or moved < _SETTLED * before
+        stuck += excess > _USELESS * left
+        if settled and (excess < EXCEEDED or stuck == _STUCK):
             break
-        if settled:  # friction and power are known by now
-            finer += 1
-            worst = used.reshape(count, -1)
-            over = np.flatnonzero(worst.max(axis=1) > 1 + 0.1 * _EXCEEDED)
-            step = np.append(step, over)
-            share = np.append(share, _DENSE[worst[over].argmax(axis=1)])
+        if near:
+            step, share = with_worst(step, share, used)
+            points = Points(nodes, step, share, way)
     assert law is not None  # noqa: S101 - for the type checker
-    return _slowed(law, dense, limits)
+    return law
 
 
-def _slowed(law: SpeedLaw, dense: _Points, limits: AxisLimits) -> SpeedLaw:
-    """Return the law, slowed down by as much as a dense check asks for."""
+def with_worst(
+    step: NDArray[np.intp], share: FloatArray, used: FloatArray
+) -> tuple[NDArray[np.intp], FloatArray]:
+    """Return points, with the worst one of each step in which a limit is exceeded."""
+    worst = used.reshape(-1, len(DENSE))
+    over = np.flatnonzero(worst.max(axis=1) > 1 + 0.1 * EXCEEDED)
+    return np.append(step, over), np.append(share, DENSE[worst[over].argmax(axis=1)])
+
+
+def slowed(law: _Law, dense: Points, limits: AxisLimits, slowest: float = SLOWEST) -> _Law:
+    """Return a law, slowed down by as much as a dense check asks for."""
     from scipy.optimize import brentq
 
     def over(factor: float) -> float:
@@ -205,7 +129,7 @@ def _slowed(law: SpeedLaw, dense: _Points, limits: AxisLimits) -> SpeedLaw:
     high = 1.0001
     while over(high) > 0:
         high = 1 + 2 * (high - 1)
-        if high > _SLOWEST:
+        if high > slowest:
             raise TaskError("a limit is exceeded even very slowly: it leaves no room to move")
     factor = brentq(over, 1.0, high, xtol=1e-12)
     while over(factor) > 0:
@@ -213,81 +137,31 @@ def _slowed(law: SpeedLaw, dense: _Points, limits: AxisLimits) -> SpeedLaw:
     return law.slowed(factor)
 
 
-def _solved(nodes: FloatArray, points: _Points, limits: AxisLimits, known: SpeedLaw | None) -> SpeedLaw:
+def _solved(points: Points, nodes: FloatArray, limits: AxisLimits, known: SpeedLaw | None) -> SpeedLaw:
     """Return the fastest law by one linear program, with what is not linear taken at a known one.
 
     Unknown are ṡ² at the nodes and by how much it bulges in the middle of each step.
     """
-    from scipy.optimize import linprog
-    from scipy.sparse import coo_matrix
-
-    _require_standing(nodes, points, limits)
     count, size = len(nodes) - 1, np.diff(nodes)
-    rows, bounds, row_steps = _rows(points, limits, known)
-    scale = np.abs(rows).max(axis=1)
-    columns = np.column_stack([row_steps, row_steps + 1, count + 1 + row_steps])
-    lines = np.broadcast_to(np.arange(len(rows))[:, None], columns.shape)
-    entries = (rows / scale[:, None]).ravel()
-    matrix = coo_matrix((entries, (lines.ravel(), columns.ravel())), shape=(len(rows), 2 * count + 1)).tocsr()
+    share, wide = points.share, points.size
+    square = np.column_stack([1 - share, share, 4 * share * (1 - share)])
+    change = np.column_stack([-1 / (2 * wide), 1 / (2 * wide), (2 - 4 * share) / wide])
+    rise = np.column_stack([np.zeros_like(wide), np.zeros_like(wide), -4 / wide**2])
+    rows = rows_of(points, Shape(square, change, rise), limits, known)
     free = np.full(count, np.inf)
     upper = np.full(count + 1, np.inf)
     upper[[0, -1]] = 0.0
     box = np.column_stack([np.append(np.zeros(count + 1), -free), np.append(upper, free)])
     gain = (np.append(size, 0) + np.append(0, size)) / 2
     cost = -np.append(gain, 2 / 3 * size) / nodes[-1]
-    found: Any = linprog(cost, A_ub=matrix, b_ub=bounds / scale, bounds=box, method="highs")
-    if found.x is None:
-        raise TaskError("the machine cannot move along the path within the limits, however slowly")
-    squares, bulges = np.maximum(found.x[: count + 1], 0.0), found.x[count + 1 :]
+    step = np.arange(count)
+    found = solved(cost, rows, np.column_stack([step, step + 1, count + 1 + step]), box)
+    squares, bulges = np.maximum(found[: count + 1], 0.0), found[count + 1 :]
     return SpeedLaw(nodes, squares, -4 * bulges / size**2)
 
 
-def _rows(
-    points: _Points, limits: AxisLimits, known: SpeedLaw | None
-) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
-    """Return rows (R, 3) by ṡ² at both ends of a step and its bulge, their bounds (R,) and steps (R,)."""
-    found, share, size = points.demand, points.share, points.size
-    # Of ṡ² and s̈, by the three unknowns of the step: (P, 3).
-    square = np.column_stack([1 - share, share, 4 * share * (1 - share)])
-    change = np.column_stack([-1 / (2 * size), 1 / (2 * size), (2 - 4 * share) / size])
-    bias, rest = found.bias, found.rest
-    near = None if known is None else np.maximum(points.motion(known)[0], 1e-6 * known.squares.max())
-    if near is not None:
-        low, high = 0.999 * near, 1.001 * near
-        moving = ((points.place > points.first) & (points.place < points.last))[
-            :, None
-        ]  # no friction at rest
-        slope = moving * (points.friction(high) - points.friction(low)) / (high - low)[:, None]
-        bias, rest = bias + slope, rest + moving * points.friction(near) - slope * near[:, None]
-    rows, bounds = [-square], [np.zeros(len(share))]
-    for leg in range(3):
-        row = found.mass[:, leg, None] * change + bias[:, leg, None] * square
-        for sign in (1.0, -1.0):
-            rows.append(sign * row)
-            bounds.append(limits.force[leg] - sign * rest[:, leg])
-        rows.append(found.rate[:, leg, None] ** 2 * square)
-        bounds.append(np.full(len(share), limits.speed[leg] ** 2))
-        if near is not None and np.isfinite(limits.power[leg]):
-            # sign(λ') f <= P / |λ' ṡ|, of which the right side is linearised.
-            with np.errstate(divide="ignore"):
-                allowed = limits.power[leg] / (np.abs(found.rate[:, leg]) * np.sqrt(near))
-            allowed = np.minimum(allowed, 1e3 * limits.force[leg])
-            sign_ = np.sign(found.rate[:, leg])
-            rows.append(sign_[:, None] * row + (allowed / (2 * near))[:, None] * square)
-            bounds.append(1.5 * allowed - sign_ * rest[:, leg])
-    kept = [np.abs(row).max(axis=1) > 0 for row in rows]
-    steps = [points.step[good] for good in kept]
-    rows = [row[good] for row, good in zip(rows, kept, strict=True)]
-    bounds = [bound[good] for bound, good in zip(bounds, kept, strict=True)]
-    return np.concatenate(rows), np.concatenate(bounds), np.concatenate(steps)
-
-
-def _require_standing(nodes: FloatArray, points: _Points, limits: AxisLimits) -> None:
-    """Raise where the machine needs more than its limit to stand still."""
-    heavy = np.abs(points.demand.rest) > limits.force
-    if heavy.any():
-        at, leg = (int(k[0]) for k in np.nonzero(heavy))
-        raise TaskError(
-            f"force: {LEGS[leg]} needs {abs(points.demand.rest[at, leg]):g} N to stand still "
-            f"{points.place[at] / nodes[-1]:.0%} along the way, more than {limits.force[leg]:g} N"
-        )
+def _between(law: SpeedLaw, nodes: FloatArray) -> SpeedLaw:
+    """Return the same law with more nodes."""
+    step = np.clip(np.searchsorted(law.nodes, nodes, "right") - 1, 0, len(law.slopes) - 1)
+    squares = law.state(step, (nodes - law.nodes[step]) / np.diff(law.nodes)[step])[0]
+    return SpeedLaw(nodes, squares, law.slopes[step[:-1]])

@@ -8,6 +8,7 @@ The form::
     smoothness: 2                        # or 3, of the path at the ends of blends
     turning_length: 100 mm               # what a turn of 1 rad counts as
     carrying: {mass: 200 g, com: [0, 0, 0], inertia: [0, 0, 0]}           # at the beginning
+    limits: {force: 300 N, jerk: [500, 500, 300 m/s^3]}   # of the fastest motion
     waypoints:
       - {name: home, pose: [0, 0, 0 deg]}
       - name: pick
@@ -35,15 +36,35 @@ import yaml
 from p3dof.checks import shown
 from p3dof.errors import ParameterError, TaskError
 from p3dof.files import Source, called, parse_yaml, read_text, suffix_of, write_atomic
+from p3dof.parameters import LEGS
 from p3dof.parameters.plain import read_body, read_fields
-from p3dof.parameters.quantities import ANGLE, FORCE, LENGTH, MOMENT, TIME, Quantity
+from p3dof.parameters.quantities import (
+    ANGLE,
+    FORCE,
+    JERK,
+    LENGTH,
+    MASS,
+    MOMENT,
+    POWER,
+    SPEED,
+    TIME,
+    Quantity,
+)
 from p3dof.tasks.task import Task
 from p3dof.tasks.waypoints import Waypoint
 
-_TASK = ("name", "path", "profile", "smoothness", "turning_length", "carrying", "waypoints")
+_TASK = ("name", "path", "profile", "smoothness", "turning_length", "carrying", "limits", "waypoints")
 _WAYPOINT = ("pose", "name", "blend", "dwell", "duration", "pick_up", "put_down", "wrench")
 _POSE = (LENGTH, LENGTH, ANGLE)
 _WRENCH = (FORCE,) * 3 + (MOMENT,) * 3
+_LIMITS: Mapping[str, Quantity] = {
+    "force": FORCE,
+    "speed": SPEED,
+    "power": POWER,
+    "reflected_mass": MASS,
+    "jerk": JERK,
+    "nut_force": FORCE,
+}
 _PLAIN: Mapping[str, Quantity] = {"blend": LENGTH, "dwell": TIME, "duration": TIME}
 
 
@@ -121,6 +142,8 @@ def parse(text: str, source: str = "task") -> Task:
             values["turning_length"] = LENGTH.read(data["turning_length"], f"{source}: turning_length")
         if "carrying" in data:
             values["carrying"] = read_body(data["carrying"], f"{source}: carrying")
+        if "limits" in data:
+            values["limits"] = _limits(data["limits"], f"{source}: limits")
         found = [_waypoint(point, f"{source}: waypoint {k + 1}") for k, point in enumerate(points)]
     except ParameterError as error:
         raise TaskError(str(error)) from error
@@ -137,9 +160,28 @@ def dump(task: Task) -> str:
     data["turning_length"] = task.turning_length
     if task.carrying is not None:
         data["carrying"] = task.carrying.to_dict()
+    if task.limits:
+        data["limits"] = {
+            name: list(value) if isinstance(value, tuple) else value for name, value in task.limits.items()
+        }
     data["waypoints"] = [_plain(point) for point in task.waypoints]
     header = "# p3dof task: m, rad, s, kg, N, N m\n"
     return header + yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=110)
+
+
+def _limits(data: Any, where: str) -> dict[str, Any]:
+    """Return limits, each one number or those of A, B, C."""
+    data = read_fields(data, where, (), tuple(_LIMITS))
+    found = {}
+    for name, value in data.items():
+        place = f"{where}: {name}"
+        if isinstance(value, list):
+            if len(value) != len(LEGS):
+                raise TaskError(f"{place}: expected a number, or those of A, B and C, got {shown(value)}")
+            found[name] = [_LIMITS[name].read(one, f"{place}[{k}]") for k, one in enumerate(value)]
+        else:
+            found[name] = _LIMITS[name].read(value, place)
+    return found
 
 
 def _waypoint(data: Any, where: str) -> Waypoint:

@@ -1,13 +1,17 @@
-"""How a path is covered in time: `ProfileLaw` by a profile and a duration, `SpeedLaw` by speeds along it."""
+"""How a path is covered in time: `ProfileLaw` by a profile and a duration, `SpeedLaw` by speeds along it.
+
+`SmoothLaw` too is by speeds, with an acceleration that is continuous and zero at both ends.
+"""
 
 from __future__ import annotations
 
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray
-from p3dof.tasks.profiles import CORNERS, Profile
+from p3dof.tasks.profiles import CORNERS, Profile, eased
 
 _SMALL = 1e-4
 """Below this, series of two terms are exact to the last bit."""
@@ -29,6 +33,17 @@ class Law(Protocol):
 
     def when(self, parameter: FloatArray) -> FloatArray:
         """Return when parameters (K,) are reached [s]."""
+
+
+class PathLaw(Protocol):
+    """Speeds at the nodes of a path, and between them."""
+
+    @property
+    def duration(self) -> float:
+        """How long it takes [s]."""
+
+    def state(self, step: NDArray[np.intp], share: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return ṡ², s̈ and ds̈/ds at shares of steps, (P,) each."""
 
 
 class ProfileLaw:
@@ -109,6 +124,13 @@ class SpeedLaw:
         """Return the same with every time so many times longer."""
         return SpeedLaw(self.nodes, self.squares / factor**2, self.slopes / factor**2)
 
+    def state(self, step: NDArray[np.intp], share: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return ṡ², s̈ and ds̈/ds at shares of steps, (P,) each."""
+        way = share * np.diff(self.nodes)[step]
+        start, slope = self.starts[step], self.slopes[step]
+        square = self.squares[step] + way * (2 * start + slope * way)
+        return np.maximum(square, 0.0), start + slope * way, slope
+
     def at(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the parameter and its first two derivatives by time, at times (N,) [s]."""
         piece = np.clip(np.searchsorted(self.kinks, time, "right") - 1, 0, len(self.slopes) - 1)
@@ -121,6 +143,132 @@ class SpeedLaw:
     def when(self, parameter: FloatArray) -> FloatArray:
         """Return when parameters (K,), which are nodes, are reached [s]."""
         return np.asarray(self.kinks[np.argmin(np.abs(self.nodes[:, None] - parameter), axis=0)])
+
+
+_GAUSS, _WEIGHTS = np.polynomial.legendre.leggauss(12)
+_NEWTON = 60
+
+
+class SmoothLaw:
+    """A path that is covered with given squares of the speed of p, where `eased` (p) is the share of it.
+
+    p̈ is continuous, and quadratic in p between nodes; p never stops, so that speed and acceleration are zero
+    at both ends of the path, and the jerk is bounded.
+
+    Parameters
+    ----------
+    nodes : ndarray, shape (n + 1,)
+        p, rising from 0 to 1.
+    squares, changes : ndarray, shape (n + 1,)
+        ṗ² and p̈ at the nodes.
+    bulges : ndarray, shape (n,)
+        How much p̈ is above the straight line in the middle of each step.
+    length : float
+        The parameter of the path at its end.
+    """
+
+    def __init__(
+        self,
+        nodes: FloatArray,
+        squares: FloatArray,
+        changes: FloatArray,
+        bulges: FloatArray,
+        length: float,
+    ) -> None:
+        self.nodes, self.squares, self.changes, self.bulges = nodes, squares, changes, bulges
+        self.length, count = length, len(nodes) - 1
+        times = self._times(np.arange(count), np.ones(count))
+        self.kinks: FloatArray = np.append(0.0, np.cumsum(times))
+
+    @property
+    def duration(self) -> float:
+        """How long it takes [s]."""
+        return float(self.kinks[-1])
+
+    def slowed(self, factor: float) -> SmoothLaw:
+        """Return the same with every time so many times longer."""
+        squares, changes, bulges = (part / factor**2 for part in (self.squares, self.changes, self.bulges))
+        return SmoothLaw(self.nodes, squares, changes, bulges, self.length)
+
+    def mixed(self, other: SmoothLaw, share: float) -> SmoothLaw:
+        """Return the law that is so far on the way to another one of the same nodes."""
+        pairs = ((name, getattr(self, name)) for name in ("squares", "changes", "bulges"))
+        squares, changes, bulges = (own + share * (getattr(other, name) - own) for name, own in pairs)
+        return SmoothLaw(self.nodes, squares, changes, bulges, self.length)
+
+    def at_nodes(self, nodes: FloatArray) -> SmoothLaw:
+        """Return nearly the same law with other nodes."""
+        step, share = self._within(nodes)
+        square, change, _ = self.state(step, share)
+        middle = self.state(*self._within((nodes[1:] + nodes[:-1]) / 2))[1]
+        bulges = middle - (change[1:] + change[:-1]) / 2
+        return SmoothLaw(nodes, square, change, bulges, self.length)
+
+    def state(self, step: NDArray[np.intp], share: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return ṗ², p̈ and dp̈/dp at shares of steps, (P,) each."""
+        square, change, rise = cubic_shape(np.diff(self.nodes)[step], share)
+        parts = (
+            self.squares[step],
+            self.squares[step + 1],
+            self.changes[step],
+            self.changes[step + 1],
+            self.bulges[step],
+        )
+        values = np.column_stack(parts)
+        found = (np.einsum("ij,ij->i", form, values) for form in (square, change, rise))
+        pace, acceleration, slope = found
+        return np.maximum(pace, 0.0), acceleration, slope
+
+    def at(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the parameter and its first two derivatives by time, at times (N,) [s]."""
+        step = np.clip(np.searchsorted(self.kinks, time, "right") - 1, 0, len(self.bulges) - 1)
+        size, left = np.diff(self.nodes)[step], time - self.kinks[step]
+        share = left / np.diff(self.kinks)[step]
+        for _ in range(_NEWTON):
+            pace = np.sqrt(self.state(step, share)[0]) / size
+            move = (left - self._times(step, share)) * pace
+            share = np.clip(share + move, 0.0, 1.0)
+            if np.abs(move).max(initial=0.0) < 1e-13:
+                break
+        square, change, _ = self.state(step, share)
+        way, rate, bend, _ = self.length * eased(self.nodes[step] + share * size)
+        return way, rate * np.sqrt(square), rate * change + bend * square
+
+    def when(self, parameter: FloatArray) -> FloatArray:
+        """Return when parameters (K,), which are at nodes, are reached [s]."""
+        ways = self.length * eased(self.nodes)[0]
+        return np.asarray(self.kinks[np.argmin(np.abs(ways[:, None] - parameter), axis=0)])
+
+    def _within(self, places: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
+        step = np.clip(np.searchsorted(self.nodes, places, "right") - 1, 0, len(self.bulges) - 1)
+        return step, (places - self.nodes[step]) / np.diff(self.nodes)[step]
+
+    def _times(self, step: NDArray[np.intp], share: FloatArray) -> FloatArray:
+        """Return how long it takes from the beginning of steps (P,) to shares of them [s]."""
+        inside = (share[:, None] * (1 + _GAUSS) / 2).ravel()
+        squares = self.state(np.repeat(step, len(_GAUSS)), inside)[0].reshape(len(step), -1)
+        with np.errstate(divide="ignore"):
+            return np.asarray((1 / np.sqrt(squares)) @ _WEIGHTS * share / 2 * np.diff(self.nodes)[step])
+
+
+def cubic_shape(size: FloatArray, share: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return ṗ², p̈ and dp̈/dp at shares of steps, by ṗ² and p̈ at both ends of the step and the bulge of p̈.
+
+    Parameters
+    ----------
+    size, share : ndarray, shape (P,)
+        Size of the step, and where in it.
+
+    Returns
+    -------
+    tuple of three ndarray, shape (P, 5)
+    """
+    c, h, none = share, size, np.zeros_like(share)
+    bulge = 4 * h * c**2 * (1 - 2 / 3 * c)
+    square = [1 - none, none, h * c * (2 - c), h * c**2, bulge]
+    change = [none, none, 1 - c, c, 4 * c * (1 - c)]
+    rise = [none, none, -1 / h, 1 / h, 4 * (1 - 2 * c) / h]
+    return np.column_stack(square), np.column_stack(change), np.column_stack(rise)
 
 
 def _waves(slope: FloatArray, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

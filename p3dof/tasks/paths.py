@@ -16,7 +16,7 @@ import numpy as np
 from p3dof.checks import FloatArray
 from p3dof.errors import TaskError
 from p3dof.motion import splines
-from p3dof.tasks.profiles import quintic
+from p3dof.tasks.profiles import eased, quintic
 from p3dof.tasks.waypoints import Waypoint
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
@@ -47,7 +47,8 @@ class Path:
     at_waypoints : ndarray, shape (K,)
         The parameter at every waypoint: for one that is passed by a blend, at the middle of that.
     breaks : ndarray, shape (M,)
-        The parameter where the lines and blends, or the parts of the spline, begin and end.
+        The parameter where the lines and blends, or the parts of the spline, begin and end: its third
+        derivative may jump there.
 
     Raises
     ------
@@ -110,6 +111,27 @@ class Path:
         angle = (start + turn * q, turn * rate * slope, turn * (change * slope**2 + rate * bend))
         pose, first, second = (np.column_stack(pair) for pair in zip(found, angle, strict=True))
         return pose, first, second
+
+    def third(self, parameter: FloatArray) -> FloatArray:
+        """Return the third derivative of the pose by the parameter, (N, 3); after a jump where it jumps.
+
+        Parameters
+        ----------
+        parameter : ndarray, shape (N,)
+            From 0 to `end`.
+        """
+        one, two, three = (
+            np.asarray(self._curve(parameter / self._unit, n)) / self._unit**n for n in (1, 2, 3)
+        )
+        if self._turn is None:
+            return three
+        x, slope, bend = self._share(parameter, one, two)
+        speed = slope * self._ways[-1]
+        along, across = np.einsum("ij,ij->i", one, two), np.einsum("ij,ij->i", two, two)
+        change = (across + np.einsum("ij,ij->i", one, three) - along**2 / speed**2) / speed
+        _, rate, rise, third = eased(x)
+        angle = third * slope**3 + 3 * rise * slope * bend + rate * change / self._ways[-1]
+        return np.column_stack([three, self._turn[1] * angle])
 
     def _blended(
         self, waypoints: Sequence[Waypoint], points: FloatArray, legs: FloatArray, lengths: FloatArray

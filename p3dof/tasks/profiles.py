@@ -21,6 +21,15 @@ def quintic(time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     return t**3 * (10 + t * (6 * t - 15)), 30 * (t * (1 - t)) ** 2, 60 * t * (1 - t) * (1 - 2 * t)
 
 
+def eased(share: FloatArray) -> FloatArray:
+    """Return how far along a path one is at p from 0 to 1, and three derivatives by p, (4, N).
+
+    At both ends the path goes on with the third power of p: with a constant jerk from rest, p is the time.
+    """
+    way, rate, change = quintic(share)
+    return np.array([way, rate, change, 60 * (1 - 6 * share * (1 - share))])
+
+
 def septic(time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return s = 35 τ⁴ - 84 τ⁵ + 70 τ⁶ - 20 τ⁷ and its derivatives: the jerk is zero at both ends too."""
     t = time

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from itertools import pairwise
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +16,7 @@ from p3dof.errors import TaskError
 from p3dof.motion.times import sample_count
 from p3dof.parameters import Body
 from p3dof.tasks.laws import ProfileLaw
+from p3dof.tasks.limits import AxisLimits
 from p3dof.tasks.paths import Path
 from p3dof.tasks.plan import Plan, Stretch, planned
 from p3dof.tasks.profiles import PROFILES
@@ -48,6 +51,9 @@ class Task:
         ℓ: a turn of 1 rad counts as so much way where lengths of poses and shares of time are meant [m].
     carrying : Body, optional
         What the platform carries at the beginning, in its own frame.
+    limits : mapping of str to float or sequence of three, optional
+        What the actuators may be asked for in the fastest plan, by the names of `AxisLimits`; force and
+        speed of the machine where there are none.
 
     Raises
     ------
@@ -63,6 +69,7 @@ class Task:
     smoothness: int = 2
     turning_length: float = 0.1
     carrying: Body | None = None
+    limits: Mapping[str, Any] = field(default_factory=dict)
 
     def __init__(
         self,
@@ -73,6 +80,7 @@ class Task:
         smoothness: int = 2,
         turning_length: float = 0.1,
         carrying: Body | None = None,
+        limits: Mapping[str, Any] | None = None,
     ) -> None:
         points = tuple(waypoints)
         for point in points:
@@ -97,9 +105,10 @@ class Task:
             "smoothness": int(smoothness),
             "turning_length": positive("turning_length", turning_length, TaskError),
             "carrying": carrying,
+            "limits": _checked_limits({} if limits is None else limits),
         }
-        for field, setting in values.items():
-            object.__setattr__(self, field, setting)
+        for what, setting in values.items():
+            object.__setattr__(self, what, setting)
         self._check()
 
     @cached_property
@@ -225,3 +234,21 @@ class Task:
                 raise TaskError(f"{name}: pick_up: the platform carries something already; put it down first")
             carried = carried or point.pick_up is not None
         _ = self.paths  # says at once that one is not possible
+
+
+def _checked_limits(given: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return limits by name, numbers or rows of three."""
+    known = [one.name for one in fields(AxisLimits)]
+    if not isinstance(given, Mapping):
+        raise TaskError(f"limits: expected limits by name, got {shown(given)}")
+    for name in given:
+        if name not in known:
+            raise TaskError(f"limits: unknown limit {shown(name)}, expected one of {', '.join(known)}")
+    try:
+        checked = AxisLimits(**({"force": 1.0, "speed": 1.0} | dict(given)))
+    except TaskError as error:
+        raise TaskError(f"limits: {error}") from error
+    rows = {name: getattr(checked, name).tolist() for name in given}
+    return MappingProxyType(
+        {name: row[0] if len(set(row)) == 1 else tuple(row) for name, row in rows.items()}
+    )
