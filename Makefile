@@ -113,6 +113,7 @@ pictures: $(DEV) ## draw the pictures of the README anew
 clean: ## remove what was installed, built and computed
 	rm -rf $(VENV) $(LOWEST) $(OUT) page/node_modules build p3dof.egg-info p3dof/compiled/extension/_compiled*.so
 	rm -rf docs/reference/api docs/reference/generated docs/_static/animation.html docs/contributing.md docs/tests.md
+	rm -rf docs/_static/tutorial
 	rm -f docs/tutorials/*.ipynb
 
 $(MODULES): page/package.json page/package-lock.json

@@ -4,7 +4,8 @@ In a page, a block of the language
 
 * ``python`` is run; all blocks of a page are one session;
 * ``console`` holds commands after ``$``: ``p3dof ...`` is run and must end with exit code 0,
-  ``python -c "..."`` is run, others (``make``, ``pip``) are not;
+  ``python -c "..."`` is run, others (``make``, ``pip``) are not; what needs engines or a browser that are
+  not there is not run;
 * ``yaml`` or ``text`` whose first line is a comment with a file name, as ``# machine.yaml``, is written to
   that file; what has none is read only.
 """
@@ -19,6 +20,7 @@ from pathlib import Path
 
 from p3dof import engines
 from p3dof.cli import main
+from p3dof.viewer import headless
 
 ROOT = Path(__file__).parents[1]
 _BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
@@ -69,6 +71,8 @@ def run(page: Path, folder: Path) -> dict[str, object]:
 def _run_command(line: str) -> None:
     found = _COMMAND.match(line)
     if found is None or ("--engines" in line and not all(map(engines.available, engines.ENGINES))):
+        return
+    if line.endswith(".pdf") and not any(map(shutil.which, headless.NAMES)):
         return
     words = shlex.split(found[2], comments=True)
     if found[1] == "p3dof":

@@ -3,6 +3,7 @@
 * ``tutorials/*.ipynb``: copies of the notebooks, in which a live page gives way to a recorded one;
 * ``contributing.md`` and ``tests.md``: what the repository says to contributors;
 * ``_static/animation.html``: the recorded one, of the paper's motion;
+* ``_static/tutorial/``: what the commands of the tutorial on tasks draw and write;
 * ``reference/api/``: the list of public names, by the topics of ``p3dof/__init__.pyi``;
 * ``reference/generated/*.md``: tables of links, joints and closures, and of the paper's equations.
 """
@@ -10,12 +11,16 @@
 from __future__ import annotations
 
 import ast
+import contextlib
 import inspect
 import json
 import re
+import shlex
+import shutil
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import FunctionType, ModuleType
 from typing import Any
 from xml.etree import ElementTree
@@ -36,6 +41,10 @@ EQUATION = re.compile(r"(?<![\w\]])\((\d{1,2})\)(?:[-–]\((\d{1,2})\))?|\beqs?\
 LAST_EQUATION = 18
 LINKS = {"docs/": "", "tests/README.md": "tests.md", "../CONTRIBUTING.md": "contributing.md"}
 LIVE = re.compile(r"robot\.(show|viewer)\(")
+BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+NAMED = re.compile(r"# ([\w./-]+\.\w+)\n")
+SHOWN = ("task.png", "drives.png", "machines.png", "out/machine.html")
+"""What the tutorial on tasks shows of what it makes."""
 RECORDED = (
     '<iframe class="machine" src="../_static/animation.html" title="The machine, moving"></iframe>\n\n'
     "(Recorded: in the notebook, the page is live.)"
@@ -54,6 +63,7 @@ def write_pages(app: Sphinx, _config: Config) -> None:
     animation = source / "_static" / "animation.html"
     if not animation.exists() and main(["show", "--out", str(animation)]):
         raise RuntimeError("the animation could not be written")
+    task_results(tutorials / "from-a-task-to-a-machine.md", source / "_static" / "tutorial")
     _write(source / "reference/api/index.rst", api_page())
     for name, text in module_pages().items():
         _write(source / f"reference/api/p3dof.{name}.rst", text)
@@ -61,6 +71,26 @@ def write_pages(app: Sphinx, _config: Config) -> None:
         _write(source / f"reference/api/p3dof.{name}.rst", data_page(name))
     _write(source / "reference/generated/names.md", names_page())
     _write(source / "reference/generated/equations.md", equations_page())
+
+
+def task_results(page: Path, folder: Path) -> None:
+    """Run the commands of the tutorial on tasks, and keep its figures and its report."""
+    wanted = {name: folder / Path(name).name for name in SHOWN}
+    written = max((path.stat().st_mtime for path in [page, *PACKAGE.rglob("*.py")]), default=0.0)
+    if all(path.exists() and path.stat().st_mtime >= written for path in wanted.values()):
+        return
+    folder.mkdir(exist_ok=True)
+    with TemporaryDirectory() as place, contextlib.chdir(place):
+        for language, text in BLOCK.findall(page.read_text(encoding="utf-8")):
+            if named := NAMED.match(text):
+                Path(named[1]).write_text(text, encoding="utf-8")
+            if language == "console":
+                for line in re.findall(r"^\$ p3dof (.*)$", text, re.MULTILINE):
+                    words = shlex.split(line)
+                    if not line.endswith(".pdf") and main(words):
+                        raise RuntimeError(f"{page.name}: p3dof {line}")
+        for name, path in wanted.items():
+            shutil.copyfile(name, path)
 
 
 def load_commands() -> None:
