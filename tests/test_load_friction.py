@@ -26,7 +26,7 @@ from p3dof.load_friction import (
     read_load_friction,
 )
 from p3dof.motion import Motion, paper_motion
-from p3dof.parameters import PAPER, PASSIVE, SLIDES, Body, Friction
+from p3dof.parameters import PAPER, PASSIVE, SLIDES, Actuators, Body, Friction
 from p3dof.reactions import Stiffness, of_result
 
 PLAIN = HingeContact(mu=0.1, radius=8e-3)
@@ -126,7 +126,7 @@ def test_on_random_machines_it_is_the_virtual_power_of_its_own_reactions(seed, m
     )
     scale = np.abs(again.forces).max() * conditioning(machine.geometry, states.pose).max()
     np.testing.assert_allclose(found.reactions.forces, again.forces, atol=1e-12 * scale)
-    limits = expected_limits(friction, again, found.nut_forces)
+    limits = expected_limits(friction, again, found.result.nut_forces)
     assert limits.keys() == found.coulomb.limits.keys()
     for name, limit in limits.items():
         np.testing.assert_allclose(found.coulomb.limits[name], limit, rtol=1e-9, atol=1e-12 * scale)
@@ -194,7 +194,7 @@ def test_a_screw_loses_its_share_of_the_nut_by_the_direction_of_power(robot):
     guide = LoadFriction(slides=SlideContact(4.0, 0.01, 0.03))
     both = LoadFriction(slides=SlideContact(4.0, 0.01, 0.03, screw=1 / 0.9 - 1))
     one, other = (robot.load_friction(paper_motion(51), part, stiffness=S1) for part in (guide, both))
-    np.testing.assert_allclose(other.nut_forces, one.result.forces, rtol=1e-12)
+    np.testing.assert_allclose(other.result.nut_forces, one.result.forces, rtol=1e-12)
     speeds = one.result.slider_velocities
     fast = np.abs(speeds) > 0.01
     drives = one.result.forces * speeds > 0
@@ -202,8 +202,29 @@ def test_a_screw_loses_its_share_of_the_nut_by_the_direction_of_power(robot):
     np.testing.assert_allclose(other.result.forces[fast], expected[fast], rtol=1e-6)
     assert (drives & fast).any()
     assert (~drives & fast).any()
-    assert other.coulomb.screws
-    assert not one.coulomb.screws
+    assert one.coulomb.screws is None
+
+
+def test_rotors_and_balances_load_no_joint(robot):
+    """Neither guides nor hinges feel them; a screw feels the balance, but not its rotor."""
+    motion = paper_motion(21)
+    plain = LoadFriction(PLAIN, slides=SlideContact(4.0, 0.01, 0.03))
+    screws = replace(plain, slides=SlideContact(4.0, 0.01, 0.03, screw=0.1))
+    bare = robot.load_friction(motion, plain, stiffness=S1)
+    for actuators in (
+        Actuators(armature={"sliders": 14.8}),
+        Actuators({"slide_a": 9.0}, {"sliders": 50.0}, {"slide_b": 30.0}, {"slide_c": 2.0}),
+    ):
+        heavy = p3dof.load(replace(PAPER, actuators=actuators))
+        for method in ("pinocchio", "virtual-power"):
+            found = heavy.load_friction(motion, plain, method=method, stiffness=S1)
+            np.testing.assert_allclose(found.additions, bare.additions, atol=1e-10)
+            lossy = heavy.load_friction(motion, screws, method=method, stiffness=S1)
+            nuts = found.result.forces - found.result.slider_accelerations * actuators.rotors
+            np.testing.assert_allclose(lossy.result.nut_forces, nuts, atol=1e-10)
+            lost = 0.1 * np.abs(nuts) * np.tanh(lossy.result.slider_velocities / 1e-3)
+            np.testing.assert_allclose(lossy.result.forces - found.result.forces, lost, atol=1e-10)
+            assert np.abs(lossy.result.power_residual).max() < 1e-9
 
 
 def test_losses_add_up(effect):

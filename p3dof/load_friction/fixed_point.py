@@ -120,7 +120,6 @@ def over_motion(
         with_friction,
         settled.reactions,
         settled.loads,
-        settled.nuts,
         steps,
     )
 
@@ -155,7 +154,6 @@ class _Step(NamedTuple):
 
     solution: Solution
     coulomb: CoulombLimits
-    nuts: FloatArray
     reactions: Reactions
     loads: dict[str, FloatArray]
 
@@ -186,13 +184,12 @@ def _stepped(given: _Given, loads: dict[str, FloatArray]) -> _Step:
     friction, solution = given.friction, given.solution
     coulomb = limits_of(friction, loads)
     more, lost = given.against(coulomb, solution)
-    nuts = solution.forces + more - given.rotors
     if friction.screws:
-        coulomb = with_screws(friction, coulomb, nuts)
+        coulomb = with_screws(friction, coulomb, solution.forces + more - given.rotors)
         more, lost = given.against(coulomb, solution)
     found = replace(solution, forces=solution.forces + more, dissipation=solution.dissipation + lost)
     reactions = given.loaded(found, coulomb)
-    return _Step(found, coulomb, nuts, reactions, loads_of(friction, reactions))
+    return _Step(found, coulomb, reactions, loads_of(friction, reactions))
 
 
 def _largest_change(former: dict[str, FloatArray], now: _Step, scale: FloatArray) -> tuple[float, str, int]:

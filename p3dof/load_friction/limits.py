@@ -85,12 +85,13 @@ def with_screws(friction: LoadFriction, guides: CoulombLimits, nuts: FloatArray)
     -------
     CoulombLimits
     """
-    limits = dict(guides.limits)
+    limits, screws = dict(guides.limits), np.zeros_like(nuts)
     for i, name in enumerate(SLIDES):
         contact = friction.of(name)
         if isinstance(contact, SlideContact):
-            limits[name] = limits[name] + contact.screw * np.abs(nuts[:, i : i + 1])
-    return CoulombLimits(limits, guides.smoothing, screws=True)
+            screws[:, i] = contact.screw * np.abs(nuts[:, i])
+            limits[name] = limits[name] + screws[:, i : i + 1]
+    return CoulombLimits(limits, guides.smoothing, screws)
 
 
 def _contacts(friction: LoadFriction) -> Iterator[tuple[str, HingeContact | SlideContact]]:

@@ -39,9 +39,6 @@ class LoadFrictionEffect(ShownInNotebook):
         Of elastic joints, under all friction.
     loads : mapping of str to ndarray, shape (N, axes)
         What the contacts of guides, hinges and universal joints bear: see `LoadFriction` [N].
-    nut_forces : ndarray, shape (N, 3)
-        Forces of the nuts on their sliders: those of the actuators less what screws lose and less what takes
-        their rotors along, the armature [N].
     steps : int
         How many it took until no load changed.
     """
@@ -52,7 +49,6 @@ class LoadFrictionEffect(ShownInNotebook):
     result: InverseDynamics
     reactions: Reactions
     loads: Mapping[str, FloatArray]
-    nut_forces: FloatArray
     steps: int
 
     def __repr__(self) -> str:

@@ -71,7 +71,7 @@ def size_drives(
     if not isinstance(found, InverseDynamics | TaskForces):
         raise InputError(f"found: expected forces over a motion or a task, got {shown(found)}")
     results = [found] if isinstance(found, InverseDynamics) else found.results
-    if any(result.coulomb is not None and result.coulomb.screws for result in results):
+    if any(result.coulomb is not None and result.coulomb.screws is not None for result in results):
         raise DriveError(
             "found: the forces have losses of screws (screw of the load friction), and drives have "
             "efficiencies of their own: leave one of them out"

@@ -19,10 +19,10 @@ class CoulombLimits:
         or two of a universal joint (x0, then y0).
     smoothing : float
         The rate at which tanh(rate / smoothing) turns its sign [m/s, rad/s].
-    screws : bool
-        Whether losses of screws are among those of the slides.
+    screws : ndarray, shape (N, 3), optional
+        What of those of the slides screws lose, between motor and nut [N].
     """
 
     limits: Mapping[str, FloatArray]
     smoothing: float
-    screws: bool = False
+    screws: FloatArray | None = None

@@ -119,8 +119,15 @@ class InverseDynamics(ShownInNotebook):
 
     @property
     def nut_forces(self) -> FloatArray:
-        """Forces that screws pass on to the sliders, shape (N, 3) [N]: without what armatures take."""
-        return self.forces - self.armature * self.slider_accelerations
+        """Forces that screws pass on to the sliders, shape (N, 3) [N]: without what armatures take.
+
+        Nor have they what screws lose, if friction by load has any of it.
+        """
+        forces = self.forces - self.armature * self.slider_accelerations
+        if self.coulomb is None or self.coulomb.screws is None:
+            return forces
+        lost = self.coulomb.screws * np.tanh(self.slider_velocities / self.coulomb.smoothing)
+        return np.asarray(forces - lost)
 
     @property
     def valid(self) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
