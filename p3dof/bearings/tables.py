@@ -3,67 +3,81 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import TypeAlias
 
 from p3dof.bearings.results import BearingLife, BearingReport, GuideLife
 from p3dof.tables import NONE, Table, html_of, notebook_html, number, table_of
 
 _LONG = 1e5
+Place: TypeAlias = Callable[[float], str] | None
+"""Says where the machine is at a time."""
 
 
-def bearings_table(report: BearingReport) -> Table:
+def bearings_table(report: BearingReport, place: Place = None) -> Table:
     """Return the bearings of the hinges: loads, angles turned, lives.
 
     Parameters
     ----------
     report : BearingReport
         Over a cycle.
+    place : callable, optional
+        Takes a time and returns where the machine then is, in words.
 
     Returns
     -------
     Table
     """
-    header = ("joint", "bearing", *_LOAD, "swing [°]", "turns a cycle", "L10 [Mrev]", *_LIFE)
+    header = ("joint", "bearing", *_load(place), "swing [°]", "turns a cycle", "L10 [Mrev]", *_LIFE)
     rows = {
-        one.joint: _row(one, one.bearing.name, (math.degrees(one.swing), one.revolutions), one.life / 1e6)
+        one.joint: _row(one, (math.degrees(one.swing), one.revolutions), one.life / 1e6, place)
         for one in report.bearings
     }
     note = f"A cycle takes {number(report.cycle)} s. Mean load: equivalent, by angle turned (ISO 281)."
     return table_of("Bearings", header, rows, note, "wide")
 
 
-def guides_table(report: BearingReport) -> Table:
+def guides_table(report: BearingReport, place: Place = None) -> Table:
     """Return the guides of the sliders: loads, ways, lives.
 
     Parameters
     ----------
     report : BearingReport
         Over a cycle.
+    place : callable, optional
+        Takes a time and returns where the machine then is, in words.
 
     Returns
     -------
     Table
     """
-    header = ("joint", "guide", *_LOAD, "from moments", "way a cycle [m]", "L10 [km]", *_LIFE)
+    header = ("joint", "guide", *_load(place), "from moments", "way a cycle [m]", "L10 [km]", *_LIFE)
     rows = {
-        one.joint: _row(one, one.guide.name, (f"{one.moment_share:.0%}", one.way), one.life / 1e3)
+        one.joint: _row(one, (f"{one.moment_share:.0%}", one.way), one.life / 1e3, place)
         for one in report.guides
     }
     note = "Mean load: equivalent, with moments about the carriage, weighted by the way (ISO 14728-1)."
     return table_of("Guides", header, rows, note, "wide")
 
 
-_LOAD = ("mean load [N]", "peak [N]", "at t [s]")
 _LIFE = ("L10 [h]", "static safety")
 
 
+def _load(place: Place) -> tuple[str, ...]:
+    """Return the names of the columns of the load."""
+    return ("mean load [N]", "peak [N]", "at t [s]", *(() if place is None else ("on the way",)))
+
+
 def _row(
-    one: BearingLife | GuideLife, name: str, middle: tuple[float | str, float], life: float
+    one: BearingLife | GuideLife, middle: tuple[float | str, float], life: float, place: Place
 ) -> tuple[str, ...]:
     """Return the cells of a bearing or a guide: load, what is its own, life."""
+    name = (one.bearing if isinstance(one, BearingLife) else one.guide).name
     loads = (one.mean_load, one.peak_load, one.peak_time)
+    where = () if place is None else (place(one.peak_time),)
     own = (cell if isinstance(cell, str) else number(cell) for cell in middle)
     lives = (number(life) if math.isfinite(life) else NONE, _hours(one.hours), _safety(one.static_safety))
-    return (name, *map(number, loads), *own, *lives)
+    return (name, *map(number, loads), *where, *own, *lives)
 
 
 def rods_table(report: BearingReport) -> Table:

@@ -8,18 +8,10 @@ import click
 
 from p3dof.cli.app import app
 from p3dof.cli.files import OutputFile, console_beside, write_results
-from p3dof.cli.options import (
-    FIGURE,
-    JOINTS,
-    LOAD_FRICTION,
-    STIFFNESS,
-    Case,
-    load_friction_in,
-    stiffness_in,
-    with_case,
-)
+from p3dof.cli.options import FIGURE, JOINTS, Case, with_case
 from p3dof.cli.output import print_plain, print_warnings, show
 from p3dof.cli.payloads import print_payloads
+from p3dof.cli.task_loads import JointLoads, with_joint_loads
 from p3dof.reactions import JOINTS as ALL_JOINTS
 from p3dof.reactions import Choice, how_chosen, open_tables, reactions_table
 
@@ -28,23 +20,15 @@ _KEY = "\n".join(f"  {joint.label}  {joint.name:15} {joint.meaning}" for joint i
 
 @app.command(epilog=f"\b\nJoints: in the drawing, in tables and files, and what they are\n{_KEY}")
 @with_case
+@with_joint_loads
 @JOINTS
-@STIFFNESS
-@LOAD_FRICTION
 @click.option(
     "--out",
     type=OutputFile("table", stream=True),
     help="CSV file, - for the standard output, for the reactions of all joints in all samples.",
 )
 @FIGURE
-def reactions(
-    case: Case,
-    joints: Choice,
-    stiffness: Path | None,
-    load_friction: Path | None,
-    out: Path | None,
-    figure: Path | None,
-) -> int:
+def reactions(loads: JointLoads, joints: Choice, out: Path | None, figure: Path | None) -> int:
     """Compute the forces and moments in all joints over a motion: peaks on the screen, samples in a file.
 
     Loads that rigid bodies leave open (~) are those of elastic joints and rods, with the stiffness of
@@ -52,8 +36,8 @@ def reactions(
 
     Exit code 1 when the machine cannot make the motion: there are no peaks then.
     """
-    case.protect(out, figure, read=(load_friction, stiffness))
-    result = case.reactions(joints, stiffness_in(stiffness), load_friction_in(load_friction))
+    loads.protect(out, figure)
+    case, result = loads.case, loads.reactions(joints)
     from p3dof import plots
 
     written = write_results(result.to_csv, out, lambda: plots.reactions_figure(result), figure)
@@ -62,13 +46,19 @@ def reactions(
     show(console, reactions_table(result), notes=True)
     show(console, *(table for table in open_tables(result) if table.rows))
     print_plain(console, how_chosen(result))
+    if loads.plan is None:
+        print_warnings(console, _warnings(case))
+    for path in written:
+        print_plain(console, f"wrote {path}")
+    return 0 if result.possible else 1
+
+
+def _warnings(case: Case) -> tuple[str, ...]:
+    """Return what there is to know about the motion."""
     known = case.robot.inverse_dynamics(
         case.motion,
         method="virtual-power",
         wrench=case.wrench,
         on_invalid=case.on_invalid,  # type: ignore[arg-type]  # one of two, as the options say
     )
-    print_warnings(console, known.warnings)
-    for path in written:
-        print_plain(console, f"wrote {path}")
-    return 0 if result.possible else 1
+    return known.warnings

@@ -16,7 +16,7 @@ from p3dof.drives.sizing import BRAKE_SAFETY
 from p3dof.errors import InputError
 from p3dof.manipulator.facade import Manipulator
 from p3dof.manipulator.sizing import size_drives
-from p3dof.manipulator.task_loads import joined, reactions_of_task
+from p3dof.manipulator.task_loads import joined, reactions_under
 from p3dof.manipulator.tasks import TaskForces
 from p3dof.methods import InverseDynamics
 from p3dof.methods.utilisation import Utilisation, utilisations
@@ -342,7 +342,7 @@ def _reactions(
     robot: Manipulator, found: InverseDynamics | TaskForces, stiffness: Stiffness | None
 ) -> Reactions:
     if isinstance(found, TaskForces):
-        return reactions_of_task(robot, found.plan, stiffness=stiffness)
+        return reactions_under(robot, found, stiffness)
     loads = of_result(robot.loop, robot.parameters, found, "elastic", "raise", stiffness)
     return loads.each[0]
 

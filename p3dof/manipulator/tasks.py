@@ -93,8 +93,7 @@ class TaskForces(ShownInNotebook):
 
     def piece_at(self, time: float) -> Piece:
         """Return the piece of the plan that a time belongs to; the former where two meet."""
-        ends = [float(piece.motion.time[-1]) for piece in self.plan.pieces]
-        return self.plan.pieces[min(int(np.searchsorted(ends, time)), len(ends) - 1)]
+        return self.plan.piece_at(time)
 
     def utilisations(self, limits: Limits) -> tuple[Utilisation, ...]:
         """Return how much of each limit the task uses, and when it uses most of it.

@@ -20,6 +20,7 @@ from p3dof.files import suffix_of, write_atomic
 from p3dof.manipulator import Manipulator, forces_of_task
 from p3dof.manipulator.assessment import Assessment, as_result
 from p3dof.manipulator.assessment_tables import assumptions, loads_table, needs_table, share, uses_table
+from p3dof.manipulator.task_loads import without_jumps
 from p3dof.manipulator.tasks import TaskForces, pieces_table, sizing_table
 from p3dof.methods import limits_table
 from p3dof.motion import motion_table
@@ -163,7 +164,10 @@ def moving_page(found: Assessment) -> Any:
     -------
     p3dof.page.Page
     """
-    return found.robot.page(as_result(found.found), reactions=found.reactions, title=found.name)
+    reactions = found.reactions
+    if reactions is not None and isinstance(found.found, TaskForces):
+        reactions = without_jumps(reactions, found.found.plan)
+    return found.robot.page(as_result(found.found), reactions=reactions, title=found.name)
 
 
 def _answer(found: Assessment) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from p3dof.tasks.laws import Law
 from p3dof.tasks.paths import Path
 from p3dof.tasks.waypoints import Waypoint
 
-_JUMP = 1e-9
+JUMP = 1e-9
 """Share of a plan within which the wrench of a history changes from one constant value to the next."""
 _PARTS = 7
 """Every part of a way has so many times fewer samples than all ways are asked to have, at least; and a wait
@@ -107,12 +107,27 @@ class Plan:
         """How long it takes [s]."""
         return self.motion.duration
 
+    def piece_at(self, time: float) -> Piece:
+        """Return the piece that a time belongs to; the former where two meet.
+
+        Parameters
+        ----------
+        time : float
+            [s]
+
+        Returns
+        -------
+        Piece
+        """
+        ends = [float(piece.motion.time[-1]) for piece in self.pieces]
+        return self.pieces[min(int(np.searchsorted(ends, time)), len(ends) - 1)]
+
     @property
     def wrench(self) -> WrenchHistory | None:
         """The external wrench over time; None if there is none. Steps take a billionth of the duration."""
         if not any(piece.wrench.any() for piece in self.pieces):
             return None
-        step = _JUMP * self.duration
+        step = JUMP * self.duration
         times, rows = [0.0], [self.pieces[0].wrench]
         for former, latter in zip(self.pieces[:-1], self.pieces[1:], strict=True):
             if (former.wrench != latter.wrench).any():
