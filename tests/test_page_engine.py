@@ -17,7 +17,7 @@ from machines import random_machine, random_states
 from p3dof import Manipulator, kinematics
 from p3dof.page.document import engine_row
 from p3dof.page.encoding import encoded
-from p3dof.parameters import PAPER, SLIDES, Body, Friction, Geometry, of_solids
+from p3dof.parameters import PAPER, SLIDES, Actuators, Body, Friction, Geometry, of_solids
 from p3dof.tasks import Task, Waypoint
 
 WASM = ROOT / "p3dof/page/p3dof.wasm"
@@ -33,6 +33,12 @@ MACHINES = {
 }
 LONGER = Geometry(r=0.13, R=0.31, L=0.52, b=0.05)
 SLOWED = Friction({"sliders": 40.0}, {"sliders": 6.0})
+DRIVES = Actuators(
+    dict(zip(SLIDES, (14.8, 3.0, 40.0), strict=True)),
+    dict(zip(SLIDES, (48.0, -10.0, 55.0), strict=True)),
+    {"slide_b": 495.0, "slide_c": -200.0},
+    {"slide_c": 2.5},
+)
 CHANGES = {
     "2 kg below P": (
         {"payload": 2, "below": 0.15},
@@ -44,6 +50,15 @@ CHANGES = {
         of_solids(LONGER, limits=PAPER.limits),
     ),
     "friction": ({"viscous": 40, "coulomb": 6}, replace(PAPER, friction=SLOWED)),
+    "motors and balances": (
+        {
+            "armature": [14.8, 3, 40],
+            "counterbalance": [48, -10, 55],
+            "spring": [0, 495, -200],
+            "counterweight": [0, 0, 2.5],
+        },
+        replace(PAPER, actuators=DRIVES),
+    ),
     "on the Moon, pushed": (
         {"gravity": [0, 0, -1.62], "wrench": [0, 10, -50, 1, 0, 0]},
         replace(PAPER, gravity=[0, 0, -1.62]),

@@ -113,6 +113,55 @@ def test_a_payload_gives_the_forces_of_python_beside_those_before(watched):
     agrees(watched, MACHINE.parameters)
 
 
+def test_motors_and_balances_give_the_forces_of_python(watched):
+    """The file's are shown, what is typed takes their place, and no negative inertia is taken."""
+    watched.page.get_by_text("Motors and balances").click()
+    given = {
+        "armature of A [kg]": "14.8",
+        "armature of C [kg]": "3",
+        "counterbalance of A [N]": "48.15",
+        "spring of B [N/m]": "495.3",
+        "counterweight of C [kg]": "2.5",
+    }
+    for label, value in given.items():
+        write(watched, label, value)
+    own = p3dof.Actuators(
+        {"slide_a": 14.8, "slide_c": 3.0}, {"slide_a": 48.15}, {"slide_b": 495.3}, {"slide_c": 2.5}
+    )
+    agrees(watched, replace(MACHINE.parameters, actuators=own))
+    write(watched, "armature of B [kg]", "-1")
+    assert (
+        "armature: expected zero or more, got -1. The machine before is kept."
+        in watched.page.locator("#what-if .alarm[role=alert]").inner_text()
+    )
+    write(watched, "armature of B [kg]", "0")
+    watched.page.get_by_role("button", name="Reset").click()
+    refreshed(watched)
+    agrees(watched, MACHINE.parameters)
+    values = watched.page.locator("#what-if .actuators input").evaluate_all(
+        "(all) => all.map((x) => x.value)"
+    )
+    assert values == ["0"] * 12
+    watched.page.get_by_text("Motors and balances").click()
+
+
+def test_the_motors_and_balances_of_a_machine_are_shown(browser, tmp_path):
+    own = p3dof.Actuators({"sliders": 14.8}, {"slide_a": 48.15}, {"slide_b": 495.3}, {"slide_c": 2.5})
+    machine = p3dof.Manipulator(replace(MACHINE.parameters, actuators=own))
+    path = tmp_path / "page.html"
+    path.write_text(page_html(page_document(machine, machine.inverse_dynamics(MOTION))), encoding="utf-8")
+    with opened(browser, path.as_uri(), 1400, 1300, ready=READY) as seen:
+        boxes = seen.page.locator("#what-if .actuators input")
+        values = boxes.evaluate_all("(all) => all.map((x) => Number(x.value))")
+        assert values == [14.8, 14.8, 14.8, 48.15, 0, 0, 0, 495.3, 0, 0, 0, 2.5]
+        assert float(seen.page.locator("#what-if .agreement").get_attribute("data-share")) < 1e-12
+        seen.page.get_by_text("Motors and balances").click()
+        write(seen, "counterbalance of A [N]", "60")
+        changed = replace(own, counterbalance={"slide_a": 60.0})
+        agrees(seen, replace(MACHINE.parameters, actuators=changed))
+        seen.healthy()
+
+
 def test_a_slider_is_dragged_and_the_run_follows(watched):
     box = watched.page.locator("#what-if input[name=payload]").bounding_box()
     watched.page.mouse.move(box["x"] + 8, box["y"] + box["height"] / 2)
@@ -137,7 +186,7 @@ def test_friction_gravity_and_a_load_are_pythons(watched):
     write(watched, "Coulomb friction, number", "6")
     watched.page.locator("select[name=gravity]").select_option("x")
     watched.page.get_by_label("Tilt of the base in degrees").fill("20")
-    watched.page.locator("#what-if summary").click()
+    watched.page.get_by_text("External load at P").click()
     write(watched, "Fz [N]", "-50")
     write(watched, "Mx [N m]", "1.5")
     turn = np.radians(20)
@@ -147,7 +196,7 @@ def test_friction_gravity_and_a_load_are_pythons(watched):
         gravity=9.806 * np.array([0, -np.sin(turn), -np.cos(turn)]),
     )
     agrees(watched, other, wrench=[0, 0, -50, 1.5, 0, 0])
-    watched.page.locator("#what-if summary").click()
+    watched.page.get_by_text("External load at P").click()
 
 
 @pytest.mark.parametrize("bodies", ["kept", "solids"])

@@ -48,7 +48,14 @@ const PAPER = { r: 0.1, R: 0.25, L: 0.4, b: 0.05 };
  * @property {"kept"|"solids"} [bodies]
  * @property {number[]} [gravity]
  * @property {number[]} [wrench]
+ * @property {number[]} [armature]
+ * @property {number[]} [counterbalance]
+ * @property {number[]} [spring]
+ * @property {number[]} [counterweight]
  */
+
+/** What motors and balances add at the sliders A, B, C, in place of the file's. */
+export const ACTUATORS = /** @type {const} */ (["armature", "counterbalance", "spring", "counterweight"]);
 
 /**
  * Returns the numbers of a machine with something changed.
@@ -64,6 +71,7 @@ export function changed(original, whatIf) {
     }
     if (fault) throw new RangeError(fault.text);
     if (whatIf.gravity) numbers.set(whatIf.gravity, PLACES.gravity);
+    for (const kind of ACTUATORS) numbers.set(whatIf[kind] ?? [], PLACES[kind]);
     if (whatIf.bodies === "solids") setSolids(numbers);
     for (const kind of /** @type {const} */ (["viscous", "coulomb"])) {
         const value = whatIf[kind] ?? 0;
@@ -90,6 +98,11 @@ export function faultOf(original, whatIf) {
     for (const kind of /** @type {const} */ (["viscous", "coulomb"])) {
         const value = whatIf[kind] ?? 0;
         if (!(value >= 0)) return { text: `${kind} friction: expected zero or more, got ${value}`, keys: [kind] };
+    }
+    for (const kind of ACTUATORS) {
+        const values = whatIf[kind] ?? [], massive = kind === "armature" || kind === "counterweight";
+        const bad = values.find((value) => !(Number.isFinite(value) && (value >= 0 || !massive)));
+        if (bad !== undefined) return { text: `${kind}: expected ${massive ? "zero or more" : "a number"}, got ${bad}`, keys: [kind] };
     }
     const { payload = 0, below = 0 } = whatIf, heaviest = HEAVIEST * LINKS.reduce((sum, link) => sum + original[bodyPlace(link)], 0);
     if (!(payload >= 0)) return { text: `payload: expected zero or more, got ${payload} kg`, keys: ["payload"] };

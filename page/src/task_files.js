@@ -1,4 +1,5 @@
 // Task files (YAML) and motion files (CSV), as p3dof reads and writes them.
+import { ACTUATORS } from "./machine.js";
 import { PROFILES, TaskError } from "./paths.js";
 import { YamlError, parseYaml } from "./yaml.js";
 
@@ -120,6 +121,7 @@ export function leftOut(whatIf, task) {
         coulomb ? `Coulomb friction of ${coulomb} N more` : "",
         lengths.length ? `lengths ${lengths.map((key) => `${key} = ${whatIf[key]} m`).join(", ")}` : "",
         bodies === "solids" ? "steel solids of these lengths" : "",
+        ...ACTUATORS.map((kind) => (whatIf[kind] ? `${kind} (${whatIf[kind].map(short).join(", ")}) of the sliders` : "")),
         gravity ? `gravity (${gravity.map(short).join(", ")}) m/s^2` : "",
         acts(wrench) && task.waypoints.some(({ dwell }) => dwell > 0) ? `the external load (${wrench.map(short).join(", ")}) N, N m during waits` : "",
     ].filter(Boolean);

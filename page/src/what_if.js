@@ -1,5 +1,5 @@
 // Forces with another machine than the document's: payload, friction, lengths, gravity, external load.
-import { PLACES, faultOf } from "./machine.js";
+import { ACTUATORS, PLACES, faultOf } from "./machine.js";
 import { choose, make, mark, write } from "./make.js";
 import { agreement } from "./resolve.js";
 import { engineOf, isChanged } from "./solving.js";
@@ -48,6 +48,7 @@ export function nameOf({ whatIf, units }) {
     if (whatIf.bodies) texts.push("steel solids");
     if (whatIf.gravity) texts.push("other gravity");
     if (whatIf.wrench) texts.push("external load");
+    for (const kind of ACTUATORS) if (whatIf[kind]) texts.push(`${kind} ${whatIf[kind].join(", ")} ${UNITS[kind]}`);
     return texts.join(", ");
 }
 
@@ -75,7 +76,7 @@ export function mount(element, state) {
     if (!engine || !state.document.runs.some(({ pose }) => pose)) return;
     const reset = make("button", { type: "button", id: "reset", onclick: () => state.set({ whatIf: {} }) }, "Reset");
     const kept = make("button", { type: "button", title: "Keep this run, and compare it with the one before", onclick: () => keep(state) }, "Keep and compare");
-    const parts = [numbers(state), bodies(state), gravity(state), wrench(state)];
+    const parts = [numbers(state), bodies(state), gravity(state), actuators(state), wrench(state)];
     const result = peaks(state);
     element.append(
         make("div", { className: "title" }, make("h2", {}, "What if?"), make("span", {}, kept, " ", reset)),
@@ -222,6 +223,57 @@ function gravity(state) {
             vector.classList.toggle("alarm", fault !== "");
             row.classList.toggle("changed", state.whatIf.gravity !== undefined);
             write(vector, fault || (tilt.hidden || !state.whatIf.gravity) ? fault : `(${state.whatIf.gravity.map((x) => fixed(x, 2)).join(", ")}) m/s²`);
+        },
+    };
+}
+
+const UNITS = { armature: "kg", counterbalance: "N", spring: "N/m", counterweight: "kg" };
+const MEANINGS = {
+    armature: "Inertia of motor and screw, reflected to the slider",
+    counterbalance: "Force of the balance on the slider at home, upward",
+    spring: "How fast that force falls as the slider rises",
+    counterweight: "Mass on a rope over a pulley that pulls the slider up",
+};
+
+/** Motors and balances of the three sliders: the machine's, and what they are instead. @param {State} state */
+function actuators(state) {
+    /** @param {Engine} engine @param {typeof ACTUATORS[number]} kind */
+    const base = (engine, kind) => ownOf(state)[kind] ?? Array.from(engine.original.slice(PLACES[kind], PLACES[kind] + 3));
+    const rows = ACTUATORS.map((kind) => {
+        const label = (/** @type {number} */ k) => `${kind} of ${"ABC"[k]} [${UNITS[kind]}]`;
+        const boxes = [0, 1, 2].map((k) => make("input", { type: "number", step: "any", "aria-label": label(k) }));
+        boxes.forEach((box, k) => {
+            box.addEventListener("input", () => {
+                const engine = engineOf(state), value = box.valueAsNumber;
+                mark(box, box.validity.badInput);
+                if (!engine || !Number.isFinite(value)) return;
+                const own = base(engine, kind), now = [...(state.whatIf[kind] ?? own)];
+                now[k] = value;
+                change(state, { [kind]: now.every((x, i) => x === own[i]) ? undefined : now });
+            });
+            box.addEventListener("blur", () => state.set({}));
+        });
+        const name = make("th", { scope: "row", title: MEANINGS[kind] }, `${kind} [${UNITS[kind]}]`);
+        return { kind, boxes, row: make("tr", {}, name, ...boxes.map((box) => make("td", {}, box))) };
+    });
+    const head = make("tr", {}, make("td"), ...["A", "B", "C"].map((leg) => make("th", { scope: "col" }, leg)));
+    const table = make("table", { className: "actuators" }, make("thead", {}, head), make("tbody", {}, ...rows.map(({ row }) => row)));
+    const row = make("details", {}, make("summary", {}, "Motors and balances"), table);
+    return {
+        row,
+        /** @param {Engine} engine */
+        show(engine) {
+            const faulty = faultOf(engine.original, { ...ownOf(state), ...state.whatIf })?.keys ?? [];
+            for (const { kind, boxes, row: line } of rows) {
+                const values = state.whatIf[kind] ?? base(engine, kind);
+                line.classList.toggle("changed", state.whatIf[kind] !== undefined);
+                boxes.forEach((box, k) => {
+                    const focused = box === document.activeElement;
+                    mark(box, faulty.includes(kind) || (focused && box.validity.badInput));
+                    if (!focused && box.valueAsNumber !== values[k]) box.value = String(values[k]);
+                });
+            }
+            row.classList.toggle("changed", ACTUATORS.some((kind) => state.whatIf[kind] !== undefined));
         },
     };
 }

@@ -96,6 +96,8 @@ test("numbers that are no machine are refused with a reason, and the machine bef
         [{ L: 0.1 }, /do not bridge R - r = 150 mm/],
         [{ payload: -1 }, /payload: expected zero or more, got -1 kg/],
         [{ viscous: -2 }, /viscous friction/],
+        [{ armature: [0, -1, 0] }, /armature: expected zero or more, got -1/],
+        [{ spring: [NaN, 0, 0] }, /spring: expected a number, got NaN/],
         [{ r: NaN }, /more than zero/],
         [{ gravity: [0, 0, NaN] }, /not those of a machine/],
     ];
