@@ -10,6 +10,7 @@ from p3dof.plots.energy import energy_figure
 from p3dof.plots.forces import forces_figure
 from p3dof.plots.joints import joints_figure
 from p3dof.plots.many_runs import many_runs_figure
+from p3dof.plots.maps import loci_figure, map_figure, slices_figure
 from p3dof.plots.mechanism import mechanism_figure
 from p3dof.plots.reactions import reactions_figure
 from p3dof.plots.robot_run import robot_run_figure
@@ -27,13 +28,16 @@ __all__ = [
     "energy_figure",
     "forces_figure",
     "joints_figure",
+    "loci_figure",
     "many_runs_figure",
+    "map_figure",
     "mechanism_figure",
     "reactions_figure",
     "robot_run_figure",
     "save",
     "save_all",
     "sensitivity_figure",
+    "slices_figure",
     "sweep_figure",
     "task_figure",
     "tolerance_figure",
