@@ -16,14 +16,21 @@ import click
 from click.shell_completion import CompletionItem
 
 from p3dof.cli.encoding import spelled, write_what_is_there
-from p3dof.errors import AssemblyError, DynamicsError, ModelWarning, P3dofError, SampleError
+from p3dof.errors import (
+    AssemblyError,
+    DynamicsError,
+    ModelWarning,
+    OptimisationError,
+    P3dofError,
+    SampleError,
+)
 
 FAILED, BAD_INPUT, INTERRUPTED, READER_LEFT = 1, 2, 130, 141
 """Exit codes: a check failed or the machine cannot make a motion; bad input; the last two as a shell has them
 for a program that SIGINT or SIGPIPE ended."""
 
 
-_CANNOT = (SampleError, AssemblyError, DynamicsError)
+_CANNOT = (SampleError, AssemblyError, DynamicsError, OptimisationError)
 """What is no fault of the input: the machine cannot do it."""
 
 LONGEST = 1000
@@ -42,6 +49,8 @@ COMMANDS = {
     "fastest": ("p3dof.cli.plan", "Find the fastest motion of a task within the limits."),
     "forces": ("p3dof.cli.forces", "Compute the forces over a motion by one method."),
     "loop": ("p3dof.cli.loop", "Assemble, weigh and move any robot with closed loops."),
+    "optimise": ("p3dof.cli.optimise", "Find a better machine, and say what binds it."),
+    "pareto": ("p3dof.cli.optimise", "Find the machines that no other one beats."),
     "plan": ("p3dof.cli.plan", "Plan the motion of a task, and say what it takes."),
     "plots": ("p3dof.cli.plots", "Draw all figures of a motion."),
     "reactions": ("p3dof.cli.reactions", "Compute forces and moments in all joints."),

@@ -6,7 +6,7 @@
 - `epigraph`, `starts`, `evolution`, `feasibility`, `minimising`, `journal`: optima by one objective.
 - `optimum`, `checking`, `tables`: what was found, and a second look at it.
 - `pareto`, `nsga`, `front`: fronts of several objectives.
-- `problem`: `DesignProblem`.
+- `problem`: `DesignProblem`; `problem_file`, `sweeping`: problems in files, and for `p3dof.sweep`.
 """
 
 from p3dof.optimisation.box import Box
@@ -19,8 +19,10 @@ from p3dof.optimisation.measure import FunctionMeasure, Measure, Pieces
 from p3dof.optimisation.measures import MEASURES
 from p3dof.optimisation.optimum import Optimum
 from p3dof.optimisation.problem import DesignProblem
+from p3dof.optimisation.problem_file import read_problem
 from p3dof.optimisation.robust import Robust
 from p3dof.optimisation.statement import Statement
+from p3dof.optimisation.sweeping import ProblemSweep
 from p3dof.optimisation.tables import front_tables, optimum_tables
 
 __all__ = [
@@ -36,9 +38,11 @@ __all__ = [
     "Measure",
     "Optimum",
     "Pieces",
+    "ProblemSweep",
     "Robust",
     "Statement",
     "front_tables",
     "optimum_tables",
+    "read_problem",
     "relation",
 ]

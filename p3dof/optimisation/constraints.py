@@ -43,7 +43,7 @@ class Constraint:
         if isinstance(self.measure, Linear):
             return self.measure.name
         sign = "≥" if self.at_least else "≤"
-        return f"{self.measure.name} {sign} {self.bound:.6g} {self.measure.unit}".rstrip()
+        return f"{self.measure.name} {sign} {amount(self.bound, self.measure.unit)}"
 
     @property
     def scale(self) -> float:
@@ -118,6 +118,27 @@ def _column_of(population: Population, name: str) -> Any:
     if name.startswith("dimensions."):
         return population.numbers.size(name.partition(".")[2])
     return population.numbers[name]
+
+
+def amount(value: float, unit: str, digits: int = 6) -> str:
+    """Return a number with its unit as people read it: angles in degrees.
+
+    Parameters
+    ----------
+    value : float
+        In its SI unit.
+    unit : str
+        The unit; may be empty.
+    digits : int
+        How many.
+
+    Returns
+    -------
+    str
+    """
+    if unit == "rad":
+        value, unit = float(np.degrees(value)), "deg"
+    return f"{value:.{digits}g} {unit}".rstrip()
 
 
 def relation(text: str) -> Constraint:

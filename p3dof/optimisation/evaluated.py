@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from p3dof.checks import FloatArray
 from p3dof.designs.status import DesignStatus
 from p3dof.errors import MissingExtraError
-from p3dof.optimisation.constraints import Constraint
+from p3dof.optimisation.constraints import Constraint, amount
 from p3dof.optimisation.measure import Measure
 from p3dof.optimisation.variables import Variables
 
@@ -127,8 +127,8 @@ class Evaluated:
         item, value = items[worst], self.constraints[design, worst]
         if np.isnan(value):
             return f"{item.name}: a pose of the box is out of reach"
-        unit = f" {item.measure.unit}" if item.measure.unit else ""
-        return f"{item.name}: missed by {-margins[worst]:.4g}{unit} (it is {value:.6g}{unit})"
+        missed, unit = amount(-margins[worst], item.measure.unit, 4), item.measure.unit
+        return f"{item.name}: missed by {missed} (it is {amount(value, unit)})"
 
     def to_columns(self) -> dict[str, NDArray[Any]]:
         """Return everything as columns, with units in their names.

@@ -10,7 +10,7 @@ import numpy as np
 from p3dof.checks import FloatArray
 from p3dof.designs.status import DesignStatus
 from p3dof.errors import OptimisationError
-from p3dof.optimisation.constraints import Constraint
+from p3dof.optimisation.constraints import Constraint, amount
 from p3dof.optimisation.epigraph import Local, descend
 from p3dof.optimisation.measure import Better, Pieces
 from p3dof.optimisation.population import Population
@@ -88,7 +88,7 @@ def _told(problem: Statement, design: FloatArray) -> str:
     told = []
     for index in worst:
         item, margin = problem.constraints[index], -found.margins[0, index]
-        told.append(f"{item.name} by {margin:.4g} {item.measure.unit}".rstrip())
+        told.append(f"{item.name} by {amount(margin, item.measure.unit, 4)}")
     pairs = zip(problem.variables.labels, design, strict=True)
     where = ", ".join(f"{label} {value:.4g}" for label, value in pairs)
     return f"no design keeps all constraints: the nearest one ({where}) misses {' and '.join(told)}"

@@ -79,14 +79,21 @@ def asking(problem: Statement, objective: Any, subject_to: Mapping[str, float] |
     InputError
         If there is no such measure, or a bound is no number.
     """
+    return problem.asking(
+        problem.objectives[0] if objective is None else objective, bounds_of(problem, subject_to)
+    )
+
+
+def bounds_of(problem: Statement, worst: Mapping[str, float] | None) -> list[Constraint]:
+    """Return constraints from the worst values that measures may have; errors as of `asking`."""
     bounds = []
     own = {measure.name: measure for measure in problem.objectives}
-    for name, value in (subject_to or {}).items():
+    for name, value in (worst or {}).items():
         measure = own[name] if name in own else measure_of(name, "subject_to")
         if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
             raise InputError(f"subject_to: {name}: expected a finite number, got {shown(value)}")
         bounds.append(Constraint(measure, float(value), at_least=measure.better == "large"))
-    return problem.asking(problem.objectives[0] if objective is None else objective, bounds)
+    return bounds
 
 
 def _by_descents(

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from typing import Any
 
+from p3dof.blocks import Reduction, Sweep, sweep
+from p3dof.blocks.sampling import Method
 from p3dof.checks import Progress
 from p3dof.optimisation.evolution import GENERATIONS
 from p3dof.optimisation.front import Front
@@ -14,6 +17,7 @@ from p3dof.optimisation.optimum import Optimum
 from p3dof.optimisation.pareto import GENERATIONS as FRONT_GENERATIONS
 from p3dof.optimisation.pareto import POINTS, POPULATION, FrontMethod, pareto
 from p3dof.optimisation.statement import Statement
+from p3dof.optimisation.sweeping import ProblemSweep
 
 
 class DesignProblem(Statement):
@@ -207,3 +211,52 @@ class DesignProblem(Statement):
             resume=resume,
             progress=progress,
         )
+
+    def sweep(
+        self,
+        count: int,
+        store: str | os.PathLike[str],
+        *,
+        client: Any = None,
+        sampling: Method = "sobol",
+        seed: int = 0,
+        resume: bool = False,
+        reductions: Sequence[Reduction] | None = None,
+        progress: Progress | None = None,
+        **options: Any,
+    ) -> Sweep:
+        """Evaluate designs that fill the bounds of the variables, block by block, here or on a cluster.
+
+        Parameters
+        ----------
+        count : int
+            How many designs.
+        store : path-like
+            Folder for the blocks.
+        client : distributed.Client, p3dof.blocks.Processes or Executor, optional
+            Who computes; this process by default.
+        sampling : {"sobol", "random", "latin-hypercube"}
+            How designs fill the bounds.
+        seed : int
+            Of the sampling.
+        resume : bool
+            Go on with the sweep that is in the folder.
+        reductions : sequence of Reduction, optional
+            What to find of all designs; the Pareto front of the objectives by default.
+        progress : callable, optional
+            Called with designs done and all.
+        **options
+            Further ones of `p3dof.sweep`: workers, keep, block_size, format, shared, in_flight.
+
+        Returns
+        -------
+        Sweep
+
+        Raises
+        ------
+        InputError, SweepError, FileError
+            As of `p3dof.sweep`.
+        """
+        problem = ProblemSweep(self, count, sampling)
+        options["reductions"] = problem.reductions if reductions is None else tuple(reductions)
+        return sweep(problem, store, client=client, seed=seed, resume=resume, progress=progress, **options)

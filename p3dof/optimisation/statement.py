@@ -16,7 +16,7 @@ from p3dof.compiled.designs import compiled_level
 from p3dof.compiled.kernels import NUMPY
 from p3dof.designs.columns import BodiesOfDesigns, numbers_of
 from p3dof.designs.names import DENSITY, KINDS, SIZES, full_name
-from p3dof.errors import InputError
+from p3dof.errors import InputError, P3dofError
 from p3dof.motion import Motion, paper_motion
 from p3dof.motion.wrenches import WrenchOverTime
 from p3dof.optimisation.box import Box
@@ -28,6 +28,7 @@ from p3dof.optimisation.population import Population, Setting
 from p3dof.optimisation.settings import settings_of
 from p3dof.optimisation.variables import Variables, quantity_in_si
 from p3dof.parameters import PAPER, STEEL_DENSITY, Dimensions, Parameters
+from p3dof.parameters.quantities import ANGLE, FORCE, LENGTH, MASS, SPEED
 
 STEEL_MODULUS = 210e9
 """Young's modulus of steel [Pa]."""
@@ -319,11 +320,24 @@ def _bounds(name: str, bounds: Any) -> list[Constraint]:
         )
     found = []
     for side, value in bounds.items():
-        number = np.asarray(value)
+        number = np.asarray(_in_si(measure, value, f"constraints: {name}: {side}"))
         if number.shape != () or number.dtype.kind not in "fiu" or not np.isfinite(number):
             raise InputError(f"constraints: {name}: {side}: expected a finite number, got {shown(value)}")
         found.append(Constraint(measure, float(number), at_least=side == "min"))
     return found
+
+
+_QUANTITIES = {item.unit: item for item in (LENGTH, ANGLE, FORCE, MASS, SPEED)}
+
+
+def _in_si(measure: Measure, value: Any, where: str) -> Any:
+    """Return a bound in SI units, of a text with a unit too."""
+    if not isinstance(value, str) or measure.unit not in _QUANTITIES:
+        return value
+    try:
+        return _QUANTITIES[measure.unit].read(value, where)
+    except P3dofError as error:
+        raise InputError(str(error)) from error
 
 
 def _fixed(given: Mapping[str, Any], variables: Variables) -> dict[str, float]:
@@ -346,7 +360,7 @@ def _number_of(machine: Parameters, name: str) -> float:
         name = f"bodies.{KINDS[kind][0]}.{last}"
     if name == DENSITY:
         return STEEL_DENSITY
-    return known.get(name, 0.0 if group in ("payload", "friction") else np.nan)
+    return known.get(name, 0.0 if group in ("payload", "friction", "actuators") else np.nan)
 
 
 def _require_once(names: list[str], where: str) -> None:

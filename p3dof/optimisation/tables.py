@@ -47,9 +47,12 @@ def _limits(optimum: Optimum) -> Table:
     for index, item in enumerate(optimum.problem.constraints):
         margins = (optimum.start.margins[0, index], optimum.found.margins[0, index])
         binding = "binding" if item.name in optimum.binding else ""
-        unit = f" [{item.measure.unit}]" if item.measure.unit else ""
-        name = item.name if isinstance(item.measure, Linear) else item.name.removesuffix(unit[2:-1]).strip()
-        rows.append((f"{name}{unit}", *(_plain(margin) for margin in margins), binding))
+        if item.measure.unit == "rad":
+            margins = (float(np.degrees(margins[0])), float(np.degrees(margins[1])))
+        unit = {"rad": "deg"}.get(item.measure.unit, item.measure.unit)
+        name = item.name if isinstance(item.measure, Linear) else item.name.removesuffix(unit).strip()
+        told = f"{name} [{unit}]" if unit else name
+        rows.append((told, *(_plain(round(margin, 12) + 0.0) for margin in margins), binding))
     bounds = ", ".join(name for name in optimum.binding if name.endswith(" bound"))
     note = f"Besides: {bounds}." if bounds else ""
     return Table("Margins", ("constraint", "start", "optimum", ""), tuple(rows), note)

@@ -12,6 +12,7 @@ from p3dof.plots.joints import joints_figure
 from p3dof.plots.many_runs import many_runs_figure
 from p3dof.plots.maps import loci_figure, map_figure, slices_figure
 from p3dof.plots.mechanism import mechanism_figure
+from p3dof.plots.optimisation import front_figure, optimum_figure
 from p3dof.plots.reactions import reactions_figure
 from p3dof.plots.robot_run import robot_run_figure
 from p3dof.plots.sweep import sweep_figure
@@ -27,11 +28,13 @@ __all__ = [
     "drives_figure",
     "energy_figure",
     "forces_figure",
+    "front_figure",
     "joints_figure",
     "loci_figure",
     "many_runs_figure",
     "map_figure",
     "mechanism_figure",
+    "optimum_figure",
     "reactions_figure",
     "robot_run_figure",
     "save",

@@ -22,13 +22,13 @@ from p3dof.blocks import (
 )
 from p3dof.blocks.sampling import METHODS
 from p3dof.checks import shown
+from p3dof.designs.fields import listed, mapping, named, number, read_beside
 from p3dof.designs.files import Meaning
 from p3dof.designs.names import LENGTHS, QUANTITIES, columns_of, full_name
 from p3dof.errors import InputError
 from p3dof.many_runs.columns import run_columns_of, variable_of
 from p3dof.parameters.plain import LARGEST
 from p3dof.parameters.quantities import Quantity
-from p3dof.sweeps.fields import listed, mapping, named, number, read_beside
 from p3dof.sweeps.rows import FileRows
 
 

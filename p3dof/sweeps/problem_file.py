@@ -21,6 +21,9 @@ or with ``rows: designs.csv`` for `variables`, `sampling` and `count`. A field `
 time, which follow the motion under a controller, with variables named as the columns of `p3dof runs`::
 
     run: {controller: pd, rate: 1000, noise: {position: 2 um, velocity: 0.1 mm/s}}
+
+A file with a field ``objectives`` is a design problem, as `p3dof optimise` takes it (see
+`p3dof.optimisation.problem_file`), with `count` and what else says how to sweep it.
 """
 
 from __future__ import annotations
@@ -34,10 +37,13 @@ from typing import Any
 from p3dof.blocks import Sweep, sweep
 from p3dof.blocks.problem import not_among
 from p3dof.checks import Progress
+from p3dof.designs.fields import listed, machine_of, mapping, motion_of, named, wrench_of
 from p3dof.errors import InputError
 from p3dof.files import called, parse_yaml, read_text
+from p3dof.optimisation import ProblemSweep
+from p3dof.optimisation.problem_file import FIELDS as OF_PROBLEM
+from p3dof.optimisation.problem_file import OF_SWEEPS, problem_of
 from p3dof.sweeps.designs import DesignSweep
-from p3dof.sweeps.fields import listed, machine_of, mapping, motion_of, named, wrench_of
 from p3dof.sweeps.inputs import OF_DESIGNS, OF_RUNS, reduction_of, sampling_of
 from p3dof.sweeps.run_fields import run_sweep
 from p3dof.sweeps.runs import RunSweep
@@ -71,13 +77,13 @@ class SweepPlan:
 
     Parameters
     ----------
-    problem : DesignSweep or RunSweep
+    problem : DesignSweep, RunSweep or ProblemSweep
         What to compute.
     options : mapping
         Arguments of `p3dof.sweep`: seed, block_size, keep, format, reductions.
     """
 
-    problem: DesignSweep | RunSweep
+    problem: DesignSweep | RunSweep | ProblemSweep
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def run(
@@ -123,9 +129,14 @@ def read_sweep(path: str | os.PathLike[str], any_size: bool = False) -> SweepPla
         If a file that it names cannot be read, or is not right.
     """
     name = called(path)
-    data = mapping(parse_yaml(read_text(path, _LARGEST_FILE), name, InputError), name, FIELDS)
+    data = mapping(parse_yaml(read_text(path, _LARGEST_FILE), name, InputError), name, None)
     folder = Path(name).parent
-    problem = named(name, lambda: _problem(data, folder, name, any_size))
+    if "objectives" in data:
+        mapping(data, name, (*OF_PROBLEM, *OF_SWEEPS))
+        problem: Any = _design_problem(data, folder, name, any_size)
+    else:
+        mapping(data, name, FIELDS)
+        problem = named(name, lambda: _problem(data, folder, name, any_size))
     options = {key: data[key] for key in ("seed", "block_size", "format") if key in data}
     keep = data.get("keep", "all")
     reductions = listed(data.get("reductions", []), f"{name}: reductions")
@@ -136,7 +147,17 @@ def read_sweep(path: str | os.PathLike[str], any_size: bool = False) -> SweepPla
     options["reductions"] = [
         reduction_of(item, f"{name}: reductions[{i}]", problem.columns) for i, item in enumerate(reductions)
     ]
+    if not options["reductions"] and isinstance(problem, ProblemSweep):
+        options["reductions"] = list(problem.reductions)
     return SweepPlan(problem, options)
+
+
+def _design_problem(data: Mapping[str, Any], folder: Path, name: str, any_size: bool) -> ProblemSweep:
+    """Return the designs of a problem that has objectives and constraints."""
+    if "count" not in data:
+        raise InputError(f"{name}: count: expected how many designs there are, got nothing")
+    problem = problem_of(data, folder, name, any_size)
+    return named(name, lambda: ProblemSweep(problem, data["count"], data.get("sampling", "sobol")))
 
 
 def _problem(data: Mapping[str, Any], folder: Path, name: str, any_size: bool) -> DesignSweep | RunSweep:

@@ -9,6 +9,7 @@ from typing import Any
 
 from p3dof.blocks import Sampling
 from p3dof.checks import positive, shown
+from p3dof.designs.fields import listed, mapping, motion_of, named, number, wrench_of
 from p3dof.errors import InputError
 from p3dof.motion import Motion, WrenchHistory
 from p3dof.motion.entering import load_along, natural_ramp
@@ -16,7 +17,6 @@ from p3dof.parameters import PAPER, Parameters
 from p3dof.parameters.quantities import FORCE, LENGTH, SPEED, TIME, Quantity
 from p3dof.simulation import KINDS, ControlLoop, InitialState, Integration, Noise
 from p3dof.simulation.controllers_by_name import CONTROLLERS
-from p3dof.sweeps.fields import listed, mapping, motion_of, named, number, wrench_of
 from p3dof.sweeps.runs import RunSweep
 
 SAMPLES = 1001

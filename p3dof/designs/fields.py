@@ -1,4 +1,4 @@
-"""Fields of a sweep's file: what they may hold, and the files that they name."""
+"""Fields of files about designs: what they may hold, and the files that they name."""
 
 from __future__ import annotations
 
