@@ -1,4 +1,4 @@
-// Builds p3dof/page/page.html: one file with all scripts and styles in it. `--check` only compares.
+// Builds p3dof/page/page.html and studio.html: files with all scripts and styles in them. `--check` only compares.
 import { createHash } from "node:crypto";
 import { readFile, readdir, writeFile } from "node:fs/promises";
 import { basename, dirname } from "node:path";
@@ -6,9 +6,41 @@ import process from "node:process";
 import { fileURLToPath } from "node:url";
 import { build } from "esbuild";
 
-const target = fileURLToPath(new URL("../p3dof/page/page.html", import.meta.url));
-/** What Python fills in, in the order of the page. */
-const PLACES = ["@@TITLE@@", "@@ENGINE@@", "@@DOCUMENT@@"];
+/** The pages: their parts, whose works are in them, and what Python fills in, in this order. */
+const PAGES = [
+    {
+        target: "page.html",
+        frame: "index.html",
+        script: "src/main.js",
+        style: "style.css",
+        wasm: " 'wasm-unsafe-eval'",
+        notices: {
+            "three.js": ["three/LICENSE"],
+            uPlot: ["uplot/LICENSE"],
+            gifenc: ["gifenc/LICENSE.md"],
+            "@msgpack/msgpack": ["@msgpack/msgpack/LICENSE"],
+        },
+        places: ["@@TITLE@@", "@@ENGINE@@", "@@DOCUMENT@@"],
+    },
+    {
+        target: "studio.html",
+        frame: "studio.html",
+        script: "src/studio/main.js",
+        style: "studio.css",
+        wasm: "",
+        notices: {
+            "Apache ECharts": ["echarts/NOTICE", "echarts/LICENSE"],
+            zrender: ["zrender/LICENSE"],
+            tslib: ["tslib/LICENSE.txt"],
+        },
+        places: ["@@TITLE@@", "@@DOCUMENT@@"],
+    },
+];
+
+/** @typedef {typeof PAGES[number]} Page */
+
+/** @param {Page} page */
+const targetOf = ({ target }) => fileURLToPath(new URL(`../p3dof/page/${target}`, import.meta.url));
 
 /** @param {string} path relative to this file */
 const read = async (path) => (await readFile(new URL(path, import.meta.url), "utf8")).trim();
@@ -96,47 +128,48 @@ async function bundle(entry, kind) {
     return text;
 }
 
-async function page() {
-    const script = await bundle("src/main.js", "script");
-    const style = await bundle("style.css", "style");
+/** @param {Page} about */
+async function page({ frame, script: entry, style: sheet, wasm, notices, places }) {
+    const script = await bundle(entry, "script");
+    const style = await bundle(sheet, "style");
     const hash = createHash("sha256").update(script).digest("base64");
-    const notices = [
-        ["three.js", await read("node_modules/three/LICENSE")],
-        ["uPlot", await read("node_modules/uplot/LICENSE")],
-        ["gifenc", await read("node_modules/gifenc/LICENSE.md")],
-        ["@msgpack/msgpack", await read("node_modules/@msgpack/msgpack/LICENSE")],
-    ];
-    const text = notices.map(([name, licence]) => `${name}\n\n${licence}`).join("\n\n----\n\n");
+    const texts = [];
+    for (const [name, paths] of Object.entries(notices)) {
+        const parts = await Promise.all(paths.map((/** @type {string} */ path) => read(`node_modules/${path}`)));
+        texts.push([name, ...parts].join("\n\n"));
+    }
     const policy = [
         "default-src 'none'",
-        `script-src 'sha256-${hash}' 'wasm-unsafe-eval'`,
+        `script-src 'sha256-${hash}'${wasm}`,
         "style-src 'unsafe-inline'",
         "img-src data: blob:",
         "media-src blob:",
     ].join("; ");
     /** @type {Record<string, string>} */
     const parts = {
-        "@@NOTICES@@": `This page contains parts of other works, under these licences.\n\n${text}\n`,
+        "@@NOTICES@@": `This page contains parts of other works, under these licences.\n\n${texts.join("\n\n----\n\n")}\n`,
         "@@POLICY@@": policy,
         "@@STYLE@@": style,
         "@@SCRIPT@@": script,
     };
-    let html = await read("index.html");
+    let html = await read(frame);
     for (const [place, value] of Object.entries(parts)) html = html.split(place).join(value);
-    for (const place of PLACES) {
-        if (html.split(place).length !== 2) throw new Error(`${place} is not exactly once in the page`);
+    for (const place of places) {
+        if (html.split(place).length !== 2) throw new Error(`${place} is not exactly once in ${frame}`);
     }
     return `${html}\n`;
 }
 
-const html = await page();
-if (process.argv.includes("--check")) {
-    const written = await readFile(target, "utf8").catch(() => "");
-    if (written !== html) {
-        console.error("p3dof/page/page.html is not what page/ builds: run `make page` and commit it");
-        process.exit(1);
+for (const about of PAGES) {
+    const html = await page(about);
+    if (process.argv.includes("--check")) {
+        const written = await readFile(targetOf(about), "utf8").catch(() => "");
+        if (written !== html) {
+            console.error(`p3dof/page/${about.target} is not what page/ builds: run \`make page\` and commit it`);
+            process.exit(1);
+        }
+    } else {
+        await writeFile(targetOf(about), html);
+        console.log(`wrote p3dof/page/${about.target}: ${(html.length / 1000).toFixed(0)} kB`);
     }
-} else {
-    await writeFile(target, html);
-    console.log(`wrote p3dof/page/page.html: ${(html.length / 1000).toFixed(0)} kB`);
 }

@@ -60,6 +60,7 @@ COMMANDS = {
     "show": ("p3dof.cli.show", "Show the machine and its forces in the browser."),
     "simulate": ("p3dof.cli.simulate", "Follow a motion under controllers, in time."),
     "size": ("p3dof.cli.size", "Say which drives fit a task."),
+    "studio": ("p3dof.cli.studio", "Write a page with maps of indices, and designs."),
     "sweep": ("p3dof.cli.sweep", "Compute machines by the million, in blocks."),
     "tolerance": ("p3dof.cli.tolerance", "Say how uncertain forces and poses are."),
     "urdf": ("p3dof.cli.export", "Write the URDF, its loops and its actuated joints."),

@@ -1,7 +1,8 @@
 """One page for the browser: a document with a machine, its runs and its forces, in one file of HTML.
 
 `page_document` is all that a page shows of the manipulator, `robot_document` all of any robot; `Page` writes
-it into one file, `save_glb` writes it as a scene for other tools.
+it into one file, `save_glb` writes it as a scene for other tools. `studio_page` is another page: maps of a
+machine's indices, and designs that are compared.
 """
 
 from p3dof.page.document import page_document
@@ -10,6 +11,7 @@ from p3dof.page.html import page_html
 from p3dof.page.robots.document import robot_document
 from p3dof.page.robots.figure import RobotFigure
 from p3dof.page.saved import Page
+from p3dof.page.studio import save_studio, studio_page
 
 __all__ = [
     "Page",
@@ -19,4 +21,6 @@ __all__ = [
     "page_html",
     "robot_document",
     "save_glb",
+    "save_studio",
+    "studio_page",
 ]
