@@ -228,3 +228,20 @@ def test_a_limit_that_cannot_hold_the_machine_is_one_line(capsys, tmp_path, monk
     assert code == 2
     assert "to stand still" in err
     assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("waits", [0.0, 0.2])
+def test_the_fastest_motion_can_be_read_from_its_own_file(robot, tmp_path, waits):
+    """Without a limit of jerk it begins and ends with full acceleration, so its samples have to say."""
+    stops = [[0, 0, 0], [-0.12, -0.01, -0.17], [0.12, 0.01, 0.35], [0, 0, 0]]
+    task = p3dof.Task([Waypoint(stop, dwell=waits * (k == 1)) for k, stop in enumerate(stops)])
+    motion = fastest_plan(robot, task, AxisLimits(force=300.0, speed=2.0)).motion
+    path = motion.to_csv(tmp_path / "motion.csv")
+    read = p3dof.Motion.from_csv(path)  # which checks that accelerations belong to the velocities
+    np.testing.assert_array_equal(read.acceleration, motion.acceleration)
+    assert np.abs(motion.acceleration[[0, -1]]).max(axis=1).min() > 10
+    resting = motion.time[np.all(motion.velocity == 0, axis=1)]
+    assert len(resting) >= 4  # both ends and both stops
+    waiting = np.all(motion.velocity == 0, axis=1) & (motion.time > 0) & (motion.time < motion.time[-1])
+    if waits:
+        assert np.sum(np.all(motion.acceleration[waiting] == 0, axis=1)) >= 2

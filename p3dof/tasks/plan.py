@@ -301,16 +301,23 @@ def _begun(waypoints: Sequence[Waypoint], stretches: Sequence[Stretch]) -> Itera
 
 
 def _moved(waypoints: Sequence[Waypoint], stretches: Sequence[Stretch], time: FloatArray) -> Motion:
-    """Return the motion of the platform at times."""
+    """Return the motion of the platform at times.
+
+    Where an acceleration jumps, a sample has that of what begins there, and the last one that of what ends.
+    """
     pose = np.tile(waypoints[0].pose, (len(time), 1))
     velocity, acceleration = np.zeros_like(pose), np.zeros_like(pose)
     for begin, stretch in _begun(waypoints, stretches):
         end = begin + stretch.law.duration
-        rows = (time > begin) & (time < end)
+        pose[time >= end] = waypoints[stretch.last].pose
+        starts = time >= begin if waypoints[stretch.first].dwell == 0 else time > begin
+        rows = starts & ((time < end) | (time == time[-1]) & (waypoints[stretch.last].dwell == 0))
         parameter, speed, change = stretch.law.at(time[rows] - begin)
         place, slope, bend = stretch.path.at(np.clip(parameter, 0.0, stretch.path.end))
         pose[rows] = place
         velocity[rows] = slope * speed[:, None]
         acceleration[rows] = bend * speed[:, None] ** 2 + slope * change[:, None]
-        pose[time >= end] = waypoints[stretch.last].pose
+        at_rest = (time == begin) | (time == end)
+        pose[time == end] = waypoints[stretch.last].pose
+        velocity[at_rest] = 0.0
     return Motion(time, pose, velocity, acceleration, check=False)
