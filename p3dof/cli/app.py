@@ -48,6 +48,7 @@ COMMANDS = {
     "export": ("p3dof.cli.export", "Write the model for other tools, with its loops."),
     "fastest": ("p3dof.cli.plan", "Find the fastest motion of a task within the limits."),
     "forces": ("p3dof.cli.forces", "Compute the forces over a motion by one method."),
+    "indices": ("p3dof.cli.indices", "Say how well the machine moves and holds at poses."),
     "loop": ("p3dof.cli.loop", "Assemble, weigh and move any robot with closed loops."),
     "optimise": ("p3dof.cli.optimise", "Find a better machine, and say what binds it."),
     "pareto": ("p3dof.cli.optimise", "Find the machines that no other one beats."),
@@ -64,6 +65,7 @@ COMMANDS = {
     "sweep": ("p3dof.cli.sweep", "Compute machines by the million, in blocks."),
     "tolerance": ("p3dof.cli.tolerance", "Say how uncertain forces and poses are."),
     "urdf": ("p3dof.cli.export", "Write the URDF, its loops and its actuated joints."),
+    "workspace": ("p3dof.cli.workspace", "Say where the machine can work; draw maps."),
 }
 """The commands: the module of each, imported when it is asked for, and what the program's help says of it."""
 

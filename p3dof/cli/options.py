@@ -24,7 +24,7 @@ from p3dof.motion import Motion, WrenchHistory, paper_motion
 from p3dof.motion.entering import load_along
 from p3dof.parameters import Body, read_parameters
 from p3dof.parameters.plain import require_near
-from p3dof.parameters.quantities import LENGTH, MASS
+from p3dof.parameters.quantities import ANGLE, LENGTH, MASS, Quantity
 from p3dof.reactions import ALL, WAYS, AnyReactions, Choice, Stiffness, read_stiffness
 
 _PARAMETERS = click.option(
@@ -148,6 +148,15 @@ class Whole(click.IntRange):
 POSITIVE = Number(min=0, min_open=True)
 
 
+_OTHERS = {
+    "m/s": ("mm/s",),
+    "rad/s": ("deg/s", "rpm"),
+    "m/s^2": ("mm/s^2",),
+    "rad/s^2": ("deg/s^2",),
+}
+"""Further units of numbers of three."""
+
+
 class Payload(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic in newer versions only
     """A point mass on the platform, ``MASS`` at P or ``MASS,X,Y,Z`` in the platform's frame."""
 
@@ -168,6 +177,93 @@ class Payload(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # gener
             return Body(mass, np.array(com or (0.0, 0.0, 0.0)), np.zeros((3, 3)))
         except ParameterError as error:
             self.fail(f"{rule} ({error})", param, ctx)
+
+
+class Pose(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic in newer versions only
+    """A pose of the platform, ``y,z,theta``, with units or in SI units."""
+
+    name = "Y,Z,THETA"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> list[float]:
+        """Return the pose."""
+        parts = value.split(",") if isinstance(value, str) else []
+        try:
+            pose = [
+                kind.read(part.strip(), "pose")
+                for kind, part in zip((LENGTH, LENGTH, ANGLE), parts, strict=True)
+            ]
+        except (ParameterError, ValueError):
+            self.fail(
+                f"expected y,z,theta such as '0.1,0,-30 deg' or '100 mm,0,0', got {value!r}", param, ctx
+            )
+        return [float(number) for number in pose]
+
+
+class Span(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # likewise
+    """A range around zero, ``MOST`` to both sides or ``FROM,TO``, with a unit or in SI units.
+
+    Parameters
+    ----------
+    quantity : Quantity
+        Of its ends.
+    example : str
+        For errors.
+    """
+
+    name = "MOST|FROM,TO"
+
+    def __init__(self, quantity: Quantity, example: str) -> None:
+        self._quantity, self._example = quantity, example
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, float]:
+        """Return the ends."""
+        if isinstance(value, tuple):
+            return value
+        parts = [part.strip() for part in str(value).split(",")]
+        rule = f"expected one number or two such as {self._example}, got {value!r}"
+        try:
+            ends = [float(self._quantity.read(part, "number")) for part in parts]
+        except (ParameterError, ValueError):
+            self.fail(rule, param, ctx)
+        if len(ends) == 1 and ends[0] > 0:
+            return -ends[0], ends[0]
+        if len(ends) != 2:
+            self.fail(rule, param, ctx)
+        return ends[0], ends[1]
+
+
+class Triple(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # likewise
+    """Three numbers, of y, z and θ, with units or in SI units.
+
+    Parameters
+    ----------
+    units : tuple of str
+        SI units of the three.
+    """
+
+    name = "Y,Z,THETA"
+
+    def __init__(self, *units: str) -> None:
+        self._kinds = [Quantity("a number", unit, _OTHERS.get(unit, ())) for unit in units]
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, float, float]:
+        """Return the numbers."""
+        if isinstance(value, tuple):
+            return value
+        parts = str(value).split(",")
+        try:
+            y, z, theta = (
+                float(kind.read(part.strip(), "number"))
+                for kind, part in zip(self._kinds, parts, strict=True)
+            )
+        except (ParameterError, ValueError):
+            units = ", ".join(kind.unit for kind in self._kinds)
+            self.fail(f"expected three numbers, of y, z and theta [{units}], got {value!r}", param, ctx)
+        return y, z, theta
 
 
 def payload_text(payload: Body) -> str:

@@ -16,11 +16,9 @@ from p3dof.blocks import Processes
 from p3dof.checks import Progress
 from p3dof.cli.app import app
 from p3dof.cli.files import InputFile, OutputFolder, protect, source
-from p3dof.cli.options import FIGURE, POSITIVE, Case, Whole, with_load
+from p3dof.cli.options import FIGURE, POSITIVE, Case, Pose, Whole, with_load
 from p3dof.cli.output import in_options, print_plain, progress_bar, show
 from p3dof.cli.payloads import print_payloads
-from p3dof.errors import ParameterError
-from p3dof.parameters.quantities import ANGLE, LENGTH
 from p3dof.tolerances import read_uncertainty, sensitivity_table, tolerance_tables
 from p3dof.tolerances import sensitivity as sensitivity_of
 from p3dof.tolerances import tolerance as tolerance_of
@@ -35,26 +33,6 @@ _WORDS = {
     "samples:": "--machines:",
 }
 """What arguments of Python are here."""
-
-
-class Pose(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic in newer versions only
-    """A pose of the platform, ``y,z,theta``, with units or in SI units."""
-
-    name = "Y,Z,THETA"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> list[float]:
-        """Return the pose."""
-        parts = value.split(",") if isinstance(value, str) else []
-        try:
-            pose = [
-                kind.read(part.strip(), "pose")
-                for kind, part in zip((LENGTH, LENGTH, ANGLE), parts, strict=True)
-            ]
-        except (ParameterError, ValueError):
-            self.fail(
-                f"expected y,z,theta such as '0.1,0,-30 deg' or '100 mm,0,0', got {value!r}", param, ctx
-            )
-        return [float(number) for number in pose]
 
 
 class Named(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # likewise

@@ -4,6 +4,7 @@ from p3dof.indices.datasets import write_dataset
 from p3dof.indices.definitions import COLUMNS, DEFINITIONS, Definition
 from p3dof.indices.elasticity import DRIVE
 from p3dof.indices.results import STEEL_RODS, Indices, Machine, check_names, columns_of
+from p3dof.indices.tables import indices_table
 
 __all__ = [
     "COLUMNS",
@@ -15,5 +16,6 @@ __all__ = [
     "Machine",
     "check_names",
     "columns_of",
+    "indices_table",
     "write_dataset",
 ]

@@ -18,6 +18,7 @@ from p3dof.workspace.machine import Machine
 from p3dof.workspace.margins import PoseMargins, WorkspaceMargins
 from p3dof.workspace.region import Points
 from p3dof.workspace.slices import aspect_range, reach_range, stroke_range, theta_of
+from p3dof.workspace.tables import box_table, plain_workspace, workspace_table
 from p3dof.workspace.workspace import Workspace
 
 __all__ = [
@@ -34,13 +35,16 @@ __all__ = [
     "arm",
     "aspect_range",
     "box_margins",
+    "box_table",
     "determinant",
     "drops",
     "extents",
     "height",
     "lean",
     "offsets",
+    "plain_workspace",
     "reach_range",
     "stroke_range",
     "theta_of",
+    "workspace_table",
 ]

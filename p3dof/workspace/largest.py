@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import RegularGridInterpolator
 
 from p3dof.checks import FloatArray
 from p3dof.errors import InputError
@@ -111,6 +110,8 @@ def _condition(region: Region) -> Callable[[FloatArray, FloatArray], NDArray[np.
     """
     if region.condition is None:
         return lambda Y, T: np.ones(np.broadcast_shapes(Y.shape, T.shape), dtype=bool)
+    from scipy.interpolate import RegularGridInterpolator
+
     Y, T = (np.linspace(0, most, _SEEN) for most in (region.reach, max(-region.tilt[0], region.tilt[1])))
     least: FloatArray = np.full((_SEEN, _SEEN), np.inf)
     for side in (-1, 1):
