@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from test_cli import run
 
 import p3dof
+from p3dof.cli import main
 from p3dof.parameters import PAPER, Body
 
 WRENCH = "t,fx,fy,fz,mx,my,mz\n0,1,2,3,0.4,0.5,0.6\n0.5,1,20,-30,0.4,0.5,0.6\n"
@@ -285,3 +287,40 @@ def test_a_motion_that_starts_at_rest_gets_no_ramp(tmp_path, capsys):
         ("moving", "--ramp", "0"): 0.1,
     }
     assert ends == pytest.approx(expected, abs=1e-12)
+
+
+# --- motors and balances on the command line ----------------------------------------------------------------
+
+
+def test_armature_and_counterbalance_take_the_place_of_the_file_s(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    own = p3dof.Actuators({"sliders": 5.0}, {"sliders": 10.0}, {"slide_a": 100.0})
+    p3dof.write_parameters(replace(p3dof.PAPER, actuators=own), "machine.yaml")
+    command = "forces --parameters machine.yaml --armature 14.8,3,500g --counterbalance 48 --samples 11"
+    assert main([*command.split(), "--out", "forces.csv"]) == 0
+    given = dict(zip(p3dof.parameters.SLIDES, (14.8, 3.0, 0.5), strict=True))
+    machine = replace(p3dof.PAPER, actuators=replace(own, armature=given, counterbalance={"sliders": 48.0}))
+    expected = p3dof.load(machine).inverse_dynamics(p3dof.paper_motion(11)).forces
+    rows = np.genfromtxt("forces.csv", delimiter=",", skip_header=1)
+    np.testing.assert_allclose(rows[:, 1:4], expected, rtol=1e-12)
+    assert main(["report", "--armature", "14.8", "--samples", "11", "--out", "report.html", "--no-page"]) == 0
+    assert "--armature=14.8,14.8,14.8" in Path("report.html").read_text(encoding="utf-8")
+    assert main(["codegen", "--counterbalance", "48", "--out", "c"]) == 0
+    assert "--counterbalance 48,48,48" in Path("c/p3dof.h").read_text(encoding="utf-8")
+    capsys.readouterr()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ("--armature 1,2", "'--armature': expected one number, or three for A, B and C, got '1,2'"),
+        ("--armature -2", "armature.slide_a: expected zero or more, got -2"),
+        ("--counterbalance 3kg", "expected a force"),
+        ("--armature much", "expected a mass"),
+    ],
+)
+def test_motors_and_balances_that_are_none_are_refused(options, message, capsys):
+    assert main(["forces", *options.split()]) == 2
+    told = capsys.readouterr().err
+    assert message in told
+    assert told.count("\n") == 1

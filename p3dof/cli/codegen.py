@@ -10,7 +10,7 @@ from rich.console import Console
 from p3dof.cli.app import app
 from p3dof.cli.export import CHECK, FORCE, WASM, print_differences
 from p3dof.cli.files import OutputFolder, file_name, protect
-from p3dof.cli.options import PARAMETERS, Payload, machine_of, payload_text
+from p3dof.cli.options import PARAMETERS, Payload, actuator_options, machine_of, payload_text
 from p3dof.cli.output import print_plain, show
 from p3dof.cli.payloads import say_payloads
 from p3dof.codegen.batch import DIRECTORY, batch_files
@@ -74,7 +74,8 @@ def codegen(
     force: bool,
 ) -> int:
     """Write C99 for a controller: kinematics, dynamics and derivatives, with a program that tests it."""
-    of_controller = (parameters, payload, bake or None, single or None, wasm or None, prefix)
+    drives = actuator_options()
+    of_controller = (parameters, payload, bake or None, single or None, wasm or None, prefix, drives or None)
     _check_usage(out, kernels, page, any(value is not None for value in of_controller))
     if single and wasm:
         raise click.UsageError("--float: WebAssembly computes with doubles, leave out --wasm")
@@ -86,6 +87,7 @@ def codegen(
     if out is not None:
         machine = machine_of(parameters, payload).parameters
         given = {"--parameters": file_name(parameters), "--payload": payload and payload_text(payload)}
+        given |= drives
         command = command_of(
             "p3dof codegen", {**given, "--prefix": prefix, "--bake": bake, "--float": single}
         )
@@ -133,7 +135,8 @@ def _check_usage(out: Path | None, kernels: bool, page: bool, of_controller: boo
         raise click.UsageError("expected --out (C for a controller), --kernels (the package's own) or --page")
     if out is None and of_controller:
         raise click.UsageError(
-            "--parameters, --payload, --bake, --float, --prefix and --wasm belong to --out"
+            "--parameters, --payload, --armature, --counterbalance, --bake, --float, --prefix and --wasm "
+            "belong to --out"
         )
 
 

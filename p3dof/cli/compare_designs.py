@@ -14,7 +14,7 @@ from rich.console import Console
 from p3dof.bearings import read_bearings
 from p3dof.cli.app import app
 from p3dof.cli.files import STREAM, InputFile, OutputFile, protect, source
-from p3dof.cli.options import FIGURE, PARAMETERS, STIFFNESS, Whole, any_size, machine_of, stiffness_in
+from p3dof.cli.options import FIGURE, PARAMETERS, STIFFNESS, Whole, any_size, driven, machine_of, stiffness_in
 from p3dof.cli.output import in_options, print_plain, progress_bar, show
 from p3dof.cli.work import SAMPLES, WORK, Work, task_named
 from p3dof.drives import read_catalogue
@@ -149,7 +149,8 @@ def _sorted(
     if parameters is not None:
         raise click.UsageError("--parameters: the machines are given already")
     robots = {
-        name: Manipulator(read_parameters(source(path), any_size())) for name, path in _by_name(files).items()
+        name: Manipulator(driven(read_parameters(source(path), any_size())))
+        for name, path in _by_name(files).items()
     }
     return robots, {name: task_named(path) for name, path in _by_name(tasks).items()}
 

@@ -6,7 +6,7 @@ import functools
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -22,9 +22,9 @@ from p3dof.manipulator import InverseDynamics, Manipulator, load
 from p3dof.methods import DEFAULT_METHOD, METHODS
 from p3dof.motion import Motion, WrenchHistory, paper_motion
 from p3dof.motion.entering import load_along
-from p3dof.parameters import Body, read_parameters
+from p3dof.parameters import SLIDES, Body, Parameters, read_parameters
 from p3dof.parameters.plain import require_near
-from p3dof.parameters.quantities import ANGLE, LENGTH, MASS, Quantity
+from p3dof.parameters.quantities import ANGLE, FORCE, LENGTH, MASS, Quantity
 from p3dof.reactions import ALL, WAYS, AnyReactions, Choice, Stiffness, read_stiffness
 
 _PARAMETERS = click.option(
@@ -42,14 +42,92 @@ _ANY_SIZE = click.option(
 _META = "p3dof.any_size"
 
 
+class BySlide(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic in newer versions only
+    """One number for all sliders, or three for A, B and C; units may follow each.
+
+    Parameters
+    ----------
+    quantity : Quantity
+        What the numbers are.
+    """
+
+    def __init__(self, quantity: Quantity) -> None:
+        self._quantity = quantity
+        self.name = "NUMBER[,B,C]"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> dict[str, float]:
+        """Return the numbers by slide."""
+        parts = value.split(",")
+        if len(parts) not in {1, len(SLIDES)}:
+            self.fail(f"expected one number, or three for A, B and C, got {value!r}", param, ctx)
+        try:
+            numbers = [self._quantity.read(part, str(param.opts[0] if param else value)) for part in parts]
+        except ParameterError as error:
+            self.fail(str(error), param, ctx)
+        return dict(zip(SLIDES, numbers * (len(SLIDES) // len(numbers)), strict=True))
+
+
+def _of_actuators(name: str, quantity: Quantity, words: str) -> Callable[..., Any]:
+    found: Callable[..., Any] = click.option(
+        f"--{name}",
+        type=BySlide(quantity),
+        expose_value=False,
+        callback=lambda context, _, value: context.meta.__setitem__(f"{_ACTUATORS}{name}", value),
+        help=f"{words}: one number, or A,B,C; in place of the parameter file's.",
+    )
+    return found
+
+
+_ACTUATORS = "p3dof.actuators."
+_ARMATURE = _of_actuators("armature", MASS, "Inertia of motor and screw, reflected to the sliders [kg]")
+_BALANCE = _of_actuators("counterbalance", FORCE, "Force of a balance on the sliders at home, upward [N]")
+
+
 def PARAMETERS(command: Callable[..., Any]) -> Callable[..., Any]:  # noqa: N802 - used as the other options are
-    """Give a command the parameter file, and `machine_of` the answer how large its machine may be."""
-    return _PARAMETERS(_ANY_SIZE(command))
+    """Give a command the parameter file, and `machine_of` what else is said of the machine."""
+    found: Callable[..., Any] = _PARAMETERS(_ARMATURE(_BALANCE(_ANY_SIZE(command))))
+    return found
 
 
 def any_size() -> bool:
     """Return whether the command may take machines of any size."""
     return bool(click.get_current_context().meta.get(_META, False))
+
+
+def _given_actuators() -> dict[str, dict[str, float]]:
+    meta = click.get_current_context().meta
+    given = {name: meta.get(f"{_ACTUATORS}{name}") for name in ("armature", "counterbalance")}
+    return {name: by_slide for name, by_slide in given.items() if by_slide is not None}
+
+
+def driven(parameters: Parameters) -> Parameters:
+    """Return a machine with the armature and the balance that the command was given.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine of a file.
+
+    Returns
+    -------
+    p3dof.Parameters
+
+    Raises
+    ------
+    ParameterError
+        If an inertia is negative.
+    """
+    return replace(parameters, actuators=replace(parameters.actuators, **_given_actuators()))
+
+
+def actuator_options() -> dict[str, str]:
+    """Return how armature and balance were given on the command line, by option."""
+    return {
+        f"--{name}": ",".join(f"{value:.15g}" for value in by_slide.values())
+        for name, by_slide in _given_actuators().items()
+    }
 
 
 def machine_of(parameters: Path | None, payload: Body | None = None) -> Manipulator:
@@ -72,6 +150,8 @@ def machine_of(parameters: Path | None, payload: Body | None = None) -> Manipula
         As `p3dof.load`; also if the payload is very far away.
     """
     machine = load(None if parameters is None else read_parameters(source(parameters), any_size()))
+    if _given_actuators():
+        machine = load(driven(machine.parameters))
     if payload is None:
         return machine
     if not any_size():

@@ -15,7 +15,7 @@ from rich.console import Console
 
 from p3dof.cli.app import app
 from p3dof.cli.files import STREAM, InputFile, OutputFile
-from p3dof.cli.options import JOINTS, STIFFNESS, Case, stiffness_in, with_case
+from p3dof.cli.options import JOINTS, STIFFNESS, Case, actuator_options, stiffness_in, with_case
 from p3dof.cli.output import print_plain, print_warnings, progress_bar
 from p3dof.cli.payloads import payloads_in_words, print_payloads
 from p3dof.cli.work import WORK, Work, task_named
@@ -221,6 +221,7 @@ def _command(
         "--parameters": case.parameters,
         "--motion": case.motion_file,
         "--samples": case.samples,
+        **actuator_options(),
         "--payload": payload,
         "--wrench": case.wrench_file,
         "--on-invalid": None if case.on_invalid == "raise" else case.on_invalid,
