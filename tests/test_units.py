@@ -12,7 +12,7 @@ import p3dof
 from p3dof.cli import main
 from p3dof.errors import ParameterError
 from p3dof.parameters import PAPER, Geometry
-from p3dof.parameters.quantities import ANGLE, FORCE, INERTIA, LENGTH, MASS
+from p3dof.parameters.quantities import ANGLE, FORCE, INERTIA, LENGTH, MASS, MOMENT
 from p3dof.parameters.serialization import dump, parse
 
 PLAIN = """
@@ -72,6 +72,14 @@ def test_a_file_with_units_is_the_file_without():
         (ANGLE, "250 mrad", 0.25),
         (FORCE, "1.5 kN", 1500.0),
         (FORCE, "2 kg m s^-2", 2.0),
+        (LENGTH, "10 in", 0.254),
+        (LENGTH, "2 ft", 0.6096),
+        (MASS, "3 lb", 1.36077711),
+        (FORCE, "100 lbf", 444.82216152605),
+        (FORCE, "2 kgf", 19.6133),
+        (MOMENT, "10 lbf in", 1.129848290276167),
+        (MOMENT, "64 Ncm", 0.64),
+        (INERTIA, "0.4 lb in^2", 1.17055868e-4),
         (LENGTH, ["120 mm", 0, "0 m"], [0.12, 0, 0]),
         (LENGTH, 3, 3),
         (LENGTH, None, None),

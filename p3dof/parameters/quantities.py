@@ -46,6 +46,12 @@ _UNITS: dict[str, tuple[_Powers, Fraction]] = {
     "GPa": ((-1, 1, -2, 0), Fraction(10**9)),
     "Nm": ((2, 1, -2, 0), Fraction(1)),
     "Nmm": ((2, 1, -2, 0), Fraction(1, 1000)),
+    "Ncm": ((2, 1, -2, 0), Fraction(1, 100)),
+    "in": ((1, 0, 0, 0), Fraction(254, 10**4)),
+    "ft": ((1, 0, 0, 0), Fraction(3048, 10**4)),
+    "lb": ((0, 1, 0, 0), Fraction(45359237, 10**8)),
+    "lbf": ((1, 1, -2, 0), Fraction(44482216152605, 10**13)),
+    "kgf": ((1, 1, -2, 0), Fraction(980665, 10**5)),
 }
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?"
 _WRITTEN = re.compile(rf"\s*({_NUMBER})\s*([^\d\s.,+-].*?)\s*\Z", re.ASCII | re.DOTALL)
