@@ -127,6 +127,28 @@ def test_a_constant_load_lives_as_the_standard_says():
     np.testing.assert_allclose(moments, [turned / 120 * 1e4], rtol=1e-14)
 
 
+def test_a_rail_that_is_mounted_otherwise(elastic):
+    """A quarter turn exchanges x and y; any turn is that of forces and moments the other way about."""
+    uneven = replace(GUIDE, moments=(100.0, 60.0, 150.0), centre=(0.01, -0.02, 0.03))
+    forces, moments = elastic["slide_c"].forces, elastic["slide_c"].moments
+    quarter = replace(uneven, turn=math.pi / 2)
+    swapped = replace(uneven, moments=(60.0, 100.0, 150.0))
+    for one, other in zip(quarter.parts(forces, moments), swapped.parts(forces, moments), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-12)
+    c, s = math.cos(0.3), math.sin(0.3)
+    back = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1.0]])
+    turned = replace(uneven, centre=tuple(back @ uneven.centre))
+    expected = turned.parts(forces @ back.T, moments @ back.T)
+    for one, other in zip(replace(uneven, turn=0.3).parts(forces, moments), expected, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-12)
+    assert np.abs(expected[1] - uneven.parts(forces, moments)[1]).max() > 10
+
+
+def test_what_no_paper_tells_stands_beside_the_loads(report):
+    assert "width b of the parallelogram" in rods_table(report).note
+    assert "width b of the parallelogram" in report._repr_html_()
+
+
 def test_rest_and_standing_still(robot, elastic):
     one = bearing_life(PAPER, elastic, Bearings(BALL), rest=1.0)
     other = bearing_life(PAPER, elastic, Bearings(BALL))

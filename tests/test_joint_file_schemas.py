@@ -38,7 +38,7 @@ BEARING = {"name": "6001", "dynamic": "5.1 kN", "static": "2.4 kN", "X": 0.56, "
 GUIDE = {"dynamic": "10 kN", "basis": "50 km", "static": 16e3, "moments": ["120 Nm", "120 Nm", "150 Nm"]}
 BEARINGS = {
     "hinges": BEARING,
-    "guides": {**GUIDE, "centre": [0, "10 mm", "-30 mm"], "name": 15},
+    "guides": {**GUIDE, "centre": [0, "10 mm", "-30 mm"], "turn": "90 deg", "name": 15},
     "joints": {"hinge_left": {"dynamic": 6e3, "kind": "roller"}, "slide_b": GUIDE},
 }
 FRICTION = {
@@ -106,6 +106,7 @@ REFUSED = [
     ("bearings", changed(BEARINGS, "joints.slide_b", BEARING)),
     ("bearings", changed(BEARINGS, "joints.elbow", BEARING)),
     ("bearings", changed(BEARINGS, "guides.centre", [1, 2])),
+    ("bearings", changed(BEARINGS, "guides.turn", "90 mm")),
     ("load-friction", {}),
     ("load-friction", {"smoothing": 1}),
     ("load-friction", changed(FRICTION, "hinges.radius", MISSING)),

@@ -221,6 +221,7 @@ def test_a_run_in_time_has_what_it_followed():
 def test_reactions_of_joints_are_curves_and_arrows_that_can_be_shown():
     reactions = ROBOT.reactions(MOTION)
     document = read(page_document(ROBOT, MOTION, reactions=reactions))
+    assert "width b of the parallelogram, which no paper tells" in document["runs"][0]["notes"][-1]
     (run,) = document["runs"]
     forces, moments = reactions.elastic.in_base()
     loads = {load["key"]: load for load in run["loads"]}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 from types import SimpleNamespace
 
@@ -22,7 +23,15 @@ from p3dof.errors import DynamicsError, InputError, ModelError, ReachError, Samp
 from p3dof.methods.pinocchio import PinocchioMethod
 from p3dof.motion import Motion, paper_motion, states_over
 from p3dof.parameters import PAPER, PASSIVE, SLIDES, SOLIDS, Bodies, Body, Friction, Parameters
-from p3dof.reactions import JOINTS, how_chosen, of_solution, open_tables, over_motion, reactions_table
+from p3dof.reactions import (
+    JOINTS,
+    how_chosen,
+    of_result,
+    of_solution,
+    open_tables,
+    over_motion,
+    reactions_table,
+)
 from p3dof.reactions.joints import cuts
 
 KINDS = ("paper", "points")
@@ -59,6 +68,15 @@ def solved(name: str, kind: str):
 
 
 # --- bookkeeping on the closed forms: bodies, ends of joints, 60 equations ----------------------------------
+
+
+def test_forces_that_produce_no_sample_of_a_motion_are_named():
+    """None at all, which once was an error of NumPy."""
+    robot, motion = p3dof.load(), p3dof.paper_motion(5)
+    result = robot.inverse_dynamics(motion)
+    wrong = replace(result, forces=result.forces + 10.0)
+    with pytest.raises(SampleError, match="sample 0: tau: the forces do not produce the motion"):
+        of_result(robot.loop, robot.parameters, wrong, "elastic")
 
 
 class Bookkeeping:

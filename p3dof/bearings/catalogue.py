@@ -121,13 +121,16 @@ class Guide:
         The way that it holds for: 50 or 100 km [m]; makers differ, and the rating for 50 km is 1.26 times the
         other of ball guides.
     moments : sequence of 3 floats
-        Moments about x, y and z of the slide that count as much as the force C [N m].
+        Moments about x, y and z of the rail that count as much as the force C [N m].
     static : float, optional
         Basic static load rating C0 [N].
     kind : {"ball", "roller"}
         Of the rolling elements.
     centre : sequence of 3 floats
         Of the carriage, in the slider's frame [m].
+    turn : float
+        How the rail is mounted: the angle about z by which its x axis is turned from that of the slide [rad].
+        Its z axis is that of the slide.
     name : str
         What tables call it.
 
@@ -143,6 +146,7 @@ class Guide:
     static: float | None = None
     kind: Literal["ball", "roller"] = "ball"
     centre: Sequence[float] = (0.0, 0.0, 0.0)
+    turn: float = 0.0
     name: str = "guide"
 
     def __post_init__(self) -> None:
@@ -158,6 +162,7 @@ class Guide:
             raise ParameterError(_MOMENTS)
         set_(self, "moments", tuple(moments.tolist()))
         set_(self, "centre", tuple(frozen_array("centre", self.centre, (3,), ParameterError).tolist()))
+        set_(self, "turn", float(frozen_array("turn", self.turn, (), ParameterError)))
         if self.kind not in _EXPONENTS:
             raise ParameterError(f"kind: expected ball or roller, got {shown(self.kind)}")
 
@@ -181,8 +186,10 @@ class Guide:
         """
         across = forces * np.array([1.0, 1.0, 0.0])
         about = moments - np.cross(np.asarray(self.centre), across)
+        c, s = math.cos(self.turn), math.sin(self.turn)
+        rail = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])  # its axes, as columns
         rated = self.dynamic / np.asarray(self.moments)
-        return np.abs(across).sum(axis=-1), (np.abs(about) * rated).sum(axis=-1)
+        return np.abs(across @ rail).sum(axis=-1), (np.abs(about @ rail) * rated).sum(axis=-1)
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from p3dof.bearings.catalogue import SLIDES, TURNING, Bearing, Bearings, Guide
 from p3dof.errors import ParameterError
 from p3dof.files import Source, called, parse_yaml, read_text
 from p3dof.parameters.plain import named, read_fields
-from p3dof.parameters.quantities import FORCE, LENGTH, MOMENT, Quantity
+from p3dof.parameters.quantities import ANGLE, FORCE, LENGTH, MOMENT, Quantity
 
 _NUMBERS: Mapping[str, Quantity] = {
     "dynamic": FORCE,
@@ -30,6 +30,7 @@ _NUMBERS: Mapping[str, Quantity] = {
     "basis": LENGTH,
     "moments": MOMENT,
     "centre": LENGTH,
+    "turn": ANGLE,
 }
 
 

@@ -10,6 +10,11 @@ from p3dof.bearings.results import BearingLife, BearingReport, GuideLife
 from p3dof.tables import NONE, Table, html_of, notebook_html, number, table_of
 
 _LONG = 1e5
+WIDTH = (
+    "Loads of rods and bearings rest on the stiffness of joints and on the width b of the parallelogram: "
+    "it stands in no paper, and decides no force of an actuator."
+)
+"""What must stand beside them."""
 Place: TypeAlias = Callable[[float], str] | None
 """Says where the machine is at a time."""
 
@@ -112,7 +117,7 @@ def rods_table(report: BearingReport) -> Table:
         "safety",
         "bends at [Hz]",
     )
-    return table_of("Legs and rods, hinged at both ends", header, rows)
+    return table_of("Legs and rods, hinged at both ends", header, rows, WIDTH, "wide")
 
 
 def _hours(hours: float) -> str:
@@ -131,5 +136,5 @@ def report_html(report: BearingReport) -> str:
     tables = [bearings_table(report), guides_table(report), rods_table(report)]
     facts = f"a cycle of {number(report.cycle)} s"
     return notebook_html(
-        "Bearings", facts, [table for table in tables if table.rows], list(report.warnings), ""
+        "Bearings", facts, [table for table in tables if table.rows], list(report.warnings), WIDTH
     )

@@ -68,7 +68,7 @@ class BatchReactions:
         self.determined_forces[at], self.determined_moments[at] = determined[:, :, 0], determined[:, :, 1]
         self.rotations[at], self.positions[at] = found.rotations[good], found.positions[good]
         self.undetermined[at] = found.undetermined[good]
-        self.fit[at] = np.moveaxis(found.fit[:, good], 0, 1).reshape(len(good), 2, -1, 2, 3)
+        self.fit[at] = np.moveaxis(found.fit[:, good], 0, 1).reshape(self.fit[at].shape)
 
 
 _ARRAYS = (

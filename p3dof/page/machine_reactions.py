@@ -12,7 +12,7 @@ from p3dof.page.curves import PALETTE, curve
 from p3dof.page.encoding import encoded
 from p3dof.page.machine import Machine
 from p3dof.page.machine_runs import Samples
-from p3dof.reactions import AnyReactions
+from p3dof.reactions import AnyReactions, how_chosen
 from p3dof.reactions.joints import JOINTS
 
 LAYER = {"name": "reactions", "label": "Reactions of joints", "shown": False}
@@ -59,7 +59,8 @@ def with_reactions(
             curves.append(curve(f"{kind} {joint.name}", label, group, unit, PALETTE[i % len(PALETTE)], size))
             loads.append(_load(robot, i, kind, unit, values[kind][:, i]))
     run, *others = document["runs"]
-    run = run | {"curves": run["curves"] + curves, "loads": run["loads"] + loads}
+    notes = [*run["notes"], f"Loads of joints: {how_chosen(one)}"]
+    run = run | {"curves": run["curves"] + curves, "loads": run["loads"] + loads, "notes": notes}
     scene = document["scene"] | {"layers": [*document["scene"]["layers"], LAYER]}
     return document | {"runs": [run, *others], "scene": scene}
 
