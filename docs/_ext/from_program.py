@@ -4,6 +4,7 @@
 * ``contributing.md`` and ``tests.md``: what the repository says to contributors;
 * ``_static/animation.html``: the recorded one, of the paper's motion;
 * ``_static/tutorial/``: what the commands of the tutorial on tasks draw and write;
+* ``_static/workspace/``: what those of the page on workspaces draw;
 * ``reference/api/``: the list of public names, by the topics of ``p3dof/__init__.pyi``;
 * ``reference/generated/*.md``: tables of links, joints and closures, and of the paper's equations.
 """
@@ -43,8 +44,17 @@ LINKS = {"docs/": "", "tests/README.md": "tests.md", "../CONTRIBUTING.md": "cont
 LIVE = re.compile(r"robot\.(show|viewer)\(")
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 NAMED = re.compile(r"# ([\w./-]+\.\w+)\n")
-SHOWN = ("task.png", "drives.png", "machines.png", "out/machine.html")
-"""What the tutorial on tasks shows of what it makes."""
+SHOWN = {
+    "tutorials/from-a-task-to-a-machine.md": (
+        "tutorial",
+        "task.png",
+        "drives.png",
+        "machines.png",
+        "out/machine.html",
+    ),
+    "how-to/workspace-and-indices.md": ("workspace", "map.png", "slices.png", "loci.png"),
+}
+"""Pages that show what their commands make: a folder for it, and what."""
 RECORDED = (
     '<iframe class="machine" src="../_static/animation.html" title="The machine, moving"></iframe>\n\n'
     "(Recorded: in the notebook, the page is live.)"
@@ -63,7 +73,8 @@ def write_pages(app: Sphinx, _config: Config) -> None:
     animation = source / "_static" / "animation.html"
     if not animation.exists() and main(["show", "--out", str(animation)]):
         raise RuntimeError("the animation could not be written")
-    task_results(tutorials / "from-a-task-to-a-machine.md", source / "_static" / "tutorial")
+    for page, (folder, *shown) in SHOWN.items():
+        results_of(source / page, source / "_static" / folder, shown)
     _write(source / "reference/api/index.rst", api_page())
     for name, text in module_pages().items():
         _write(source / f"reference/api/p3dof.{name}.rst", text)
@@ -73,9 +84,9 @@ def write_pages(app: Sphinx, _config: Config) -> None:
     _write(source / "reference/generated/equations.md", equations_page())
 
 
-def task_results(page: Path, folder: Path) -> None:
-    """Run the commands of the tutorial on tasks, and keep its figures and its report."""
-    wanted = {name: folder / Path(name).name for name in SHOWN}
+def results_of(page: Path, folder: Path, shown: list[str]) -> None:
+    """Run the commands of a page, and keep what it shows of their figures and files."""
+    wanted = {name: folder / Path(name).name for name in shown}
     written = max((path.stat().st_mtime for path in [page, *PACKAGE.rglob("*.py")]), default=0.0)
     if all(path.exists() and path.stat().st_mtime >= written for path in wanted.values()):
         return

@@ -18,7 +18,7 @@ from p3dof.cli.options import FIGURE, PARAMETERS, POSITIVE, Number, Payload, Spa
 from p3dof.cli.output import print_plain, show
 from p3dof.files import together
 from p3dof.indices import COLUMNS, check_names, write_dataset
-from p3dof.motion import Motion
+from p3dof.motion import Motion, paper_motion
 from p3dof.parameters import Body
 from p3dof.parameters.quantities import ANGLE, LENGTH
 from p3dof.tables import Table, table_of
@@ -51,6 +51,7 @@ from p3dof.workspace import Workspace, WorkspaceMargins, box_table, plain_worksp
 @click.option("--index", "indices", multiple=True, help="Index to tell of and to draw, such as lti; several.")
 @click.option("--length", type=POSITIVE, help="Characteristic length of indices [m]; r without it.")
 @click.option("--motion", "motion_file", type=InputFile(), help="Motion file whose path to draw and check.")
+@click.option("--paper-motion", "paper", is_flag=True, help="Draw and check the path of the paper's motion.")
 @click.option(
     "--view",
     type=click.Choice(("map", "slices", "loci")),
@@ -75,6 +76,7 @@ def workspace(
     indices: tuple[str, ...],
     length: float | None,
     motion_file: Path | None,
+    paper: bool,
     view: str,
     figure: Path | None,
     out: Path | None,
@@ -89,7 +91,10 @@ def workspace(
     protect((parameters, motion_file), (figure, out))
     names = check_names(indices)
     robot = machine_of(parameters, payload)
-    motion = None if motion_file is None else Motion.from_csv(source(motion_file))
+    if paper and motion_file is not None:
+        raise click.UsageError("--motion and --paper-motion exclude each other")
+    motion = paper_motion(401) if paper else None
+    motion = motion if motion_file is None else Motion.from_csv(source(motion_file))
     given = {name: value for name, value in limits.items() if value is not None}
     margins = WorkspaceMargins(serial, 0.0 if actuation is None else actuation[1], velocity, acceleration)
     space = robot.workspace(replace(robot.parameters.limits, **given), margins)
