@@ -79,7 +79,7 @@ def test_a_file_with_units_is_the_file_without():
         (FORCE, "2 kgf", 19.6133),
         (MOMENT, "10 lbf in", 1.129848290276167),
         (MOMENT, "64 Ncm", 0.64),
-        (INERTIA, "0.4 lb in^2", 1.17055868e-4),
+        (INERTIA, "0.4 lb in^2", 1.1705586137168e-4),
         (LENGTH, ["120 mm", 0, "0 m"], [0.12, 0, 0]),
         (LENGTH, 3, 3),
         (LENGTH, None, None),
