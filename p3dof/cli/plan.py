@@ -15,11 +15,11 @@ from p3dof.cli.options import FIGURE, METHOD, PARAMETERS, POSITIVE, Number, Whol
 from p3dof.cli.output import print_plain, progress_bar, show
 from p3dof.errors import InputError
 from p3dof.files import together, write_table
-from p3dof.manipulator import Manipulator, fastest_plan, forces_of_task
+from p3dof.manipulator import BestPath, Manipulator, best_path, fastest_plan, forces_of_task
 from p3dof.manipulator.fastest import MOST_NODES, NODES, SMOOTH_NODES, limits_of
 from p3dof.manipulator.tasks import limits_table, pieces_table, sizing_table
 from p3dof.motion import WrenchHistory
-from p3dof.tasks import FastestPlan, Plan, Task, read_task
+from p3dof.tasks import FastestPlan, Plan, Task, read_task, write_task
 
 _OPTIONS = (
     click.argument("task_file", metavar="TASK", type=InputFile()),
@@ -49,7 +49,7 @@ _OPTIONS = (
 )
 
 
-def _with_task(command: Callable[..., Plan]) -> Callable[..., int]:
+def _with_task(command: Callable[..., Plan | BestPath]) -> Callable[..., int]:
     """Give a command that makes a plan of a task and a machine its files, and what is told of the plan."""
 
     @functools.wraps(command)
@@ -63,10 +63,13 @@ def _with_task(command: Callable[..., Plan]) -> Callable[..., int]:
         figure: Path | None,
         **others: Any,
     ) -> int:
-        protect((task_file, parameters), (out, wrench_out, forces_out, figure))
+        task_out = others.pop("task_out", None)
+        if task_out is not None and not others["better_path"]:
+            raise InputError("--task-out: expected with --best-path only")
+        protect((task_file, parameters), (out, wrench_out, forces_out, figure, task_out))
         task, robot = read_task(source(task_file)), machine_of(parameters)
         planned = command(task, robot, **others)
-        return _told(task, robot, planned, method, out, wrench_out, forces_out, figure)
+        return _told(task, robot, planned, method, out, wrench_out, forces_out, figure, task_out)
 
     found: Callable[..., int] = wrapped
     for option in reversed(_OPTIONS):
@@ -110,7 +113,23 @@ def plan(task: Task, _: Manipulator, samples: int, duration: float | None) -> Pl
     help=f"Steps along each way between two stops: more come nearer to the least time.  [default: {NODES}; "
     f"{SMOOTH_NODES} with a jerk]",
 )
-def fastest(task: Task, robot: Manipulator, samples: int, nodes: int | None, **limits: float | None) -> Plan:
+@click.option(
+    "--best-path",
+    "better_path",
+    is_flag=True,
+    help="Change blends and waypoints too, as far as blend_range and tolerance in the file allow.",
+)
+@click.option(
+    "--task-out", type=OutputFile("parameters"), help="Task file to write with the best path (YAML)."
+)
+def fastest(
+    task: Task,
+    robot: Manipulator,
+    samples: int,
+    nodes: int | None,
+    better_path: bool,
+    **limits: float | None,
+) -> Plan | BestPath:
     """Find the fastest motion of a task file within limits of force, speed, power, jerk; with friction.
 
     Limits are those of the task file, and force and speed of the parameter file where it gives none; an
@@ -119,6 +138,9 @@ def fastest(task: Task, robot: Manipulator, samples: int, nodes: int | None, **l
     as its stroke.
     """
     chosen = limits_of(robot, task, **limits)
+    if better_path:
+        with progress_bar("paths", 1) as progress:
+            return best_path(robot, task, chosen, nodes=nodes, samples=samples, progress=progress)
     with progress_bar("ways", len(task.paths)) as progress:
         return fastest_plan(robot, task, chosen, nodes=nodes, samples=samples, progress=progress)
 
@@ -126,14 +148,16 @@ def fastest(task: Task, robot: Manipulator, samples: int, nodes: int | None, **l
 def _told(
     task: Task,
     robot: Manipulator,
-    planned: Plan,
+    made: Plan | BestPath,
     method: str,
     out: Path | None,
     wrench_out: Path | None,
     forces_out: Path | None,
     figure: Path | None,
+    task_out: Path | None,
 ) -> int:
     """Compute the forces of a plan, write its files and print its tables; return the exit code."""
+    planned = made.plan if isinstance(made, BestPath) else made
     load = planned.wrench
     if wrench_out is not None and load is None:
         raise InputError("--wrench-out: there is no external load in this task")
@@ -147,11 +171,16 @@ def _told(
             others.append(_write_load(load, wrench_out))
         drawn = functools.partial(plots.task_figure, found)
         written = [*write_results(planned.motion.to_csv, out, drawn, figure), *others]
+        if task_out is not None and isinstance(made, BestPath):
+            write_task(made.task, task_out)
+            written.append(task_out)
     console = console_beside(out)
     limits = robot.parameters.limits
     tables = [pieces_table(found), sizing_table(found, limits)]
     if isinstance(planned, FastestPlan):
         tables.append(limits_table(planned))
+    if isinstance(made, BestPath):
+        tables.append(made.table())
     show(console, *tables, notes=True)
     if not task.closed:
         print_plain(console, "the task does not end where it began: it cannot be repeated as it is")

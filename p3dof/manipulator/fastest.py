@@ -19,7 +19,7 @@ from p3dof.tasks.laws import Law, ProfileLaw, SmoothLaw, SpeedLaw
 from p3dof.tasks.limits import AxisLimits, Demand, Way
 from p3dof.tasks.plan import Stretch, payloads, planned
 from p3dof.tasks.profiles import PROFILES
-from p3dof.tasks.smooth import jerk_limited_law
+from p3dof.tasks.smooth import STARTS, jerk_limited_law
 from p3dof.tasks.uses import FastestPlan, looked_at, uses_of
 
 NODES, SMOOTH_NODES, MOST_NODES = 400, 150, 20_000
@@ -78,20 +78,17 @@ def fastest_plan(
     ReachError, SingularityError
         If a path leaves what the machine can reach or hold.
     """
-    chosen = _limits(robot, task, limits)
+    chosen = chosen_limits(robot, task, limits)
     most = isinstance(nodes, int) and not isinstance(nodes, bool) and 10 <= nodes <= MOST_NODES
     if nodes is not None and not most:
         raise InputError(f"nodes: expected a whole number from 10 to {MOST_NODES}, got {shown(nodes)}")
     with_jerk = bool(np.isfinite(chosen.jerk).any())
     steps = (SMOOTH_NODES if with_jerk else NODES) if nodes is None else nodes
-    count, carried = sample_count(samples, least=2), payloads(task.waypoints, task.carrying)
+    count = sample_count(samples, least=2)
     stretches, looked, time = [], [], task.waypoints[0].dwell
     for done, (path, (first, last)) in enumerate(zip(task.paths, task.stretches, strict=True), 1):
         name = f"{task.names[first]} to {task.names[last]}"
-        payload = carried[last]
-        machine = robot if payload is None else Manipulator(robot.parameters.carrying(payload))
-        wrenches = np.array([point.wrench for point in task.waypoints[first + 1 : last + 1]])
-        way = WayOfMachine(machine, path, wrenches, chosen.reflected_mass, with_jerk)
+        way = way_of(robot, task, path, (first, last), chosen)
         duration = task.waypoints[last].duration
         law: Law
         try:
@@ -113,7 +110,38 @@ def fastest_plan(
     )
 
 
-def fastest_along(path: Path, way: Way, limits: AxisLimits, nodes: int) -> SpeedLaw | SmoothLaw:
+def way_of(
+    robot: Manipulator, task: Task, path: Path, stops: tuple[int, int], limits: AxisLimits
+) -> WayOfMachine:
+    """Return what a path between two stops of a task takes of a machine.
+
+    Parameters
+    ----------
+    robot : Manipulator
+        The machine, without what the task carries.
+    task : Task
+        What it has to do.
+    path : Path
+        Where it goes.
+    stops : tuple of int
+        The waypoints at its ends.
+    limits : AxisLimits
+        What the actuators may be asked for.
+
+    Returns
+    -------
+    WayOfMachine
+    """
+    first, last = stops
+    payload = payloads(task.waypoints, task.carrying)[last]
+    machine = robot if payload is None else Manipulator(robot.parameters.carrying(payload))
+    wrenches = np.array([point.wrench for point in task.waypoints[first + 1 : last + 1]])
+    return WayOfMachine(machine, path, wrenches, limits.reflected_mass, bool(np.isfinite(limits.jerk).any()))
+
+
+def fastest_along(
+    path: Path, way: Way, limits: AxisLimits, nodes: int, starts: int = STARTS
+) -> SpeedLaw | SmoothLaw:
     """Return how a path is covered in the least time.
 
     Parameters
@@ -126,6 +154,8 @@ def fastest_along(path: Path, way: Way, limits: AxisLimits, nodes: int) -> Speed
         What they may be asked for.
     nodes : int
         About how many steps.
+    starts : int
+        From how many beginnings a motion within a jerk is looked for.
 
     Returns
     -------
@@ -133,12 +163,12 @@ def fastest_along(path: Path, way: Way, limits: AxisLimits, nodes: int) -> Speed
     """
     breaks = np.union1d(path.breaks, path.at_waypoints)
     if np.isfinite(limits.jerk).any():
-        return jerk_limited_law(nodes, path.end, breaks.tolist(), way, limits)
+        return jerk_limited_law(nodes, path.end, breaks.tolist(), way, limits, starts)
     return fastest_law(_nodes(nodes, breaks), way, limits)
 
 
-def _limits(robot: Manipulator, task: Task, limits: AxisLimits | None) -> AxisLimits:
-    """Return the limits of a plan."""
+def chosen_limits(robot: Manipulator, task: Task, limits: AxisLimits | None) -> AxisLimits:
+    """Return the limits of a plan: those given, or of the task and the machine."""
     for name, value, kind in (("robot", robot, Manipulator), ("task", task, Task)):
         if not isinstance(value, kind):
             raise InputError(f"{name}: expected a {kind.__name__}, got {shown(value)}")

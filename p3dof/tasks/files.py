@@ -54,9 +54,25 @@ from p3dof.tasks.task import Task
 from p3dof.tasks.waypoints import Waypoint
 
 _TASK = ("name", "path", "profile", "smoothness", "turning_length", "carrying", "limits", "waypoints")
-_WAYPOINT = ("pose", "name", "blend", "dwell", "duration", "pick_up", "put_down", "wrench")
+_WAYPOINT = (
+    "pose",
+    "name",
+    "blend",
+    "dwell",
+    "duration",
+    "pick_up",
+    "put_down",
+    "wrench",
+    "blend_range",
+    "tolerance",
+)
 _POSE = (LENGTH, LENGTH, ANGLE)
-_WRENCH = (FORCE,) * 3 + (MOMENT,) * 3
+_ROWS: Mapping[str, tuple[Quantity, ...]] = {
+    "pose": _POSE,
+    "wrench": (FORCE,) * 3 + (MOMENT,) * 3,
+    "blend_range": (LENGTH,) * 2,
+    "tolerance": _POSE,
+}
 _LIMITS: Mapping[str, Quantity] = {
     "force": FORCE,
     "speed": SPEED,
@@ -191,8 +207,8 @@ def _waypoint(data: Any, where: str) -> Waypoint:
         place = f"{where}: {key}"
         if key in _PLAIN:
             values[key] = _PLAIN[key].read(value, place)
-        elif key in ("pose", "wrench"):
-            values[key] = _row(value, _POSE if key == "pose" else _WRENCH, place)
+        elif key in _ROWS:
+            values[key] = _row(value, _ROWS[key], place)
         else:
             values[key] = read_body(value, place) if key == "pick_up" else value
     try:
@@ -223,4 +239,7 @@ def _plain(point: Waypoint) -> dict[str, Any]:
         data["pick_up"] = point.pick_up.to_dict()
     if np.any(point.wrench):
         data["wrench"] = point.wrench.tolist()
+    for key in ("blend_range", "tolerance"):
+        if getattr(point, key) is not None:
+            data[key] = getattr(point, key).tolist()
     return data

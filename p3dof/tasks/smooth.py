@@ -37,10 +37,16 @@ _QUICK, _SLOWEST = 0.01, 1e5
 _MIX = (1.0, 0.7, 0.4, 0.2, 0.1)
 _TAPERS = (0.0, 0.6, -0.4)
 """How much slower (faster) than at the ends p is in the middle of a motion to begin with."""
+STARTS = len(_TAPERS)
 
 
 def jerk_limited_law(
-    count: int, length: float, breaks: Sequence[float], way: Way, limits: AxisLimits
+    count: int,
+    length: float,
+    breaks: Sequence[float],
+    way: Way,
+    limits: AxisLimits,
+    starts: int = STARTS,
 ) -> SmoothLaw:
     """Return how a path is covered in the least time, from rest to rest, with continuous acceleration.
 
@@ -56,6 +62,8 @@ def jerk_limited_law(
         What the path takes of the actuators.
     limits : AxisLimits
         What they may be asked for; a jerk among it.
+    starts : int
+        From how many beginnings.
 
     Returns
     -------
@@ -74,7 +82,7 @@ def jerk_limited_law(
     nodes = _placed(sizes[0], within, np.linspace(0, 1, 201, dtype=np.float64))
     require_standing(Points.everywhere(nodes, _POINTS, own), limits)
     begun = []
-    for taper in _TAPERS:
+    for taper in _TAPERS[:starts]:
         square = (1 - taper * np.sin(np.pi * nodes) ** 2) / _QUICK**2
         change = -taper * np.pi / 2 * np.sin(2 * np.pi * nodes) / _QUICK**2
         start = SmoothLaw(nodes, square, change, np.zeros(len(nodes) - 1), length)

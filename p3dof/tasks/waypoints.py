@@ -37,6 +37,11 @@ class Waypoint:
     wrench : array-like, shape (6,), optional
         External force and moment on the platform at P, in the fixed frame, on the way from the waypoint
         before it to this one [N, N m]; none without it.
+    blend_range : array-like, shape (2,), optional
+        Least and largest blend when the best path is looked for [m]; it stays without it.
+    tolerance : array-like, shape (2,) or (3,), optional
+        How far y, z and, where the pose has one, θ may be from the pose when the best path is looked for, to
+        either side [m, m, rad], at a waypoint that is passed; not at all without it.
 
     Raises
     ------
@@ -52,6 +57,8 @@ class Waypoint:
     pick_up: Body | None = None
     put_down: bool = False
     wrench: FloatArray = field(default_factory=lambda: np.zeros(6))
+    blend_range: FloatArray | None = None
+    tolerance: FloatArray | None = None
 
     def __init__(
         self,
@@ -63,6 +70,8 @@ class Waypoint:
         pick_up: Body | None = None,
         put_down: bool = False,
         wrench: ArrayLike | None = None,
+        blend_range: ArrayLike | None = None,
+        tolerance: ArrayLike | None = None,
     ) -> None:
         if not isinstance(name, str):
             raise TaskError(f"name: expected a text, got {shown(name)}")
@@ -86,12 +95,31 @@ class Waypoint:
         set_(self, "put_down", put_down)
         load = np.zeros(6) if wrench is None else wrench
         set_(self, "wrench", frozen_array(f"{where}wrench", load, (6,), TaskError))
+        set_(self, "blend_range", None if blend_range is None else self._range(where, blend_range))
+        set_(self, "tolerance", None if tolerance is None else self._tolerance(where, tolerance))
         self._check(where)
 
     @property
     def stops(self) -> bool:
         """Whether the platform comes to rest here."""
         return self.blend == 0.0
+
+    def _range(self, where: str, value: ArrayLike) -> FloatArray:
+        bounds = frozen_array(f"{where}blend_range", value, (2,), TaskError)
+        if not 0 < bounds[0] <= self.blend <= bounds[1]:
+            raise TaskError(
+                f"{where}blend_range: expected least and largest blend above zero around "
+                f"blend = {self.blend:g} m, got {bounds[0]:g} and {bounds[1]:g} m"
+            )
+        return bounds
+
+    def _tolerance(self, where: str, value: ArrayLike) -> FloatArray:
+        bounds = frozen_array(f"{where}tolerance", value, (len(self.pose),), TaskError)
+        if (bounds < 0).any():
+            raise TaskError(f"{where}tolerance: expected zero or more, got {bounds.min():g}")
+        if self.stops:
+            raise TaskError(f"{where}tolerance: expected at a waypoint that is passed, with a blend, only")
+        return bounds
 
     def _check(self, where: str) -> None:
         if self.stops:
