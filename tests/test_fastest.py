@@ -86,6 +86,17 @@ def test_the_least_time_of_the_papers_path(robot, force, speed, mass, expected):
     assert law.duration == pytest.approx(expected, abs=3e-5)
 
 
+def test_an_armature_of_the_machine_is_as_good_as_reflected_mass(robot):
+    """The reference again: the limit is at the actuator, which moves its own rotor and screw."""
+    drives = p3dof.Actuators({"sliders": 14.8044066})
+    way = WayOfMachine(
+        p3dof.load(replace(robot.parameters, actuators=drives)), PapersPath(), NONE, np.zeros(3)
+    )
+    even = np.linspace(0, 1, 401)
+    law = fastest_law(even**2 * (3 - 2 * even), way, AxisLimits(500, 2))
+    assert law.duration == pytest.approx(0.52410, abs=3e-5)
+
+
 def test_the_least_time_of_a_straight_line(robot):
     assert fastest_plan(robot, LINE, AxisLimits(500, 2)).duration == pytest.approx(0.15834, abs=1e-5)
 
