@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 from design_problems import BETTER, PAPER_DESIGN, paper_problem
@@ -72,6 +74,9 @@ def test_measures_of_one_design_are_those_of_its_machine() -> None:
     poses = np.stack([y, 0 * y, theta], axis=1)
     singular = robot.singularity(poses)
     assert found["singularity"][0] == pytest.approx(singular.actuation.min(), rel=1e-12)
+    index = robot.indices(poses)
+    assert found["transmission"][0] == pytest.approx(index.lti.min(), rel=1e-12)
+    assert found["serial_reach"][0] == pytest.approx(index.iti.min(), rel=1e-12)
     J = robot.jacobian(poses)
     errors = np.abs(np.linalg.inv(J)).sum(axis=2).max(axis=0)
     for name, value in zip(("accuracy_y", "accuracy_z", "accuracy_theta"), errors, strict=True):
@@ -93,6 +98,18 @@ def test_the_lowest_frequency_is_that_of_the_published_table() -> None:
     K = J.T @ np.diag([1 / (1e-7 + 1 / (n * rod)) for n in (1, 1, 2)]) @ J
     expected = np.sqrt(np.linalg.eigvals(np.linalg.solve(M, K)).real.min()) / (2 * np.pi)
     assert problem.evaluate([0.25])["lowest_frequency"][0] == pytest.approx(expected, rel=1e-7)
+
+
+def test_margins_of_a_box_are_those_between_the_poses_of_its_grid_too() -> None:
+    problem = paper_problem(objectives=["singularity"], box=Box((-0.1, 0.1), (-np.pi / 6, np.pi / 4), (2, 2)))
+    fine = np.meshgrid(np.linspace(-0.1, 0.1, 41), np.linspace(-np.pi / 6, np.pi / 4, 401))
+    y, theta = (axis.ravel() for axis in fine)
+    design = [0.18, 0.24, 0.5, 0.01]
+    robot = p3dof.load(problem.machine(design))
+    least = robot.singularity(np.stack([y, 0 * y, theta], axis=1)).actuation.min()
+    found = problem.evaluate(design)["singularity"][0]
+    assert found <= least + 1e-12
+    assert found == pytest.approx(least, abs=1e-4)
 
 
 @pytest.mark.parametrize(("name", "peak", "design"), BETTER)
@@ -140,7 +157,8 @@ def test_what_is_no_linear_relation_is_refused(text: str) -> None:
         ({"objectives": ["peak_forc"]}, "did you mean peak_force"),
         ({"objectives": []}, "one measure or more"),
         ({"constraints": {"width": {"most": 1}}}, "expected {'min'"),
-        ({"constraints": {"width": {"max": "wide"}}}, "finite number"),
+        ({"constraints": {"width": {"max": "wide"}}}, "expected a length"),
+        ({"constraints": {"rms_power": {"max": "much"}}}, "finite number"),
         ({"constraints": {"singularity": {"min": 0.2}}}, "need a box"),
         ({"constraints": {"rod_frequency": {"min": 100}}}, "bodies='solids'"),
         ({"fixed": {"R": 0.25}}, "is a variable, too"),
@@ -151,6 +169,12 @@ def test_what_is_no_problem_is_refused_in_one_line(arguments: dict[str, object],
     with pytest.raises(InputError, match=message) as caught:
         DesignProblem(**{"variables": {"R": (0.2, 0.3)}, **arguments})
     assert "\n" not in str(caught.value)
+
+
+def test_problems_go_to_other_processes() -> None:
+    problem = paper_problem(objectives=list(MEASURES), constraints=())
+    again = pickle.loads(pickle.dumps(problem))  # noqa: S301 - our own
+    np.testing.assert_array_equal(again.evaluate(NEAR).objectives, problem.evaluate(NEAR).objectives)
 
 
 def test_measures_of_ones_own_have_values_and_gradients() -> None:

@@ -17,8 +17,8 @@ GRID = (9, 13)
 class Box:
     """A box of poses y0 ≤ y ≤ y1, θ0 ≤ θ ≤ θ1: within it, measures of poses take the worst one.
 
-    Poses are those of a grid with the borders of the box in it. What is asked for at each pose does not
-    depend on z: all sliders move alike with it.
+    Height, reach and distance from singularities are those of the whole box, exactly; other measures take
+    the poses of a grid with the borders of the box in it. None depends on z: all sliders move alike with it.
 
     Parameters
     ----------

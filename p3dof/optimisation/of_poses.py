@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,9 +13,8 @@ from p3dof.errors import InputError
 from p3dof.optimisation.box import Box
 from p3dof.optimisation.measure import ClosedForm
 from p3dof.optimisation.population import STEP, Numbers, Population
-
-_NEAR = 12
-"""Highest and lowest slider positions of a box of which all pairs are pieces of its height."""
+from p3dof.workspace.boxes import box_margins
+from p3dof.workspace.closed_forms import Sizes, drops, extents
 
 
 class Legs(NamedTuple):
@@ -26,8 +26,6 @@ class Legs(NamedTuple):
         Horizontal extents; that of C in the plane x, z [m].
     Sa, Sb, Sc : ndarray
         Drops [m].
-    u : ndarray
-        Length of the rods of C in the plane x, z [m].
     """
 
     wa: Any
@@ -36,22 +34,17 @@ class Legs(NamedTuple):
     Sa: Any
     Sb: Any
     Sc: Any
-    u: Any
+
+
+def sizes_of(n: Numbers) -> Sizes:
+    """Return the lengths that the workspace depends on, (D, 1) each."""
+    return Sizes(*np.broadcast_arrays(n.r, n.R, n.L))
 
 
 def legs(n: Numbers, y: Any, theta: Any) -> Legs:
     """Return the legs at poses (G,); NaN out of reach."""
-    width, L = n.R - n.r, n.L
-    wa, wb, wc = width + y, width - y, n.R - n.r * np.cos(theta)
-    u = _root((L - y) * (L + y))
-    return Legs(
-        wa, wb, wc, _root((L - wa) * (L + wa)), _root((L - wb) * (L + wb)), _root((u - wc) * (u + wc)), u
-    )
-
-
-def _root(square: Any) -> Any:
-    """Return a square root, NaN of negative numbers, complex ones too."""
-    return np.sqrt(np.where(np.real(square) > 0, square, np.nan))
+    sizes = sizes_of(n)
+    return Legs(*extents(sizes, y, theta), *drops(sizes, y, theta))
 
 
 def box_of(population: Population) -> Box:
@@ -67,20 +60,10 @@ def box_of(population: Population) -> Box:
     return population.setting.box
 
 
-def _serial(n: Numbers, population: Population) -> Any:
-    """Return drops by lengths of the legs: 0 where a leg is horizontal."""
-    x = legs(n, *box_of(population).poses)
-    return np.concatenate(np.broadcast_arrays(x.Sa / n.L, x.Sb / n.L, x.Sc / n.L), axis=1)
-
-
-def _sine(n: Numbers, y: Any, theta: Any) -> Any:
-    x = legs(n, y, theta)
-    return (np.cos(theta) * x.Sc - np.sin(theta) * x.wc) / x.u
-
-
-def _singularity(n: Numbers, population: Population) -> Any:
-    """Angle of the platform's arm from the plane of leg C's rods, as of `Manipulator.singularity`."""
-    return np.arcsin(_sine(n, *box_of(population).poses))
+def _margin(n: Numbers, population: Population, name: str) -> Any:
+    """Return an exact margin of the whole box; see `p3dof.workspace.boxes.BoxMargins`."""
+    box, (lowest, highest) = box_of(population), population.setting.machine.limits.travel
+    return getattr(box_margins(sizes_of(n), box.y, box.theta, highest - lowest), name)
 
 
 def _transmission(n: Numbers, population: Population) -> Any:
@@ -91,19 +74,6 @@ def _transmission(n: Numbers, population: Population) -> Any:
     of_c = (np.cos(theta) * x.Sc - np.sin(theta) * x.wc) / n.L
     inputs = (x.Sa / n.L, x.Sb / n.L, x.Sc / n.L)
     return np.concatenate(np.broadcast_arrays(*inputs, between, of_c), axis=1)
-
-
-def _height(n: Numbers, population: Population) -> Any:
-    """Travel less the differences of all high and low slider positions of the box: all of it at one z."""
-    y, theta = box_of(population).poses
-    x = legs(n, y, theta)
-    found = np.concatenate(np.broadcast_arrays(x.Sa, x.Sb, x.Sc + n.r * np.sin(theta)), axis=1)
-    order = np.argsort(np.real(found), axis=1, kind="stable")
-    low = np.take_along_axis(found, order[:, :_NEAR], axis=1)
-    high = np.take_along_axis(found, order[:, -_NEAR:], axis=1)
-    lowest, highest = population.setting.machine.limits.travel
-    left = (highest - lowest) - (high[:, :, None] - low[:, None, :])
-    return left.reshape(len(left), -1)
 
 
 def _rows(n: Numbers, y: Any, theta: Any) -> tuple[tuple[Any, ...], ...]:
@@ -125,14 +95,12 @@ def _inverse_rows(n: Numbers, population: Population) -> tuple[Any, ...]:
     return by_y, by_z, by_theta
 
 
-def _accuracy(row: int) -> Any:
-    def formula(n: Numbers, population: Population) -> Any:
-        total = 0
-        for entry in _inverse_rows(n, population)[row]:
-            total = total + entry * np.sign(np.real(entry))
-        return total
-
-    return formula
+def _accuracy(n: Numbers, population: Population, row: int) -> Any:
+    """Return the sum of magnitudes of a row of J⁻¹: the worst that errors of all sliders make together."""
+    total: Any = 0
+    for entry in _inverse_rows(n, population)[row]:
+        total = total + entry * np.sign(np.real(entry))
+    return total
 
 
 def _frequencies(n: Numbers, population: Population) -> Any:
@@ -183,11 +151,21 @@ OF_POSES = (
         "m",
         "large",
         "height in z that the sliders' travel leaves for the whole box at once",
-        _height,
+        partial(_margin, name="height"),
     ),
-    ClosedForm("singularity", "rad", "large", "least angle from det J = 0 over the box", _singularity),
     ClosedForm(
-        "serial_reach", "", "large", "least S/L of a leg over the box: its drop by its length", _serial
+        "singularity",
+        "rad",
+        "large",
+        "least angle from det J = 0 in the box",
+        partial(_margin, name="actuation"),
+    ),
+    ClosedForm(
+        "serial_reach",
+        "",
+        "large",
+        "least S/L of a leg over the box: drop by length",
+        partial(_margin, name="serial"),
     ),
     ClosedForm(
         "transmission",
@@ -196,10 +174,26 @@ OF_POSES = (
         "local transmission index LTI: least ITI and OTI over the box",
         _transmission,
     ),
-    ClosedForm("accuracy_y", "m/m", "small", "largest |δy| of errors |δλ| ≤ 1 over the box", _accuracy(0)),
-    ClosedForm("accuracy_z", "m/m", "small", "largest |δz| of errors |δλ| ≤ 1 over the box", _accuracy(1)),
     ClosedForm(
-        "accuracy_theta", "rad/m", "small", "largest |δθ| of errors |δλ| ≤ 1 over the box", _accuracy(2)
+        "accuracy_y",
+        "m/m",
+        "small",
+        "largest |δy| of errors |δλ| ≤ 1 over the box",
+        partial(_accuracy, row=0),
+    ),
+    ClosedForm(
+        "accuracy_z",
+        "m/m",
+        "small",
+        "largest |δz| of errors |δλ| ≤ 1 over the box",
+        partial(_accuracy, row=1),
+    ),
+    ClosedForm(
+        "accuracy_theta",
+        "rad/m",
+        "small",
+        "largest |δθ| of errors |δλ| ≤ 1 over the box",
+        partial(_accuracy, row=2),
     ),
     ClosedForm(
         "lowest_frequency",
