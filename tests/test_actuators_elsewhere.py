@@ -102,7 +102,7 @@ def joints_of(parameters, loop, motion=MOTION):
 
 
 def read_back(parameters, folder, form):
-    file = {"urdf": "p3dof.urdf", "mjcf": "p3dof_mjcf.xml"}[form]
+    file = {"urdf": "p3dof.urdf", "mjcf": "p3dof_mjcf.xml", "drake": "p3dof_drake.urdf"}[form]
     description.write(parameters, folder, (form,))
     return folder / file, p3dof.load_robot(folder / file)
 
@@ -119,6 +119,26 @@ def test_files_read_back_have_the_same_forces(form, actuators, tmp_path):
     tau = loop.inverse_dynamics_batch(*joints_of(parameters, loop)).tau
     assert list(loop.actuated) == ["slide_a", "slide_b", "slide_c"]
     assert off(tau, expected(parameters)) < 1e-11
+
+
+def test_rotors_of_drakes_urdf_are_read_back(tmp_path):
+    parameters = replace(SOLIDS, actuators=Actuators(armature={"slide_a": 14.8, "slide_c": 3.0}))
+    path, loop = read_back(parameters, tmp_path, "drake")
+    loop.model.gravity.linear = parameters.gravity
+    assert sorted(entry.joint for entry in loop.sidecar.joint_data) == ["slide_a", "slide_c"]
+    loop = p3dof.ClosedLoopModel(loop.model, replace(loop.sidecar, actuated=p3dof.parameters.SLIDES))
+    tau = loop.inverse_dynamics_batch(*joints_of(parameters, loop)).tau
+    assert off(tau, expected(parameters)) < 1e-11
+    geared = path.read_text().replace('rotor_inertia value="14.8"', 'rotor_inertia value="3.7"', 1)
+    geared = geared.replace('gear_ratio value="1"', 'gear_ratio value="-2"', 1)
+    again = p3dof.load_robot(geared)
+    np.testing.assert_allclose(again.model.armature, loop.model.armature, rtol=1e-15)
+    for bad, words in (
+        ('gear_ratio value="0"', "gear_ratio: expected a number other than zero"),
+        ('gear_ratio value="some"', "value: expected a finite number"),
+    ):
+        with pytest.raises(ModelError, match=words):
+            p3dof.load_robot(geared.replace('gear_ratio value="-2"', bad))
 
 
 def test_the_sidecar_holds_what_urdf_cannot():

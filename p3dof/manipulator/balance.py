@@ -224,7 +224,7 @@ def _notes(kind: BalanceKind, chosen: Mapping[str, FloatArray]) -> Iterator[str]
     if kind == "counterweight":
         none = [leg for leg, mass in zip(LEGS, chosen["counterweight"], strict=True) if mass == 0]
         if none:
-            legs = " and ".join(none)
+            legs = ", ".join(none)
             yield f"{legs}: no counterweight helps: its inertia takes more than its weight gives"
 
 

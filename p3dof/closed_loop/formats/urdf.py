@@ -76,7 +76,7 @@ def read(
                 ModelWarning,
                 stacklevel=3,
             )
-        return model, _acting(model, _completed(Sidecar.serial(model), found), passive)
+        return model, _acting(model, _completed(Sidecar.serial(model), found), passive, found)
     if sidecar.joints:
         model = with_types(model, sidecar.joints, "sidecar")
     whole = replace(
@@ -84,12 +84,16 @@ def read(
         closures=(*sidecar.closures, *found.closures),
         couplings=(*sidecar.couplings, *_new(found, sidecar)),
     )
-    return model, _acting(model, whole, passive)
+    return model, _acting(model, whole, passive, found)
 
 
-def _acting(model: pin.Model, sidecar: Sidecar, passive: bool) -> Sidecar:
-    """Return a sidecar with what acts in the joints; rotors go to the tree."""
+def _acting(model: pin.Model, sidecar: Sidecar, passive: bool, found: Declared) -> Sidecar:
+    """Return a sidecar with what acts in the joints; rotors go to the tree. It goes before the file."""
     said = {entry.joint for entry in sidecar.joint_data}
+    sidecar = replace(
+        sidecar, joint_data=(*sidecar.joint_data, *(one for one in found.rotors if one.joint not in said))
+    )
+    said |= {entry.joint for entry in sidecar.joint_data}
     more = [entry for entry in losses_of(model) if entry.joint not in said] if passive else []
     return replace(sidecar, joint_data=(*with_armature(model, sidecar.joint_data), *more))
 

@@ -1,4 +1,4 @@
-"""Loops that are written into a URDF: URDF+, Drake's ball constraints, ``<mimic>``; and what is unknown.
+"""Loops in a URDF: URDF+, Drake's ball constraints, ``<mimic>``; Drake's rotors; and what is unknown.
 
 References
 ----------
@@ -19,6 +19,7 @@ import numpy as np
 import pinocchio as pin
 
 from p3dof.checks import FloatArray, shown
+from p3dof.closed_loop.joint_data import JointData
 from p3dof.closed_loop.joints import single_joint
 from p3dof.closed_loop.sidecar import Closure, Coupling, suggestion
 from p3dof.closed_loop.trees import add_frame
@@ -54,11 +55,14 @@ class Declared:
         The loops.
     dependent : set of str
         Names of joints that the loops determine, by the file's own words.
+    rotors : list of JointData
+        Rotors and gears in Drake's elements of ``<transmission>``.
     """
 
     closures: list[Closure] = field(default_factory=list)
     couplings: list[Coupling] = field(default_factory=list)
     dependent: set[str] = field(default_factory=set)
+    rotors: list[JointData] = field(default_factory=list)
 
 
 def declared(
@@ -98,6 +102,8 @@ def declared(
     if mimic:
         for joint in robot.iterfind("joint"):
             reader.mimic(joint)
+    for element in robot.iterfind("transmission"):
+        reader.rotor(element)
     reader.independent(ignore_unknown)
     if not ignore_unknown:
         for element, words in unknown(robot):
@@ -192,6 +198,25 @@ class _Reader:
         factor = self._number(joint, element, "multiplier", 1.0)
         offset = self._number(joint, element, "offset", 0.0)
         self._couple(joint, Coupling(name, leader, (offset, factor), f"mimic_{name}"))
+
+    def rotor(self, element: Xml.Element) -> None:
+        """Read Drake's rotor inertia and gear ratio of the joint that a ``<transmission>`` drives."""
+        actuator, joint = _first(element, "actuator"), _first(element, "joint")
+        values = {
+            name: self._number(element, part, "value", 0.0)
+            for name in ("rotor_inertia", "gear_ratio")
+            for part in (() if actuator is None else _parts(actuator, f"drake:{name}"))
+        }
+        if not values:
+            return
+        name = "" if joint is None else joint.get("name", "")
+        if any(entry.joint == name for entry in self.found.rotors):
+            self.fail(element, f"the joint {shown(name)} has a rotor already")
+        single_joint(self._model, name, f"{self._source}: <transmission>")
+        try:
+            self.found.rotors.append(JointData(name, **values))
+        except ModelError as error:
+            self.fail(element, str(error))
 
     def independent(self, ignore: bool) -> None:
         """Read which joints the file itself calls dependent, and whether something determines them."""
