@@ -18,9 +18,9 @@ from p3dof import report
 from p3dof.bearings import Bearing, Bearings, Guide, bearing_life
 from p3dof.cli import main
 from p3dof.drives import Catalogue, Motor, Screw, cycle_of, size_of
-from p3dof.errors import DriveError, InputError
-from p3dof.manipulator import loads_table, needs_table, uses_table
-from p3dof.manipulator.task_loads import joined
+from p3dof.errors import DriveError, InputError, SampleError
+from p3dof.manipulator import assumptions, loads_table, needs_table, uses_table
+from p3dof.manipulator.task_loads import joined, without_jumps
 from p3dof.report.assessment import AssessmentPictures
 from p3dof.report.figures import Picture
 
@@ -194,6 +194,8 @@ def test_forces_and_reactions_of_a_task_are_those_of_its_pieces(forces):
     assert [life.hours for life in assessed.bearings] == pytest.approx(hours, rel=1e-10)
     with pytest.raises(InputError, match="found"):
         joined(one)
+    with pytest.raises(SampleError, match="do not produce the motion"):  # of all samples alike
+        p3dof.assess(p3dof.Manipulator(p3dof.PAPER.carrying(LOAD)), forces, bearings=PARTS)
 
 
 def test_what_motors_must_give_without_a_catalogue(forces):
@@ -219,6 +221,24 @@ def test_what_is_exceeded_comes_first_and_speeds_before_torques_beyond_them(forc
     assert all(one.share > 1 for one in found.ratings[: len(beyond)])
     assert found.warnings[0].startswith(f"{found.worst.name} of {found.worst.part}:")
     assert p3dof.assess(ROBOT, forces).worst.kind == "machine"
+
+
+def test_friction_that_grows_with_loads_is_in_all_of_it():
+    contact = p3dof.load_friction.SlideContact(drag=4.0, mu=0.05)
+    friction = p3dof.LoadFriction(slides=contact)
+    plan = TASK.plan(2.0, 101)
+    rough = p3dof.forces_of_task(ROBOT, plan, "virtual-power", load_friction=friction)
+    found = p3dof.assess(ROBOT, rough, bearings=PARTS)
+    bare = p3dof.assess(ROBOT, p3dof.forces_of_task(ROBOT, plan))
+    assert (np.abs(found.found.forces - bare.found.forces).max(axis=0) > 4).all()
+    assert "grows with their loads" in assumptions(found)["friction"]
+    assert "grows" not in assumptions(bare)["friction"]
+    pair = {"a": ROBOT, "b": ROBOT}
+    (one,) = p3dof.compare_designs(pair, TASK, duration=2.0, samples=101, load_friction=friction)
+    assert one["peak force of A"].values[0] == pytest.approx(found.found.peak_forces[0], rel=1e-9)
+    # Of a guide, actuator and friction act along it together: their sum is what moves the slider.
+    along = without_jumps(found.reactions, plan)["slide_a"].forces[:, 2]
+    np.testing.assert_allclose(along, joined(bare.found).forces[:, 0], atol=1e-8)
 
 
 @pytest.mark.parametrize(
@@ -284,8 +304,8 @@ def test_the_command_answers_first(files, capsys):
     assert out.startswith("pick and place: fits: ")
     text = (files / "r.html").read_text(encoding="utf-8")
     body = re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", text[text.index("<main>") :]))
-    answer = out.splitlines()[0].removeprefix("pick and place: ").replace("→", "→")
-    assert body.lstrip().startswith(f"Yes, it fits. With M1 + S1 on each axis it {answer}.")
+    answer = out.splitlines()[0].removeprefix("pick and place: fits: ")
+    assert body.lstrip().startswith(f"Yes, it fits. With M1 + S1 on each axis, {answer}.")
     titles = re.findall(r"<h2 [^>]*>([^<]*)<", text)
     assert titles.index("What this rests on") < titles.index("The machine")
     captions = re.findall(r"<caption>([^<]*)<", text)

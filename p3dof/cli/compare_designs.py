@@ -14,7 +14,17 @@ from rich.console import Console
 from p3dof.bearings import read_bearings
 from p3dof.cli.app import app
 from p3dof.cli.files import STREAM, InputFile, OutputFile, protect, source
-from p3dof.cli.options import FIGURE, PARAMETERS, STIFFNESS, Whole, any_size, driven, machine_of, stiffness_in
+from p3dof.cli.options import (
+    FIGURE,
+    PARAMETERS,
+    STIFFNESS,
+    Whole,
+    any_size,
+    driven,
+    load_friction_in,
+    machine_of,
+    stiffness_in,
+)
 from p3dof.cli.output import in_options, print_plain, progress_bar, show
 from p3dof.cli.work import SAMPLES, WORK, Work, task_named
 from p3dof.drives import read_catalogue
@@ -86,6 +96,7 @@ def make(
             drives=catalogue,  # type: ignore[arg-type,unused-ignore]  # an iterable of drives
             bearings=parts,
             stiffness=stiffness_in(stiffness),
+            load_friction=load_friction_in(work.load_friction),
             rest=work.rest,
             brake_safety=work.brake_safety,
             samples=samples,

@@ -15,7 +15,15 @@ from rich.console import Console
 
 from p3dof.cli.app import app
 from p3dof.cli.files import STREAM, InputFile, OutputFile
-from p3dof.cli.options import JOINTS, STIFFNESS, Case, actuator_options, stiffness_in, with_case
+from p3dof.cli.options import (
+    JOINTS,
+    STIFFNESS,
+    Case,
+    actuator_options,
+    load_friction_in,
+    stiffness_in,
+    with_case,
+)
 from p3dof.cli.output import print_plain, print_warnings, progress_bar
 from p3dof.cli.payloads import payloads_in_words, print_payloads
 from p3dof.cli.work import WORK, Work, task_named
@@ -89,10 +97,21 @@ def _assessed(case: Case, task_file: Path | None, work: Work, stiffness: Path | 
         if case.on_invalid != "raise":
             raise click.UsageError("--on-invalid nan: a motion with gaps cannot be held against ratings")
         work.refuse_plans("a motion file says how long it takes")
-        found: InverseDynamics | TaskForces = case.solve("compiled")[0]
+        friction = load_friction_in(work.load_friction)
+        found: InverseDynamics | TaskForces = (
+            case.solve("compiled")[0]
+            if friction is None
+            else robot.inverse_dynamics(
+                case.motion,
+                method="virtual-power",
+                wrench=case.wrench,
+                load_friction=friction,
+                stiffness=given,
+            )
+        )
     else:
         _refuse_motion(case)
-        found = work.forces(robot, task_named(task_file), case.samples)
+        found = work.forces(robot, task_named(task_file), given, case.samples)
     result = work.assessed(robot, found, given, told.title or "")
     page = report.moving_page(result) if told.page else None
     picture = None
@@ -102,6 +121,7 @@ def _assessed(case: Case, task_file: Path | None, work: Work, stiffness: Path | 
         time = result.worst.time
         picture = screenshot(page, 0.0 if math.isnan(time) else time)
     files = {"task": task_file, "drives": work.drives, "bearings": work.bearings, "stiffness": stiffness}
+    files["load friction"] = work.load_friction
     path = report.write_assessment(
         told.out,
         result,

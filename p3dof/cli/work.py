@@ -11,7 +11,7 @@ import click
 
 from p3dof.bearings import read_bearings
 from p3dof.cli.files import InputFile, protect, source
-from p3dof.cli.options import POSITIVE, Number
+from p3dof.cli.options import LOAD_FRICTION, POSITIVE, Number, load_friction_in
 from p3dof.cli.output import in_options, progress_bar
 from p3dof.drives import read_catalogue
 from p3dof.drives.sizing import BRAKE_SAFETY
@@ -21,6 +21,7 @@ from p3dof.manipulator import (
     Assessment,
     InverseDynamics,
     Manipulator,
+    Method,
     TaskForces,
     assess,
     fastest_plan,
@@ -42,6 +43,7 @@ _OPTIONS = (
     click.option(
         "--bearings", type=InputFile(), help="Ratings of bearings and guides (YAML), for their lives."
     ),
+    LOAD_FRICTION,
     click.option(
         "--duration",
         type=POSITIVE,
@@ -80,7 +82,7 @@ class Work:
 
     Parameters
     ----------
-    drives, bearings : Path, optional
+    drives, bearings, load_friction : Path, optional
         Files to read.
     duration : float, optional
         Of tasks [s].
@@ -94,6 +96,7 @@ class Work:
 
     drives: Path | None
     bearings: Path | None
+    load_friction: Path | None
     duration: float | None
     fastest: bool
     rest: float
@@ -102,7 +105,7 @@ class Work:
     @property
     def asks(self) -> bool:
         """Whether anything is asked of a machine besides its forces."""
-        return any((self.drives, self.bearings, self.duration, self.fastest, self.rest))
+        return any((self.drives, self.bearings, self.load_friction, self.duration, self.fastest, self.rest))
 
     @property
     def options(self) -> dict[str, Any]:
@@ -110,6 +113,7 @@ class Work:
         return {
             "--drives": self.drives,
             "--bearings": self.bearings,
+            "--load-friction": self.load_friction,
             "--duration": self.duration,
             "--fastest": self.fastest or None,
             "--rest": self.rest or None,
@@ -120,7 +124,7 @@ class Work:
         self, task: Path | None, inputs: Iterable[Path | None], outputs: Iterable[Path | None]
     ) -> None:
         """Refuse to write over a file that is read, and settings that exclude each other."""
-        protect((task, self.drives, self.bearings, *inputs), outputs)
+        protect((task, self.drives, self.bearings, self.load_friction, *inputs), outputs)
         if self.fastest and self.duration is not None:
             raise click.UsageError("--duration: the fastest motion finds its own (--fastest)")
 
@@ -130,8 +134,12 @@ class Work:
             if self.options[option] is not None:
                 raise click.UsageError(f"{option}: {reason}")
 
-    def forces(self, robot: Manipulator, task: Task, samples: int | None = None) -> TaskForces:
+    def forces(
+        self, robot: Manipulator, task: Task, stiffness: Stiffness | None, samples: int | None = None
+    ) -> TaskForces:
         """Return the forces over a task, in the time that is given or the least."""
+        friction = load_friction_in(self.load_friction)
+        method: Method = "compiled" if friction is None else "virtual-power"
         count = SAMPLES if samples is None else samples
         plan: Plan
         if self.fastest:
@@ -141,7 +149,7 @@ class Work:
             with in_options({"duration: ": "--duration, or --fastest: "}):
                 plan = task.plan(self.duration, count)
         with progress_bar("forces", len(plan.pieces)) as progress:
-            return forces_of_task(robot, plan, progress=progress)
+            return forces_of_task(robot, plan, method, progress, friction, stiffness)
 
     def assessed(
         self, robot: Manipulator, found: InverseDynamics | TaskForces, stiffness: Stiffness | None, name: str

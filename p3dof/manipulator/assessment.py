@@ -73,8 +73,8 @@ class RatingUse:
     def amounts(self) -> str:
         """What is required of what is allowed, in words."""
         if self.share == math.inf:
-            return f"{_short(self.required)} {self.unit} where none is allowed"
-        return f"{_short(self.required)} of {_short(self.allowed)} {self.unit}".strip()
+            return f"{short(self.required)} {self.unit} where none is allowed"
+        return f"{short(self.required)} of {short(self.allowed)} {self.unit}".strip()
 
     @property
     def when(self) -> str:
@@ -163,6 +163,11 @@ class Assessment(ShownInNotebook):
     @property
     def verdict(self) -> str:
         """Whether it fits, which rating is worst, when and by how much, in one sentence."""
+        return f"{'fits' if self.fits else 'does not fit'}: {self.reason}"
+
+    @property
+    def reason(self) -> str:
+        """Which rating is worst, when and by how much."""
         one = self.worst
         words = f"{one.name} of {one.part}"
         if one.share == math.inf:
@@ -170,7 +175,7 @@ class Assessment(ShownInNotebook):
         else:
             much = f"is used to {one.share:.0%}, {one.amounts}"
         left = f"; {1 - one.share:.0%} is left" if self.fits else f"; {_beyond(one.share)}"
-        return f"{'fits' if self.fits else 'does not fit'}: {words} {much} {one.when}{left}"
+        return f"{words} {much} {one.when}{left}"
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -357,7 +362,7 @@ def _of_brakes(sizing: Sizing) -> list[str]:
     return [f"{names}: no brake is given; the machine falls when the power fails"]
 
 
-def _short(value: float) -> str:
+def short(value: float) -> str:
     """Return the size of a number in four digits, without an exponent where it has up to six of them."""
     size = abs(value)
     return f"{size:.0f}" if 1e4 <= size < 1e6 else f"{size:.4g}"

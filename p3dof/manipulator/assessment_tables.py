@@ -8,7 +8,7 @@ import numpy as np
 
 from p3dof.checks import FloatArray
 from p3dof.drives.sizing import BUCKLING, WHIRL
-from p3dof.manipulator.assessment import Assessment, RatingUse
+from p3dof.manipulator.assessment import Assessment, RatingUse, short
 from p3dof.manipulator.tasks import TaskForces
 from p3dof.parameters import LEGS
 from p3dof.tables import NONE, Cell, Table, html_of, notebook_html, number, table_of
@@ -40,7 +40,7 @@ def uses_table(found: Assessment, most: int | None = None) -> Table:
 
 
 def _use(one: RatingUse) -> tuple[str, ...]:
-    values = (f"{number(value)} {one.unit}".strip() for value in (one.required, one.allowed))
+    values = (f"{short(value)} {one.unit}".strip() for value in (one.required, one.allowed))
     return (one.kind, *values, share(one.share), *_when(one.time, one.place))
 
 
@@ -197,13 +197,17 @@ def assumptions(found: Assessment) -> dict[str, str]:
 
 def _friction(found: Assessment) -> str:
     friction = found.robot.parameters.friction
+    results = found.found.results if isinstance(found.found, TaskForces) else (found.found,)
+    loads = any(result.coulomb is not None for result in results)
+    grows = "friction of the joints grows with their loads, and is in forces and reactions"
     if not friction:
-        return "none in guides and joints: that of screws is in their efficiency"
+        return grows if loads else "none in guides and joints: that of screws is in their efficiency"
     words = {
         "viscous": ", ".join(f"{name} {value:g}" for name, value in friction.viscous.items()),
         "Coulomb": ", ".join(f"{name} {value:g}" for name, value in friction.coulomb.items()),
     }
-    return "; ".join(f"{kind}: {text}" for kind, text in words.items() if text) + " (SI units)"
+    told = "; ".join(f"{kind}: {text}" for kind, text in words.items() if text) + " (SI units)"
+    return f"{told}; {grows}" if loads else told
 
 
 def _actuators(found: Assessment) -> str:

@@ -22,12 +22,14 @@ from p3dof.drives import Drive
 from p3dof.drives.sizing import BRAKE_SAFETY
 from p3dof.errors import InputError, SampleError
 from p3dof.files import suffix_of, write_atomic
+from p3dof.load_friction import LoadFriction
 from p3dof.manipulator.assessment import Assessment, as_result, assess
 from p3dof.manipulator.assessment_tables import share
 from p3dof.manipulator.facade import Manipulator
 from p3dof.manipulator.fastest import fastest_plan
 from p3dof.manipulator.tasks import TaskForces, forces_of_task
 from p3dof.methods import InverseDynamics
+from p3dof.methods.registry import Method
 from p3dof.motion import Motion, paper_motion
 from p3dof.parameters import LEGS, Parameters
 from p3dof.reactions import JOINTS, Stiffness
@@ -193,6 +195,7 @@ def compare_designs(
     drives: Drive | Sequence[Drive] | None = None,
     bearings: Bearings | None = None,
     stiffness: Stiffness | None = None,
+    load_friction: LoadFriction | None = None,
     rest: float = 0.0,
     brake_safety: float = BRAKE_SAFETY,
     samples: int = 2001,
@@ -215,6 +218,8 @@ def compare_designs(
         Such as a `p3dof.drives.Catalogue`: each design gets the best of them.
     bearings, stiffness, rest, brake_safety
         As of `assess`.
+    load_friction : LoadFriction, optional
+        Friction of all machines that grows with the loads of their joints.
     samples : int
         Least number of samples of a task.
     progress : callable, optional
@@ -242,7 +247,15 @@ def compare_designs(
     found: dict[str, list[Assessment]] = {name: [] for name in jobs}
     for done, (job, (name, robot)) in enumerate(((job, item) for job in jobs for item in robots.items()), 1):
         try:
-            forces = planned_forces(robot, jobs[job], duration=duration, fastest=fastest, samples=samples)
+            forces = planned_forces(
+                robot,
+                jobs[job],
+                duration=duration,
+                fastest=fastest,
+                samples=samples,
+                load_friction=load_friction,
+                stiffness=stiffness,
+            )
         except SampleError as error:
             error.args = (f"{job if alone else name}: {error}", *error.args[1:])
             raise
@@ -272,16 +285,18 @@ def planned_forces(
     duration: float | None = None,
     fastest: bool = False,
     samples: int = 2001,
-    progress: Progress | None = None,
+    load_friction: LoadFriction | None = None,
+    stiffness: Stiffness | None = None,
 ) -> TaskForces | InverseDynamics:
     """Return the forces over a motion, or over a task in a given or the least time: see `compare_designs`."""
+    method: Method = "compiled" if load_friction is None else "virtual-power"
+    friction = {"load_friction": load_friction, "stiffness": stiffness}
     if isinstance(work, Motion):
-        return robot.inverse_dynamics(work, method="compiled")
-    if not fastest:
-        return forces_of_task(robot, work.plan(duration, samples))
-    if duration is not None:
+        return robot.inverse_dynamics(work, method=method, **friction)  # type: ignore[arg-type]  # by name
+    if fastest and duration is not None:
         raise InputError("duration: the fastest motion finds its own")
-    return forces_of_task(robot, fastest_plan(robot, work, samples=samples, progress=progress))
+    plan = fastest_plan(robot, work, samples=samples) if fastest else work.plan(duration, samples)
+    return forces_of_task(robot, plan, method, **friction)  # type: ignore[arg-type]  # likewise
 
 
 def _named(given: Any, what: str) -> dict[str, Any]:

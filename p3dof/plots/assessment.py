@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_MOST = 14
+_MOST, _MOST_NAMES = 10, 14
 _WIDEST = 1.5
 """Bars of larger shares end here, and tell their share."""
 _BAR = 0.26
@@ -52,7 +52,7 @@ def utilisation_figure(found: Assessment) -> Figure:
         elif f"{one.name} ({one.kind})" not in shares:
             shares[f"{one.name} ({one.kind})"] = [one.share]
     names = list(shares)[:_MOST]
-    figure = new_figure(figsize=(9.6, 0.9 + 0.36 * len(names)))
+    figure = new_figure(figsize=(9.6, 0.9 + 0.32 * len(names)))
     axis = figure.subplots()
     for row, name in enumerate(names):
         for k, share in enumerate(shares[name]):
@@ -126,7 +126,7 @@ def _mark(axis: Axes, found: Assessment, named: bool) -> None:
     if not isinstance(found.found, TaskForces):
         return
     plan = found.found.plan
-    few = len(plan.waypoints) <= _MOST
+    few = len(plan.waypoints) <= _MOST_NAMES
     for name, time in zip(plan.waypoints, plan.times, strict=True):
         axis.axvline(float(time), color="0.5", lw=0.6, ls=":", zorder=0)
         if named and few:

@@ -18,7 +18,7 @@ from p3dof.drives import axes_table, ranking_table, ratings_table
 from p3dof.errors import InputError
 from p3dof.files import suffix_of, write_atomic
 from p3dof.manipulator import Manipulator, forces_of_task
-from p3dof.manipulator.assessment import Assessment, as_result
+from p3dof.manipulator.assessment import Assessment, as_result, short
 from p3dof.manipulator.assessment_tables import assumptions, loads_table, needs_table, share, uses_table
 from p3dof.manipulator.task_loads import without_jumps
 from p3dof.manipulator.tasks import TaskForces, pieces_table, sizing_table
@@ -176,16 +176,16 @@ def _answer(found: Assessment) -> dict[str, Any]:
     given, back, where = _energy(found)
     return {
         "fits": found.fits,
-        "verdict": found.verdict,
+        "reason": found.reason,
         "chosen": None if found.drives is None else found.drives.drives[0].name,
-        "energy": f"{number(round(given, 4))} J given, {number(round(-back, 4))} J taken back {where}",
+        "energy": f"{short(given)} J given, {short(back)} J taken back {where}",
         "key": {
             "used most": f"{one.name} of {one.part}: {share(one.share)}",
             "when": one.when,
             "cycle": f"{number(found.cycle_time)} s",
             "cycles an hour": f"{3600 / found.cycle_time:.0f}",
-            "energy a cycle": f"{number(round(given, 3))} J",
-            "mean power": f"{number(round(given / found.cycle_time, 3))} W",
+            "energy a cycle": f"{short(given)} J",
+            "mean power": f"{short(given / found.cycle_time)} W",
         },
         "warnings": found.warnings,
         "uses": uses_table(found, 12),
@@ -241,10 +241,13 @@ def _agreement(found: Assessment) -> str:
         else:
             given = found.found
             both.append(found.robot.inverse_dynamics(given.motion, wrench=given.wrench, method=method).forces)
+    results = found.found.results if isinstance(found.found, TaskForces) else (found.found,)
+    apart = ", without the friction that grows with loads" * any(one.coulomb is not None for one in results)
     gap, most = float(np.abs(both[0] - both[1]).max()), float(np.abs(both[1]).max())
-    return (
+    told = (
         f"Pinocchio and virtual powers differ by {gap:.1e} N at most, {gap / most:.1e} of the largest force"
     )
+    return told + apart
 
 
 def _pictures(found: Assessment) -> AssessmentPictures:
