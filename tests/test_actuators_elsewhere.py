@@ -255,3 +255,24 @@ def test_any_robot_writes_them(tmp_path):
     pytest.importorskip("mujoco")
     other = p3dof.load_robot(loop.write(tmp_path / "other.xml")[0])
     np.testing.assert_allclose(other.inverse_dynamics_batch(*rates).tau, tau, rtol=0, atol=1e-10)
+
+
+def test_the_command_for_any_robot_has_the_forces_of_our_file(tmp_path, capsys):
+    pytest.importorskip("mujoco")
+    parameters = replace(SOLIDS, actuators=LIFTED)
+    path, _ = read_back(parameters, tmp_path, "mjcf")
+    motion = p3dof.Motion.rest_to_rest([0, 0, 0], [0.05, 0.04, 0.2], 0.5, 201)
+    result = p3dof.load(parameters).inverse_dynamics(motion)
+    table = np.column_stack([motion.time, result.sliders])
+    names = "t,slide_a,slide_b,slide_c"
+    np.savetxt(tmp_path / "sliders.csv", table, delimiter=",", header=names, comments="")
+    out = tmp_path / "forces.csv"
+    code, _, _ = run(
+        capsys, "loop", "forces", path, "--motion", tmp_path / "sliders.csv", "--samples", 201, "--out", out
+    )
+    assert code == 0
+    rows = np.genfromtxt(out, delimiter=",", names=True)
+    forces = np.column_stack([rows[f"force_slide_{leg}_N"] for leg in "abc"])
+    assert off(forces, result.forces) < 1e-6  # of the curve through the sliders' values
+    plain = p3dof.load(replace(parameters, actuators=Actuators())).inverse_dynamics(motion)
+    assert off(forces, plain.forces) > 0.1
