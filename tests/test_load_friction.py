@@ -25,8 +25,10 @@ from p3dof.load_friction import (
     contacts_table,
     read_load_friction,
 )
+from p3dof.manipulator.assessment_tables import assumptions
 from p3dof.motion import Motion, paper_motion
 from p3dof.parameters import PAPER, PASSIVE, SLIDES, Actuators, Body, Friction
+from p3dof.plots import forces_figure
 from p3dof.reactions import Stiffness, of_result
 
 PLAIN = HingeContact(mu=0.1, radius=8e-3)
@@ -265,6 +267,15 @@ def test_invalid_samples_stay_out(robot):
         assert contacts_table(found).rows
 
 
+def test_figures_and_assessments_say_that_it_is_in(robot, effect):
+    labels = [
+        text.get_text() for text in forces_figure([effect.result, effect.without]).legends[0].get_texts()
+    ]
+    assert [label.endswith("with friction by load") for label in labels] == [True, False]
+    assert "grows with their loads" in assumptions(p3dof.assess(robot, effect.result))["friction"]
+    assert "grows with their loads" not in assumptions(p3dof.assess(robot, effect.without))["friction"]
+
+
 def test_where_it_does_not_apply_it_is_refused(robot):
     with pytest.raises(InputError, match="'pinocchio' or 'virtual-power', not by 'compiled': kernels, gen"):
         robot.inverse_dynamics(paper_motion(5), load_friction=REFERENCE, method="compiled")
@@ -389,7 +400,9 @@ def test_the_commands(tmp_path, capsys):
     )
     stiffness.write_text("rods: {diameter: 20 mm}\n", encoding="utf-8")
     given = ["--samples", "101", "--load-friction", str(path), "--stiffness", str(stiffness)]
-    assert main(["forces", *given, "--out", str(out)]) == 0
+    figure = tmp_path / "f.png"
+    assert main(["forces", *given, "--out", str(out), "--figure", str(figure)]) == 0
+    assert figure.stat().st_size > 10_000
     shown = " ".join(capsys.readouterr().out.split())
     for words in ("What friction by load adds", "126.140", "7.642", "Where friction by load arises",
                   "have only the constant friction"):  # fmt: skip

@@ -55,13 +55,14 @@ def forces(
         raise click.UsageError("--stiffness decides the loads of --load-friction, which is not given")
     if friction is None:
         result, seconds = case.solve(method)
-        tables = []
+        drawn, tables = [result], []
     else:
         effect, seconds = case.load_friction(friction, method, stiffness_in(stiffness))
         result, tables = effect.result, [additions_table(effect), contacts_table(effect)]
+        drawn = [result, effect.without]
     from p3dof import plots
 
-    written = write_results(result.to_csv, out, lambda: plots.forces_figure([result]), figure)
+    written = write_results(result.to_csv, out, lambda: plots.forces_figure(drawn), figure)
     console = console_beside(out)
     print_payloads(console, case)
     limits = limits_table(result, case.robot.parameters.limits)

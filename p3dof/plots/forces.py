@@ -30,7 +30,8 @@ def forces_figure(results: Sequence[InverseDynamics]) -> Figure:
     Parameters
     ----------
     results : sequence of InverseDynamics
-        One result, or two of the same motion by different methods; invalid samples are hatched gaps.
+        One result, or two of the same motion by different methods or with different friction; invalid samples
+        are hatched gaps.
 
     Returns
     -------
@@ -68,7 +69,7 @@ def forces_figure(results: Sequence[InverseDynamics]) -> Figure:
             axes[1, leg].ticklabel_format(axis="y", style="sci", scilimits=(0, 0))
         axes[-1, leg].set_xlabel("time [s]")
     handles: list[Artist] = [Line2D([], [], color="0.3", **style) for style in _STYLES[-rows:]]
-    labels = [_NAMES.get(result.method, result.method) for result in results]
+    labels = [_label(result) for result in results]
     if not valid.all():
         handles.append(Patch(**GAP_STYLE))
         labels.append(GAP)
@@ -77,3 +78,9 @@ def forces_figure(results: Sequence[InverseDynamics]) -> Figure:
         shade_gaps(axis, results[0].time, valid)
         tidy(axis)
     return figure
+
+
+def _label(result: InverseDynamics) -> str:
+    """Return how a result is called."""
+    name = _NAMES.get(result.method, result.method)
+    return name if result.coulomb is None else f"{name}, with friction by load"
