@@ -415,3 +415,16 @@ def test_drives_are_sized_by_the_forces_at_nuts():
         assert other.worst.share == pytest.approx(one.worst.share, rel=1e-9)
         ratios = [[r.share for r in axis.ratings] for axis in (one, other)]
         np.testing.assert_allclose(ratios[1], ratios[0], rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_nuts_in_a_run_feel_what_the_machine_without_armature_takes(method):
+    machine = dataclasses.replace(PAPER, actuators=SOME)
+    robot = p3dof.load(machine)
+    forces = robot.forces(HOME, HOME, HOME) + np.array([20.0, 15.0, -10.0])
+    run = robot.simulate(0.05, controller=forces, method=method, samples=6)
+    bare = Actuators({}, *machine.actuators.mappings[1:])
+    plain = p3dof.load(dataclasses.replace(machine, actuators=bare))
+    expected = plain.forces(run.pose, run.velocity, run.acceleration)
+    np.testing.assert_allclose(run.nut_forces(machine.actuators), expected, rtol=0, atol=1e-7)
+    assert np.abs(run.forces - expected).max() > 1

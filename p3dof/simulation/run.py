@@ -15,7 +15,7 @@ from p3dof.files import MAX_TEXT, called, suffix_of, write_atomic, write_table
 from p3dof.methods import METHODS, Exceedance, JointStates, exceedances_of
 from p3dof.motion import Motion
 from p3dof.motion.times import require_rising
-from p3dof.parameters import LEGS, Limits
+from p3dof.parameters import LEGS, SLIDES, Actuators, Limits
 from p3dof.simulation import archive
 from p3dof.simulation.limits import KINDS
 from p3dof.simulation.margins import Stop
@@ -127,6 +127,21 @@ class Simulation(ShownInNotebook):
         if self.reference is None:
             raise InputError("error: the run had no motion to follow")
         return self.pose - self.reference
+
+    def nut_forces(self, actuators: Actuators) -> FloatArray:
+        """Return the forces that screws passed on to the sliders.
+
+        Parameters
+        ----------
+        actuators : Actuators
+            Those of the machine that ran.
+
+        Returns
+        -------
+        ndarray, shape (N, 3)
+            Of A, B, C: `forces` without what armatures took [N].
+        """
+        return self.forces - actuators.rotors * self.joints.columns(SLIDES).a
 
     def exceedances(self, limits: Limits) -> list[Exceedance]:
         """Return the limits that the samples exceed, each at its worst; empty if none is."""
