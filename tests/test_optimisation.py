@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -32,11 +33,12 @@ def test_the_gradient_of_the_papers_peak_is_the_published_one() -> None:
 
 @pytest.mark.parametrize("design", NEAR)
 def test_gradients_of_all_measures_are_those_of_differences(design: list[float]) -> None:
-    problem = paper_problem(objectives=list(MEASURES), constraints=())
+    exact = [name for name in MEASURES if name != "fastest_time"]
+    problem = paper_problem(objectives=exact, constraints=())
     gradient, step = problem.gradient(design), 1e-6
     moved = np.array([np.array(design) + sign * step * axis for axis in np.eye(4) for sign in (1, -1)])
     found = problem.evaluate(moved)
-    for name in MEASURES:
+    for name in exact:
         ahead, behind = found[name][::2], found[name][1::2]
         scale = max(np.abs(found[name]).max(), 1e-3)
         # Differences of step h miss by h² of the third derivative and by rounding of the values over h.
@@ -169,6 +171,25 @@ def test_what_is_no_problem_is_refused_in_one_line(arguments: dict[str, object],
     with pytest.raises(InputError, match=message) as caught:
         DesignProblem(**{"variables": {"R": (0.2, 0.3)}, **arguments})
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("design", "expected"), [(PAPER_DESIGN, 0.6481), ([0.1, 0.25, 0.272771, 0.003], 0.4569)]
+)
+def test_the_fastest_time_is_that_of_another_program(design: list[float], expected: float) -> None:
+    limits = p3dof.Limits(force=120.0, speed=2.0)
+    problem = paper_problem(objectives=["fastest_time"], machine=replace(p3dof.PAPER, limits=limits))
+    assert problem.evaluate(design)["fastest_time"][0] == pytest.approx(expected, rel=3e-4)
+
+
+def test_the_fastest_time_has_a_gradient_and_needs_a_motion_that_moves() -> None:
+    problem = DesignProblem({"R": (0.2, 0.3)}, objectives=["fastest_time"])
+    slope = problem.gradient([0.25])["fastest_time"][0]
+    ahead, behind = problem.evaluate([[0.26], [0.24]])["fastest_time"]
+    assert slope == pytest.approx((ahead - behind) / 0.02, rel=0.05)
+    resting = p3dof.paper_motion(51).from_rest(0.2)
+    with pytest.raises(InputError, match="never stands still, for its path; it does at 0 s"):
+        DesignProblem({"R": (0.2, 0.3)}, resting, objectives=["fastest_time"])
 
 
 def test_problems_go_to_other_processes() -> None:
