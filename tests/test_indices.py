@@ -300,6 +300,49 @@ def test_frequencies_are_those_of_a_perturbed_equilibrium(seed):
         np.testing.assert_allclose((2 * np.pi * values[stable]) ** 2, squares[stable], atol=1e-6 * scale)
 
 
+@settings(max_examples=6)
+@given(SEEDS)
+def test_armature_and_balance_at_the_sliders_are_in_the_indices(seed):
+    plain, lagrange, poses = states(seed, 3)
+    geometry, mass = plain.parameters.geometry, plain.parameters.bodies.mass
+    armature, spring = mass * np.array([0.3, 0.1, 0.2]), mass / geometry.L * np.array([20.0, 30.0, 10.0])
+    push = 4 * mass * np.array([0.5, 0.2, 0.3])
+    slides = ("slide_a", "slide_b", "slide_c")
+    named = [dict(zip(slides, values.tolist(), strict=True)) for values in (armature, push, spring)]
+    actuators = p3dof.Actuators(armature=named[0], counterbalance=named[1], spring=named[2])
+    robot = p3dof.load(replace(plain.parameters, actuators=actuators))
+    k = mass / geometry.L * 1e3
+    found = robot.indices(poses, drive_stiffness=k, rods=None)
+    bare = plain.indices(poses)
+    sliders = np.array([positions(geometry, pose)[0] for pose in poses])
+    np.testing.assert_allclose(
+        found.reflected_mass - bare.reflected_mass, np.tile(armature, (3, 1)), rtol=1e-6
+    )
+    scale = np.abs(bare.holding).max() + np.abs(push).max()
+    np.testing.assert_allclose(found.holding, bare.holding + spring * sliders - push, atol=1e-9 * scale)
+    for n, pose in enumerate(poses):
+        J, M = lagrange.jacobian(pose), lagrange.mass_matrix(pose)
+        M = M + J.T @ np.diag(armature) @ J
+        np.testing.assert_allclose(found.actuator_inertia[n], scipy.linalg.eigvalsh(M, J.T @ J), rtol=1e-6)
+        held = found.holding[n]
+
+        def pull(x, held=held, start=sliders[n]):
+            now = positions(geometry, x)[0]
+            forces = held - k * (now - start) + push - spring * now
+            return (
+                lagrange.generalized_forces(x, np.zeros(3), np.zeros(3))
+                - own_jacobian(geometry, x).T @ forces
+            )
+
+        steps = np.diag([geometry.L, geometry.L, 1.0]) * 1e-6
+        K = np.stack([(pull(pose + s) - pull(pose - s)) / (2 * s.sum()) for s in steps], axis=-1)
+        squares = scipy.linalg.eigvalsh((K + K.T) / 2, M)
+        stable = squares > 0
+        np.testing.assert_allclose(
+            (2 * np.pi * found.frequency[n][stable]) ** 2, squares[stable], atol=1e-6 * np.abs(squares).max()
+        )
+
+
 def test_invalid_poses_are_nan_with_a_reason_or_raise():
     poses = [[0, 0, 0], [0.3, 0, 0], [0, 0, np.pi / 3], [np.nan, 0, 0]]
     found = ROBOT.indices(poses, on_invalid="nan")

@@ -253,6 +253,51 @@ def test_what_cannot_be_is_refused_in_one_line():
         SPACE.margin([0, 0])
 
 
+def test_forces_of_springs_are_demanded_at_every_height():
+    spring = p3dof.Actuators(spring={"sliders": 300.0})
+    robot = p3dof.load(replace(p3dof.PAPER, actuators=spring))
+    demand = p3dof.WorkspaceMargins(acceleration=(22, 20, 100))
+    limits = replace(p3dof.PAPER.limits, force=330.0)
+    space = robot.workspace(limits, demand)
+    stiff = p3dof.load(replace(p3dof.PAPER, actuators=p3dof.Actuators(spring={"sliders": 5000.0})))
+    with pytest.raises(p3dof.InputError, match="nothing keeps them at every z of the stroke"):
+        stiff.workspace(limits, demand)
+    assert 0.01 < space.volume < 0.5 * ROBOT.workspace(limits, demand).volume
+    rng = np.random.default_rng(8)
+    rows = rng.choice(len(space.points.y), 300)
+    y, theta = space.points.y[rows], space.points.theta[rows]
+    low, high = space.z_range(y, theta)
+    inside = np.isfinite(low)
+    for share in (0.0, 0.5, 1.0):
+        pose = np.stack([y, low + share * (high - low), theta], axis=-1)[inside]
+        assert space.margin(pose).force.min() > -1e-6
+
+
+@settings(max_examples=8)
+@given(SEEDS)
+def test_areas_of_random_machines_are_what_random_points_count(seed):
+    """At one orientation, at all of a range, at any: points (y, z) at 61 orientations, by joints alone."""
+    rng = np.random.default_rng(seed)
+    geometry = random_geometry(rng)
+    stroke, tilt = geometry.L * rng.uniform(0.2, 0.9), rng.uniform(0.1, 0.6)
+    limits = p3dof.Limits(travel=(-stroke, stroke), tilt=(-tilt, tilt))
+    space = p3dof.load(replace(p3dof.PAPER, geometry=geometry, limits=limits)).workspace()
+    count, low, high = 6000, [-geometry.L, -2 * geometry.L], [geometry.L, 2 * geometry.L]
+    places, theta = rng.uniform(low, high, (count, 2)), np.linspace(-tilt, tilt, 61)
+    pose = np.stack(np.broadcast_arrays(places[:, :1], places[:, 1:], theta), axis=-1)
+    sliders = kinematics.inverse_kinematics(geometry, pose, on_invalid="nan").sliders
+    fine = (np.abs(sliders) <= stroke).all(axis=-1)  # NaN is not
+    known = kinematics.singularity(geometry, pose)
+    good = fine & (known.actuation > 0)
+    whole = 8 * geometry.L**2
+    found = {"one": space.area(float(theta[40])), "all": space.dexterous(), "any": space.reachable}
+    counts = {"one": good[:, 40], "all": good.all(axis=1), "any": good.any(axis=1)}
+    for name, area in found.items():
+        share = counts[name].mean()
+        error = whole * np.sqrt(max(share * (1 - share), 1 / count) / count)
+        assert abs(area - whole * share) < 4.5 * error + 0.01 * whole * share, name  # orientations are a grid
+
+
 def test_gravity_and_masses_of_any_machine_go_into_the_force_demand():
     machine = random_machine(7)
     robot = p3dof.load(replace(machine, limits=p3dof.Limits(travel=(-9, 9), tilt=(-0.5, 0.5), force=1e6)))

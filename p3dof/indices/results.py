@@ -64,7 +64,7 @@ class Indices(ShownInNotebook):
     machine : Manipulator
         The machine.
     pose : array-like, shape (..., 3)
-        y [m], z [m], θ [rad]; no index depends on z.
+        y [m], z [m], θ [rad]; z matters for forces of a machine balanced by springs only.
     length : float, optional
         Characteristic length ℓ [m]; r of the machine without it.
     on_invalid : {"raise", "nan"}

@@ -9,7 +9,11 @@ import numpy as np
 
 from p3dof.errors import InputError
 from p3dof.tables import NONE, Table, html_of, notebook_html, table_of
+from p3dof.workspace.loci import loci
 from p3dof.workspace.workspace import Workspace
+
+_POINTS = 101
+"""Of each locus in JSON."""
 
 
 def workspace_table(space: Workspace) -> Table:
@@ -101,7 +105,7 @@ def plain_workspace(space: Workspace) -> dict[str, Any]:
         "largest_box": largest,
         "loci": {
             name: [row for row in curve.tolist() if np.isfinite(row).all()]
-            for name, curve in space.loci().items()
+            for name, curve in loci(space.sizes, _POINTS).items()
         },
     }
 

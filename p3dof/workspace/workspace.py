@@ -37,7 +37,8 @@ class Workspace(ShownInNotebook):
     limits : Limits, optional
         Stroke, tilt, speed and force; the machine's own without it.
     margins : WorkspaceMargins, optional
-        What is demanded besides; nothing without it.
+        What is demanded besides; nothing without it. Accelerations that a machine balanced by springs must
+        have, whose forces depend on z, are demanded at every z of the stroke; `margin` looks at each pose.
 
     Raises
     ------
@@ -336,6 +337,7 @@ class Workspace(ShownInNotebook):
         -------
         xarray.Dataset
             With the dimensions ``y`` and ``theta``; also ``height``, H(y, θ) [m]. NaN outside the workspace.
+            At z = 0, which matters for forces of a machine balanced by springs only.
 
         Raises
         ------
@@ -378,8 +380,16 @@ class Workspace(ShownInNotebook):
         return Region(self.sizes, self.limits, self.margins, condition)
 
     def _demands(self, y: FloatArray, theta: FloatArray) -> FloatArray:
-        found = demands(self._machine, self.limits, self.margins, _poses(y, theta))
-        rows = [values.min(axis=-1) for values in found if values is not None]
+        """Return what demands leave, at the worst z: springs make forces linear in z."""
+        heights = [np.zeros_like(y)]
+        if self._machine.parameters.actuators.spring and self.margins.acceleration is not None:
+            found = np.broadcast_arrays(*offsets(self.sizes, y, theta))
+            low, high = self.limits.travel
+            heights = [low - np.minimum.reduce(found), high - np.maximum.reduce(found)]
+        rows = []
+        for z in heights:
+            left = demands(self._machine, self.limits, self.margins, np.stack([y, z, theta], axis=-1))
+            rows += [values.min(axis=-1) for values in left if values is not None]
         least: FloatArray = np.minimum.reduce(rows)
         return least
 
@@ -433,7 +443,7 @@ class Workspace(ShownInNotebook):
         home = self.margin(np.zeros(3))
         reason = str(home.reason)
         if not reason:
-            return "the height that the stroke leaves is nothing"
+            return "home keeps them, but nothing keeps them at every z of the stroke"
         value = float(home.columns[reason])
         return f"at home the margin of {reason!r} is {value:g}"
 
