@@ -104,6 +104,8 @@ def test_solids_and_ranges_on_the_command_line(capsys):
     ask = (
         "sensitivity",
         "--solids",
+        "--fix",
+        "L=390 mm",
         *SHORT,
         "--rows",
         32,
@@ -114,7 +116,7 @@ def test_solids_and_ranges_on_the_command_line(capsys):
     )
     found = result(capsys, *ask)
     motion, ranges = p3dof.paper_motion(51), {"rod_radius": "5 %", "R": (0.24, 0.26)}
-    expected = p3dof.sensitivity(PAPER, motion, ranges, bodies="solids", rows=32)
+    expected = p3dof.sensitivity(PAPER, motion, ranges, bodies="solids", rows=32, fixed={"L": 0.39})
     np.testing.assert_array_equal(found["first"], expected.first)
 
 
@@ -141,7 +143,10 @@ def test_machines_that_cannot_move_are_told(capsys):
         (("tolerance", "--sigma", "rod_radius=1 mm"), "sizes need bodies of solids: --solids"),
         (("tolerance", "--sigma", "R=1 mm", "--pose", "1,2"), "expected y,z,theta such as"),
         (("tolerance", "--sigma", "R=1 mm", "--pose", "1 kg,2,3"), "expected y,z,theta such as"),
-        (("tolerance", "--sigma", "R=1 mm", "--pose", "0,0,0", "--solids"), "--solids belongs to forces"),
+        (
+            ("tolerance", "--sigma", "R=1 mm", "--pose", "0,0,0", "--solids"),
+            "--solids and --fix belong to forces",
+        ),
         (("tolerance", "--sigma", "R=1 mm", "--pose", "0,0,0", "--motion", "m.csv"), "expected no --motion"),
         (("tolerance", "--sigma", "R=1 mm", "--resume"), "belong to --machines"),
         (("tolerance", "--sigma", "R=1 mm", "--machines", "9", "--resume"), "--resume: expected --out"),

@@ -152,6 +152,18 @@ def test_what_is_selected_in_one_picture_is_in_the_other(page):
     page.wait("studio.state.selected.size === 9")
 
 
+def test_a_front_stands_beside_its_start():
+    problem = p3dof.DesignProblem({"R": (0.24, 0.28), "L": (0.38, 0.45)}, MOTION, ["peak_force", "width"])
+    front = problem.pareto(points=3)
+    found = studio_document(ROBOT, None, front, counts=(5, 5), indices=("lti",))["designs"]
+    assert found["start"] == 0
+    columns = {column["name"]: column for column in found["columns"]}
+    assert columns["R"]["values"][0] == 0.25
+    assert len(columns["R"]["values"]) == 1 + len(front)
+    assert columns["peak_force"]["better"] == "small"
+    assert_allclose(columns["peak_force"]["values"][1:], front.objectives[:, 0], rtol=1e-5)
+
+
 def test_a_point_that_is_clicked_is_told(page):
     x, y = read(page, "studio.charts[3].convertToPixel({ xAxisIndex: 0, yAxisIndex: 0 }, [100, 0.56])")
     box = page.page.locator("#front").bounding_box()

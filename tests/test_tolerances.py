@@ -112,6 +112,26 @@ def test_bodies_of_solids_follow_the_lengths():
     assert_allclose(more.peak_gradient[3], [1632.4, 4369.5], atol=0.05)
 
 
+def test_solids_have_the_sizes_that_are_told():
+    """A machine whose solids are not the paper's, scaled: its bodies are found again."""
+    sizes = p3dof.Dimensions(rod_radius=0.006, plate_thickness=0.03)
+    machine = p3dof.of_solids(replace(PAPER.geometry, L=0.35), sizes)
+    motion = p3dof.paper_motion(51)
+    told = {"rod_radius": "6 mm", "plate_thickness": 0.03, "slider_edge": sizes.slider_edge}
+    told |= {"corner_radius": sizes.corner_radius}
+    peak = np.abs(p3dof.load(machine).inverse_dynamics(motion).forces).max()
+    ask = {"sigma": {"rod_radius": "1 %", "R": 1e-4}, "bodies": "solids", "fixed": told}
+    found = p3dof.tolerance(machine, motion, **ask)
+    assert found.peak[3] == pytest.approx(peak, rel=1e-12)
+    assert found.nominal[0] == 0.006
+    drawn = p3dof.tolerance(machine, motion, method="montecarlo", samples=4000, **ask)
+    assert drawn.peak_mean[3] == pytest.approx(peak, rel=1e-3)
+    assert drawn.peak_deviation[3] == pytest.approx(found.peak_deviation[3], rel=0.05)
+    local = p3dof.sensitivity(machine, motion, ask["sigma"], method="gradient", bodies="solids", fixed=told)
+    assert_allclose(local.gradient, found.peak_gradient[3])
+    assert p3dof.tolerance(machine, motion, **ask | {"fixed": None}).peak[3] != pytest.approx(peak, rel=0.1)
+
+
 def test_a_load_counts():
     wrench = np.array([0.0, 500.0, 0.0, 0, 0, 0])
     without = p3dof.tolerance(PAPER, MOTION, sigma=LENGTHS)
@@ -221,6 +241,9 @@ def test_one_leg_alone_and_all_legs_with_an_exception():
         ({"sigma": {"crossbar.mass": "2 %"}}, "has no mass"),
         ({"sigma": {"rod_radius": 1e-4}}, "bodies='solids'"),
         ({"sigma": {"leg.mass": 1e-4}, "bodies": "solids"}, "let density vary"),
+        ({"fixed": {"rod_radius": 0.01}}, "fixed: dimensions.rod_radius: sizes need bodies of solids"),
+        ({"fixed": {"L": "1 kg"}}, "fixed: geometry.L: expected a length"),
+        ({"fixed": 3}, "fixed: expected numbers by names"),
         ({"method": "guess"}, "method: expected 'gradient' or 'montecarlo'"),
         ({"bodies": "mine"}, "bodies: expected"),
         ({"worst": 0}, "worst: expected"),

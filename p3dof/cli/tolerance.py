@@ -63,6 +63,13 @@ def _work(command: Callable[..., Any]) -> Callable[..., Any]:
             "--solids", is_flag=True, help="Compute all bodies from their solids, whose sizes may vary."
         ),
         click.option(
+            "--fix",
+            "fixed",
+            type=Named(),
+            multiple=True,
+            help="Number that is not that of the machine, such as a size of its solids: 'rod_radius=3 mm'.",
+        ),
+        click.option(
             "--seed", type=Whole(0, 2**63), default=0, show_default=True, help="Of the random numbers."
         ),
         click.option("--workers", type=Whole(1, 4096), help="Worker processes; this one without it."),
@@ -125,8 +132,10 @@ def tolerance(
     sigma = {**(read_uncertainty(source(file)).sigma if file is not None else {}), **dict(sigmas)}
     if poses and (case.motion_file is not None or case.wrench_file is not None):
         raise click.UsageError("--pose asks for static poses: expected no --motion and no --wrench")
-    if poses and work["solids"]:
-        raise click.UsageError("--solids belongs to forces: the error of a pose depends on lengths alone")
+    if poses and (work["solids"] or work["fixed"]):
+        raise click.UsageError(
+            "--solids and --fix belong to forces: the error of a pose depends on lengths alone"
+        )
     if machines is None and (work["out"] is not None or work["workers"] is not None or work["resume"]):
         raise click.UsageError(
             "--out, --resume and --workers belong to --machines: the first order takes no time"
@@ -136,7 +145,7 @@ def tolerance(
     asked |= {"pose": list(poses)} if poses else {"motion": case.motion, "wrench": case.wrench}
     with _prepared("machines", machines, work) as options:
         if poses:
-            options.pop("bodies")
+            del options["bodies"], options["fixed"]
         found = tolerance_of(case.robot, **asked, **options)
     return _tell(case, found, tolerance_tables(found), "tolerance_figure", figure, as_json)
 
@@ -204,6 +213,7 @@ def _prepared(what: str, total: int | None, work: dict[str, Any]) -> Iterator[di
         client = stack.enter_context(Processes(work["workers"])) if work["workers"] is not None else None
         yield {
             "bodies": "solids" if work["solids"] else "kept",
+            "fixed": dict(work["fixed"]),
             "seed": work["seed"],
             "folder": work["out"],
             "resume": work["resume"],

@@ -134,8 +134,9 @@ def studio_page(
         The machine.
     motion : Motion, optional
         Whose path is drawn into the map.
-    designs : Evaluated, DesignForces, mapping or table, optional
-        Columns by name with units in brackets, such as those of a Pareto front, one number a design.
+    designs : Front, Evaluated, DesignForces, mapping or table, optional
+        A Pareto front, beside the machine that it began with; or columns by name with units in brackets, one
+        number a design.
     indices : sequence of str, optional
         Of `p3dof.indices.COLUMNS`.
     counts : tuple of int
@@ -234,10 +235,13 @@ def _path(motion: Motion) -> dict[str, Any]:
 
 def _designs(designs: Any, better: Mapping[str, str], start: int | None) -> dict[str, Any]:
     told = dict(better)
-    objectives = getattr(getattr(designs, "asked", None), "objectives", ())
-    for measure in objectives:
+    found = getattr(designs, "found", designs)  # of a front, whose start comes first
+    for measure in getattr(getattr(found, "asked", None), "objectives", ()):
         told.setdefault(measure.name, measure.better)
-    given = designs.to_columns() if hasattr(designs, "to_columns") else by_header(designs)
+    given = found.to_columns() if hasattr(found, "to_columns") else by_header(designs)
+    if found is not designs and start is None:
+        before, start = designs.start.to_columns(), 0
+        given = {name: np.concatenate([before[name], values]) for name, values in given.items()}
     columns = []
     for header, values in given.items():
         name, _, unit = str(header).partition(" [")

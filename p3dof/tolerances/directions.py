@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
-from p3dof.checks import FloatArray, positive, shown
+from p3dof.checks import FloatArray, as_floats, positive, shown
 from p3dof.designs.columns import BodiesOfDesigns, Designs, numbers_of
 from p3dof.designs.names import COMPONENTS, DENSITY, KINDS, QUANTITIES, SIZES, full_name
 from p3dof.errors import InputError, ParameterError
@@ -76,7 +77,13 @@ class Direction:
     rates: Mapping[str, float] = field(default_factory=dict)
 
 
-def direction_of(name: str, machine: Parameters, bodies: BodiesOfDesigns) -> Direction:
+Fixed: TypeAlias = Mapping[str, float]
+"""Numbers that are not those of the machine, by full names of columns, such as sizes of its solids."""
+
+
+def direction_of(
+    name: str, machine: Parameters, bodies: BodiesOfDesigns, fixed: Fixed = MappingProxyType({})
+) -> Direction:
     """Return what moves with a number of the parameter file.
 
     A mass takes the body's inertia about its mass centre with it, as a body of another density would; a kind
@@ -90,6 +97,8 @@ def direction_of(name: str, machine: Parameters, bodies: BodiesOfDesigns) -> Dir
         The machine.
     bodies : {"kept", "solids"}
         Where its bodies come from.
+    fixed : mapping of str to float
+        Numbers that are not those of the machine.
 
     Returns
     -------
@@ -109,7 +118,7 @@ def direction_of(name: str, machine: Parameters, bodies: BodiesOfDesigns) -> Dir
         raise InputError(f"{known}: bodies of solids follow from their sizes and density; let {DENSITY} vary")
     if known in (*SIZES, DENSITY) and bodies == "kept":
         raise InputError(f"{known}: sizes need bodies of solids: bodies='solids'")
-    numbers = numbers_of(machine) | _of_solids(machine)
+    numbers = numbers_of(machine) | _of_solids(machine) | dict(fixed)
     unit = QUANTITIES[known].unit
     members = _members(known)
     nominal = numbers.get(members[0], 0.0)
@@ -150,7 +159,11 @@ def _with_inertia(name: str, members: list[str], numbers: Mapping[str, float]) -
 
 
 def columns_of_directions(
-    directions: tuple[Direction, ...], machine: Parameters, bodies: BodiesOfDesigns, moved: FloatArray
+    directions: tuple[Direction, ...],
+    machine: Parameters,
+    bodies: BodiesOfDesigns,
+    moved: FloatArray,
+    fixed: Fixed = MappingProxyType({}),
 ) -> dict[str, FloatArray]:
     """Return columns of designs that are moved along directions.
 
@@ -165,14 +178,16 @@ def columns_of_directions(
         its lengths are.
     moved : ndarray, shape (D, P)
         By how much each direction is moved, in SI units.
+    fixed : mapping of str to float
+        Numbers that are not those of the machine.
 
     Returns
     -------
     dict of str to ndarray, shape (D,)
     """
-    numbers = numbers_of(machine) | _of_solids(machine)
-    fixed = SIZES if bodies == "solids" else ()
-    columns: dict[str, FloatArray] = {name: np.full(len(moved), numbers[name]) for name in fixed}
+    numbers = numbers_of(machine) | _of_solids(machine) | dict(fixed)
+    told = dict.fromkeys((*(SIZES if bodies == "solids" else ()), *fixed))
+    columns: dict[str, FloatArray] = {name: np.full(len(moved), numbers[name]) for name in told}
     for direction, change in zip(directions, moved.T, strict=True):
         for column, rate in direction.rates.items():
             start = columns.get(column, np.full(len(moved), numbers.get(column, 0.0)))
@@ -181,10 +196,48 @@ def columns_of_directions(
 
 
 def designs_of(
-    directions: tuple[Direction, ...], machine: Parameters, bodies: BodiesOfDesigns, moved: FloatArray
+    directions: tuple[Direction, ...],
+    machine: Parameters,
+    bodies: BodiesOfDesigns,
+    moved: FloatArray,
+    fixed: Fixed = MappingProxyType({}),
 ) -> Designs:
     """Return the machines that are moved along directions, as designs; see `columns_of_directions`."""
-    return Designs(columns_of_directions(directions, machine, bodies, moved), machine, bodies)
+    return Designs(columns_of_directions(directions, machine, bodies, moved, fixed), machine, bodies)
+
+
+def fixed_of(given: Mapping[str, Any] | None, bodies: BodiesOfDesigns) -> dict[str, float]:
+    """Return numbers that are not those of the machine, by full names, in SI units.
+
+    Parameters
+    ----------
+    given : mapping, optional
+        Sizes and the density of solids, lengths and so on, numbers or texts with units.
+    bodies : {"kept", "solids"}
+        Where bodies come from.
+
+    Returns
+    -------
+    dict of str to float
+
+    Raises
+    ------
+    InputError
+        If it is no mapping, or a number does not fit.
+    """
+    if not isinstance(given, Mapping | None):
+        raise InputError(f"fixed: expected numbers by names, got {shown(given)}")
+    found = {}
+    for name, value in (given or {}).items():
+        known = full_name(str(name))
+        if known in (*SIZES, DENSITY) and bodies == "kept":
+            raise InputError(f"fixed: {known}: sizes need bodies of solids: bodies='solids'")
+        try:
+            number = QUANTITIES[known].read(value, f"fixed: {known}")
+        except ParameterError as error:
+            raise InputError(str(error.args[0])) from error
+        found[known] = float(as_floats(f"fixed: {known}", number))
+    return found
 
 
 def amount_of(value: Any, nominal: float, quantity: Quantity, where: str) -> float:
@@ -231,7 +284,11 @@ def _share(text: str, where: str) -> float:
 
 
 def directions_of(
-    given: Mapping[str, Any], what: str, machine: Parameters, bodies: BodiesOfDesigns
+    given: Mapping[str, Any],
+    what: str,
+    machine: Parameters,
+    bodies: BodiesOfDesigns,
+    fixed: Fixed = MappingProxyType({}),
 ) -> tuple[tuple[Direction, ...], tuple[Any, ...]]:
     """Return what varies, each once, and the values that the user gave for it.
 
@@ -241,7 +298,7 @@ def directions_of(
         By names of parameters.
     what : str
         What to call it in an error.
-    machine, bodies
+    machine, bodies, fixed
         As of `direction_of`.
 
     Returns
@@ -259,7 +316,7 @@ def directions_of(
     found: dict[str, Direction] = {}
     for name in given:
         try:
-            direction = direction_of(name, machine, bodies)
+            direction = direction_of(name, machine, bodies, fixed)
         except InputError as error:
             raise InputError(f"{what}: {error.args[0].removeprefix('designs: ')}") from error
         if direction.name in found:

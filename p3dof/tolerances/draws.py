@@ -150,6 +150,7 @@ class DrawnForces:
         return {
             "machine": case.machine.to_dict(),
             "bodies": case.bodies,
+            "fixed": dict(case.fixed),
             "motion": digest(motion.time, motion.pose, motion.velocity, motion.acceleration),
             "wrench": None if case.wrench is None else digest(case.wrench),
             "level": self.level,
@@ -160,7 +161,8 @@ class DrawnForces:
         """Return the columns of a block."""
         drawn = self.sampling.draw(block)
         moved = np.stack(list(drawn.values()), axis=1)
-        designs = designs_of(self.case.directions, self.case.machine, self.case.bodies, moved)
+        case = self.case
+        designs = designs_of(case.directions, case.machine, case.bodies, moved, case.fixed)
         found = self.forces.evaluate(designs)
         peaks = np.column_stack([found.peak_force, found.peak_force.max(axis=1)])
         good = np.flatnonzero(found.status == DesignStatus.FEASIBLE)
@@ -172,7 +174,7 @@ class DrawnForces:
     def _forces(self, moved: FloatArray) -> FloatArray:
         """Return the forces of machines at all samples (n, 3, N)."""
         case, samples = self.case, self.forces.samples
-        columns = columns_of_directions(case.directions, case.machine, case.bodies, moved)
+        columns = columns_of_directions(case.directions, case.machine, case.bodies, moved, case.fixed)
         folded = folding_of(tuple(columns), case.machine, case.bodies).fold(columns)
         offsets = np.stack([columns.get(name, np.zeros(len(moved))) for name in OFFSETS], axis=1)
         found = np.empty((len(moved), 3, len(samples)))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -46,6 +47,8 @@ class ForceCase:
         External load.
     worst : float
         How many standard deviations the worst case is.
+    fixed : mapping of str to float
+        Numbers that are not those of the machine, such as sizes of its solids.
     """
 
     machine: Parameters
@@ -55,6 +58,7 @@ class ForceCase:
     bodies: BodiesOfDesigns = "kept"
     wrench: WrenchOverTime = None
     worst: float = 3.0
+    fixed: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -66,7 +70,9 @@ def require_possible(case: ForceCase) -> None:
     """Raise `InputError` unless the nominal machine makes the motion."""
     from p3dof.designs.evaluation import DesignEvaluation
 
-    nominal = designs_of(case.directions, case.machine, case.bodies, np.zeros((1, len(case.sigma))))
+    nominal = designs_of(
+        case.directions, case.machine, case.bodies, np.zeros((1, len(case.sigma))), case.fixed
+    )
     found = DesignEvaluation(case.motion, case.wrench, threads=1).evaluate(nominal)
     if found.status[0] != DesignStatus.FEASIBLE:
         raise InputError(f"robot: the nominal machine cannot make the motion: {found.reason(0)}")
@@ -85,7 +91,7 @@ def force_gradients(case: ForceCase) -> tuple[FloatArray, FloatArray]:
     forces, gradients : ndarray
     """
     columns = columns_of_directions(
-        case.directions, case.machine, case.bodies, np.zeros((1, len(case.sigma)))
+        case.directions, case.machine, case.bodies, np.zeros((1, len(case.sigma))), case.fixed
     )
     samples = samples_of(case.motion, case.wrench)
     folding = folding_of(tuple(columns), case.machine, case.bodies)

@@ -15,7 +15,7 @@ from p3dof.blocks import Distribution, FunctionProblem, LogUniform, Normal, Unif
 from p3dof.checks import FloatArray, Progress, shown
 from p3dof.compiled.designs import compiled_level
 from p3dof.compiled.kernels import NUMPY
-from p3dof.designs.columns import BodiesOfDesigns
+from p3dof.designs.columns import BodiesOfDesigns, Designs
 from p3dof.designs.evaluation import DesignEvaluation
 from p3dof.designs.figures import BITS, FIGURES
 from p3dof.designs.names import QUANTITIES
@@ -31,6 +31,7 @@ from p3dof.tolerances.directions import (
     amount_of,
     designs_of,
     directions_of,
+    fixed_of,
     parameters_of,
 )
 from p3dof.tolerances.draws import Draws
@@ -101,6 +102,8 @@ class FigureOfMachines:
         External load at the samples.
     level : str
         Of the kernels.
+    fixed : mapping of str to float
+        Numbers that are not those of the machine, such as sizes of its solids.
     """
 
     machine: Parameters
@@ -110,6 +113,7 @@ class FigureOfMachines:
     bodies: BodiesOfDesigns
     wrench: Any
     level: str
+    fixed: Mapping[str, float]
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name != "_evaluation"}
@@ -131,10 +135,13 @@ class FigureOfMachines:
     def compute(self, columns: Mapping[str, FloatArray]) -> dict[str, NDArray[Any]]:
         """Return the figure of each machine by its name: NaN for machines that cannot make the motion."""
         moved = np.stack([columns[each.name] - each.nominal for each in self.directions], axis=1)
-        found = self._evaluation.evaluate(designs_of(self.directions, self.machine, self.bodies, moved))
+        found = self._evaluation.evaluate(self._designs(moved))
         values = getattr(found, self.plain)
         chosen = self._chosen(values) if values.ndim == 2 else values
         return {self.figure: np.where(found.status == DesignStatus.FEASIBLE, chosen, np.nan)}
+
+    def _designs(self, moved: FloatArray) -> Designs:
+        return designs_of(self.directions, self.machine, self.bodies, moved, self.fixed)
 
     def _chosen(self, values: FloatArray) -> FloatArray:
         column: FloatArray
@@ -144,7 +151,7 @@ class FigureOfMachines:
     def gradient(self) -> tuple[float, FloatArray]:
         """Return the figure of the nominal machine, and its derivatives by the parameters (d,)."""
         by = tuple(dict.fromkeys(column for each in self.directions for column in each.rates))
-        designs = designs_of(self.directions, self.machine, self.bodies, np.zeros((1, len(self.directions))))
+        designs = self._designs(np.zeros((1, len(self.directions))))
         found = self._asking(by).evaluate(designs)
         if found.status[0] != DesignStatus.FEASIBLE:
             raise InputError(f"robot: the nominal machine cannot make the motion: {found.reason(0)}")
@@ -165,6 +172,7 @@ def sensitivity(
     *,
     method: SensitivityMethod = "sobol",
     bodies: BodiesOfDesigns = "kept",
+    fixed: Mapping[str, float | str] | None = None,
     wrench: WrenchOverTime = None,
     rows: int = 4096,
     on_missing: OnMissing = "raise",
@@ -194,6 +202,8 @@ def sensitivity(
         Sobol' indices over the ranges, or exact derivatives at the machine.
     bodies : {"kept", "solids"}
         Keep the bodies whatever the lengths are, or compute them anew from solids.
+    fixed : mapping of str to float or str, optional
+        Numbers that are not those of the machine: sizes of its solids, where they are not the paper's scaled.
     wrench : array-like or callable, optional
         External force and moment on the platform, as of `Manipulator.inverse_dynamics`.
     rows : int
@@ -236,10 +246,11 @@ def sensitivity(
     if bodies not in get_args(BodiesOfDesigns):
         raise InputError(f"bodies: expected 'kept' or 'solids', got {shown(bodies)}")
     given: Any = {} if variables is None else variables
-    directions, values = directions_of(given, "variables", machine, bodies)
+    numbers = fixed_of(fixed, bodies)
+    directions, values = directions_of(given, "variables", machine, bodies, numbers)
     load = None if wrench is None else Load(wrench).over(motion.time)
     level = compiled_level(None, 1)[0] or NUMPY
-    asked = FigureOfMachines(machine, motion, directions, _known(figure), bodies, load, level)
+    asked = FigureOfMachines(machine, motion, directions, _known(figure), bodies, load, level, numbers)
     unit = FIGURES[asked.plain].unit
     names = tuple(each.name for each in directions)
     if method == "gradient":
@@ -300,6 +311,7 @@ def _about(asked: FigureOfMachines) -> dict[str, Any]:
     return {
         "machine": asked.machine.to_dict(),
         "bodies": asked.bodies,
+        "fixed": dict(asked.fixed),
         "motion": digest(motion.time, motion.pose, motion.velocity, motion.acceleration),
         "wrench": None if asked.wrench is None else digest(asked.wrench),
         "level": asked.level,

@@ -17,7 +17,7 @@ from p3dof.errors import InputError
 from p3dof.motion import Motion
 from p3dof.motion.wrenches import WrenchOverTime
 from p3dof.parameters import Parameters
-from p3dof.tolerances.directions import AnyMachine, amount_of, directions_of, parameters_of
+from p3dof.tolerances.directions import AnyMachine, amount_of, directions_of, fixed_of, parameters_of
 from p3dof.tolerances.draws import Draws, Spread, drawn_forces, drawn_poses, first_order_pose
 from p3dof.tolerances.forces import ForceCase, first_order, require_possible
 from p3dof.tolerances.pose import checked_pose, sigmas_of
@@ -34,6 +34,7 @@ def tolerance(
     sigma: Mapping[str, float | str],
     method: ToleranceMethod = "gradient",
     bodies: BodiesOfDesigns = "kept",
+    fixed: Mapping[str, float | str] | None = None,
     wrench: WrenchOverTime = None,
     worst: float = 3.0,
     samples: int = 2000,
@@ -70,6 +71,9 @@ def tolerance(
     bodies : {"kept", "solids"}
         For forces: keep the bodies whatever the lengths are, or compute them anew from solids, whose sizes
         and density may vary then.
+    fixed : mapping of str to float or str, optional
+        For forces: numbers that are not those of the machine. A machine does not know the sizes of its
+        solids: where they are not the paper's, scaled to its lengths, they must be told here.
     wrench : array-like or callable, optional
         External force and moment on the platform, as of `Manipulator.inverse_dynamics`.
     worst : float
@@ -124,7 +128,7 @@ def tolerance(
         return linear if method == "gradient" else drawn_poses(machine.geometry, linear, draws)
     if not isinstance(motion, Motion):
         raise InputError(f"motion: expected a Motion, got {shown(motion)}")
-    case = _force_case(machine, motion, sigma, bodies, wrench, most)
+    case = _force_case(machine, motion, sigma, bodies, fixed, wrench, most)
     require_possible(case)
     return first_order(case) if method == "gradient" else drawn_forces(case, draws)
 
@@ -134,15 +138,17 @@ def _force_case(
     motion: Motion,
     sigma: Mapping[str, Any],
     bodies: BodiesOfDesigns,
+    fixed: Mapping[str, Any] | None,
     wrench: WrenchOverTime,
     worst: float,
 ) -> ForceCase:
     if bodies not in get_args(BodiesOfDesigns):
         raise InputError(f"bodies: expected 'kept' or 'solids', got {shown(bodies)}")
-    directions, values = directions_of(sigma, "sigma", machine, bodies)
+    numbers = fixed_of(fixed, bodies)
+    directions, values = directions_of(sigma, "sigma", machine, bodies, numbers)
     pairs = zip(directions, values, strict=True)
     sizes = [
         amount_of(value, direction.nominal, QUANTITIES[direction.name], f"sigma of {direction.name}")
         for direction, value in pairs
     ]
-    return ForceCase(machine, motion, directions, np.array(sizes), bodies, wrench, worst)
+    return ForceCase(machine, motion, directions, np.array(sizes), bodies, wrench, worst, numbers)
