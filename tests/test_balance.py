@@ -158,12 +158,20 @@ def test_waits_and_payloads_of_a_task_count(robot):
     assert np.abs(there - held.forces[0]).max() < np.abs(best.values["counterbalance"] - held.forces[0]).max()
 
 
+def test_a_motion_or_a_plan_is_enough(robot, found):
+    plan = parse(PICK_AND_PLACE).plan(1.5)
+    for given, forces in ((found.motion, found), (plan, forces_of_task(robot, plan))):
+        one, other = (best_balance(robot, what, "spring", "peak") for what in (given, forces))
+        for name, row in one.values.items():
+            np.testing.assert_allclose(row, other.values[name], rtol=1e-8)
+
+
 @pytest.mark.parametrize(
     ("message", "ask"),
     {
         "robot: expected a Manipulator": lambda _, found: best_balance(None, found),
         "found: expected forces over a motion or a task": lambda robot, found: best_balance(
-            robot, found.motion
+            robot, found.forces
         ),
         "kind: expected one of constant, spring, counterweight": lambda robot, found: best_balance(
             robot, found, "rope"

@@ -207,6 +207,41 @@ def test_tendons_are_rods_couplings_and_joints():
         agree(robot, xml, seed)
 
 
+LIFTED = """
+<mujoco>
+  <compiler angle="radian"/>
+  <option gravity="0.4 -1 -9"/>
+  <worldbody>
+    <body euler="0.3 -0.2 0.5">
+      <body name="aslant" euler="0.1 0.4 0" gravcomp="0.7">
+        <joint name="slope" type="slide" axis="1 2 3" stiffness="-20" springref="0.1" armature="2"/>
+        <inertial pos="0.1 0 0.2" mass="3" diaginertia="0.1 0.1 0.1"/>
+        <body name="fixed" pos="0 0 0.3" gravcomp="1.5">
+          <inertial pos="0 0.1 0" mass="2" diaginertia="0.1 0.1 0.1"/>
+          <body name="swinging" pos="0.2 0 0">
+            <joint name="swing" axis="0 1 0"/>
+            <inertial pos="0 0 -0.2" mass="1" diaginertia="0.01 0.01 0.01"/>
+          </body>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <actuator><motor joint="slope"/><motor joint="swing"/></actuator>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize("gravity", ["enable", "disable"])
+def test_gravity_that_is_compensated_on_a_slide_is_a_force_of_its_joint(gravity):
+    xml = LIFTED.replace("<option ", f'<option><flag gravity="{gravity}"/></option><option ')
+    robot = p3dof.load_robot(xml)
+    (data,) = robot.sidecar.joint_data
+    assert (data.joint, data.stiffness) == ("slope", -20.0)
+    assert bool(data.force) == (gravity == "enable")
+    for seed in range(3):
+        agree(robot, xml, seed)
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

@@ -11,10 +11,12 @@ import numpy as np
 from p3dof.checks import FloatArray, shown
 from p3dof.errors import InputError, SampleError
 from p3dof.manipulator.facade import Manipulator
-from p3dof.manipulator.tasks import TaskForces
+from p3dof.manipulator.tasks import TaskForces, forces_of_task
 from p3dof.methods import InverseDynamics
+from p3dof.motion import Motion
 from p3dof.parameters import LEGS, SLIDES, Actuators, Parameters
 from p3dof.tables import NONE, Table, number
+from p3dof.tasks import Plan
 
 BalanceKind: TypeAlias = Literal["constant", "spring", "counterweight"]
 """What balances: a constant force, a spring with a force at home, or a mass over a pulley."""
@@ -97,7 +99,7 @@ class BestBalance:
 
 def best_balance(
     robot: Manipulator,
-    found: InverseDynamics | TaskForces,
+    found: InverseDynamics | TaskForces | Motion | Plan,
     kind: BalanceKind = "constant",
     objective: Objective = "rms",
 ) -> BestBalance:
@@ -112,8 +114,8 @@ def best_balance(
     ----------
     robot : Manipulator
         The machine.
-    found : InverseDynamics or TaskForces
-        Its forces over a motion, or over a task with its waits and payloads.
+    found : InverseDynamics, TaskForces, Motion or Plan
+        Its forces over a motion, or over a task with its waits and payloads; or what it has to do.
     kind : {"constant", "spring", "counterweight"}
         What balances.
     objective : {"rms", "peak"}
@@ -128,17 +130,12 @@ def best_balance(
     InputError
         If an argument is something else, or the forces are those of another machine.
     SampleError
-        If the machine cannot make the motion.
+        If the machine cannot make the motion; `ReachError` or `SingularityError` if `found` is a motion.
     """
-    if not isinstance(robot, Manipulator):
-        raise InputError(f"robot: expected a Manipulator, got {shown(robot)}")
-    if not isinstance(found, InverseDynamics | TaskForces):
-        raise InputError(f"found: expected forces over a motion or a task, got {shown(found)}")
+    found = _forces(robot, found)
     for name, value, known in (("kind", kind, BALANCE_KINDS), ("objective", objective, OBJECTIVES)):
         if value not in known:
             raise InputError(f"{name}: expected one of {', '.join(known)}, got {shown(value)}")
-    if not found.possible:
-        raise SampleError("the machine cannot make this motion: there is nothing to balance")
     own, gravity = robot.parameters.actuators, float(robot.parameters.gravity[2])
     parts = found.results if isinstance(found, TaskForces) else (found,)
     sliders = np.concatenate([part.sliders for part in parts])
@@ -167,6 +164,23 @@ def best_balance(
     rms = [np.sqrt(weights @ forces**2 / weights.sum()) for forces in (before, after)]
     notes = tuple(_notes(kind, chosen))
     return BestBalance(kind, objective, with_it, found.time, before, after, rms[0], rms[1], notes)
+
+
+def _forces(
+    robot: Manipulator, found: InverseDynamics | TaskForces | Motion | Plan
+) -> InverseDynamics | TaskForces:
+    """Return forces over a motion or a task, checked."""
+    if not isinstance(robot, Manipulator):
+        raise InputError(f"robot: expected a Manipulator, got {shown(robot)}")
+    if isinstance(found, Motion):
+        found = robot.inverse_dynamics(found, method="compiled")
+    elif isinstance(found, Plan):
+        found = forces_of_task(robot, found)
+    if not isinstance(found, InverseDynamics | TaskForces):
+        raise InputError(f"found: expected forces over a motion or a task, got {shown(found)}")
+    if not found.possible:
+        raise SampleError("the machine cannot make this motion: there is nothing to balance")
+    return found
 
 
 def _row(actuators: Actuators, name: str) -> FloatArray:

@@ -201,7 +201,8 @@ class _Translation:
 
     def _joint_data(self) -> tuple[JointData, ...]:
         """Return springs, damping, friction and motors."""
-        m, found, motors, lifted = self._m, [], self._motors(), lifting(self._m)
+        gravity = np.array(self._model.gravity.linear)
+        m, found, motors, lifted = self._m, [], self._motors(), lifting(self._m, gravity)
         for number, name in enumerate(self._joints):
             stiffness, dof = float(m.jnt_stiffness[number]), m.jnt_dofadr[number]
             losses = float(m.dof_damping[dof]), float(m.dof_frictionloss[dof])

@@ -46,7 +46,7 @@ def tendon_armature(m: Any) -> FloatArray:
     return np.array(getattr(m, "tendon_armature", np.zeros(m.ntendon)))
 
 
-def lifting(m: Any) -> dict[int, float]:
+def lifting(m: Any, gravity: FloatArray) -> dict[int, float]:
     """Return the constant forces of joints that the compensation of gravity comes to.
 
     It does where a slide alone carries a body: all others would feel it differently in each position.
@@ -55,6 +55,8 @@ def lifting(m: Any) -> dict[int, float]:
     ----------
     m : mujoco.MjModel
         The compiled model.
+    gravity : ndarray, shape (3,)
+        As it acts [m/s²].
 
     Returns
     -------
@@ -66,7 +68,7 @@ def lifting(m: Any) -> dict[int, float]:
         slide = _slide_of(m, int(body))
         if slide is not None:
             number, axis = slide
-            weight = -float(m.body_mass[body]) * float(np.dot(m.opt.gravity, axis))
+            weight = -float(m.body_mass[body]) * float(np.dot(gravity, axis))
             found[number] = found.get(number, 0.0) + float(m.body_gravcomp[body]) * weight
     return found
 
@@ -79,7 +81,7 @@ def _slide_of(m: Any, body: int) -> tuple[int, FloatArray] | None:
         first = int(m.body_jntadr[body])
         joints += range(first, first + int(m.body_jntnum[body]))
         body = int(m.body_parentid[body])
-    if len(joints) != 1 or m.jnt_type[joints[0]] != _SLIDE:
+    if len(joints) != 1 or m.jnt_type[joints[0]] != _SLIDE or m.jnt_actgravcomp[joints[0]]:
         return None
     body = int(m.jnt_bodyid[joints[0]])
     while body:
