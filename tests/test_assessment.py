@@ -158,6 +158,41 @@ def test_drives_stand_in_the_place_of_the_machine_s_armature(forces):
     assert with_armature == pytest.approx(laden.peak_forces, rel=1e-5)
 
 
+def test_power_and_regeneration_are_ratings_where_there_are_limits(forces):
+    limited = dataclasses.replace(SMALL, max_power=40.0, max_braking_power=35.0)
+    found = p3dof.assess(ROBOT, forces, drives=Catalogue([limited], SCREWS[:1]))
+    cycle, drive = found.cycle, found.drives.drives[0]
+    for leg, name in enumerate("ABC"):
+        columns = (column[:, leg] for column in (cycle.force, cycle.speed, cycle.acceleration))
+        power = drive.torque(*columns) * drive.ratio * cycle.speed[:, leg]
+        for what, values, limit in (("power", power, 40.0), ("regeneration", -power, 35.0)):
+            one = rating(found, what, name)
+            assert (one.allowed, one.unit) == (limit, "W")
+            assert one.required == pytest.approx(values.max(), rel=1e-12)
+            assert one.time == cycle.time[values.argmax()]
+    assert not found.fits
+    assert found.worst.name == "power"
+    with pytest.raises(DriveError, match="max_power"):
+        dataclasses.replace(SMALL, max_power=0.0)
+
+
+def test_balance_and_armature_are_told():
+    actuators = p3dof.Actuators(armature={"slide_a": 3.0}, counterbalance={"sliders": 50.0})
+    balanced = p3dof.load(dataclasses.replace(p3dof.PAPER, actuators=actuators))
+    found = p3dof.assess(balanced, balanced.inverse_dynamics(p3dof.paper_motion(51), method="compiled"))
+    told = assumptions(found)["armature and balance"]
+    assert told.startswith("armature slide_a 3 kg")
+    assert "counterbalance slide_a 50 N, slide_b 50 N, slide_c 50 N" in told
+    drives = p3dof.assess(balanced, found.found, drives=Catalogue([LARGE], SCREWS[:1]))
+    assert "in the place of the armature" in assumptions(drives)["armature and balance"]
+    assert (
+        "no balance"
+        in assumptions(p3dof.assess(ROBOT, ROBOT.inverse_dynamics(p3dof.paper_motion(51))))[
+            "armature and balance"
+        ]
+    )
+
+
 def test_nut_and_motor_are_two_rows(found):
     rows = {row[0]: row[1:] for row in loads_table(found).rows}
     drive, cycle = found.drives.drives[0], found.cycle

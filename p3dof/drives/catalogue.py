@@ -35,7 +35,7 @@ from p3dof.drives.transmission import Belt, Gear, Screw
 from p3dof.errors import DriveError, ParameterError
 from p3dof.files import Source, called, parse_yaml, read_text
 from p3dof.parameters.plain import read_fields
-from p3dof.parameters.quantities import INERTIA, LENGTH, MOMENT, ROTATION, TIME, Quantity
+from p3dof.parameters.quantities import INERTIA, LENGTH, MOMENT, POWER, ROTATION, TIME, Quantity
 
 _MOST = 5000
 """Most drives of a catalogue: motors by gears by screws and belts."""
@@ -45,6 +45,8 @@ _UNITS: Mapping[str, Quantity] = {
     "max_torque": MOMENT,
     "brake_torque": MOMENT,
     "drag": MOMENT,
+    "max_power": POWER,
+    "max_braking_power": POWER,
     "max_speed": ROTATION,
     "rated_speed": ROTATION,
     "inertia": INERTIA,

@@ -44,6 +44,9 @@ class Motor:
     max_inertia_ratio : float
         Largest inertia of the load at its shaft by that of the rotor that its control takes; infinite if
         nothing is known.
+    max_power, max_braking_power : float
+        Largest power that its amplifier gives, and that it and its braking resistor take back, both at the
+        shaft [W]; infinite if nothing is known.
     name : str
         What tables call it.
 
@@ -64,6 +67,8 @@ class Motor:
     drag: float = 0.0
     time_constant: float | None = None
     max_inertia_ratio: float = math.inf
+    max_power: float = math.inf
+    max_braking_power: float = math.inf
     name: str = "motor"
 
     def __post_init__(self) -> None:
@@ -77,8 +82,9 @@ class Motor:
         set_(self, "rated_speed", above_zero(f"{where}: rated_speed", rated))
         if self.time_constant is not None:
             set_(self, "time_constant", above_zero(f"{where}: time_constant", self.time_constant))
-        if self.max_inertia_ratio != math.inf:
-            set_(self, "max_inertia_ratio", above_zero(f"{where}: max_inertia_ratio", self.max_inertia_ratio))
+        for field in ("max_inertia_ratio", "max_power", "max_braking_power"):
+            if getattr(self, field) != math.inf:
+                set_(self, field, above_zero(f"{where}: {field}", getattr(self, field)))
         if self.peak_torque < self.rated_torque:
             raise DriveError(
                 f"{where}: peak_torque: expected at least the rated torque, {self.rated_torque:g} N m"

@@ -347,6 +347,13 @@ class _Axis:
             Rating("rms torque", rms, float(motor.continuous(np.array([rms_speed]))[0]), "N m"),
             Rating("speed", speed, _RPM * min(motor.max_speed, gear.max_speed), "rpm", when),
         ]
+        for name, power, limit in (
+            ("power", self.power, motor.max_power),
+            ("regeneration", -self.power, motor.max_braking_power),
+        ):
+            if limit < math.inf:
+                most = int(np.argmax(power))
+                found.append(Rating(name, max(float(power[most]), 0.0), limit, "W", float(self._time[most])))
         screw_limit = _RPM * min(slow.max_speed, WHIRL * slow.critical_speed)
         if screw_limit < math.inf:
             found.append(Rating("screw speed", speed / gear.ratio, screw_limit, "rpm", when))
