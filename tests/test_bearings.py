@@ -23,7 +23,7 @@ from p3dof.cli import main
 from p3dof.errors import InputError, ParameterError, SampleError
 from p3dof.motion import Motion, paper_motion
 from p3dof.parameters import PAPER, Body
-from p3dof.reactions import Stiffness
+from p3dof.reactions import Misfit, Stiffness
 
 BALL = Bearing(dynamic=3000.0, static=2400.0, name="6001")
 GUIDE = Guide(dynamic=10e3, basis=50e3, moments=(120.0, 120.0, 150.0), static=16e3)
@@ -96,6 +96,35 @@ def test_lives_of_guides(report):
         assert one.life / 1e3 == pytest.approx(life, rel=1.2e-4)
         assert one.moment_share == pytest.approx(SHARES[one.joint], abs=5e-4)
     assert "two carriages apart" in " ".join(report.warnings)
+
+
+def test_what_misfits_add_is_told(robot):
+    stiffness = Stiffness(misfit=Misfit(20e-6, 1e-4))
+    reactions = robot.reactions(paper_motion(21), "elastic", stiffness=stiffness)
+    report = bearing_life(PAPER, reactions, Bearings(BALL, GUIDE), stiffness=stiffness)
+    (told,) = (words for words in report.warnings if "misfit" in words)
+    most = np.linalg.norm(reactions["hinge_lower"].fit[:, 0][:, [0, 2]], axis=-1).max()
+    assert f"hinge_lower {most:.3g} N" in told
+    plain = bearing_life(PAPER, robot.reactions(paper_motion(21), "elastic"), Bearings(BALL))
+    assert not any("misfit" in words for words in plain.warnings)
+
+
+def test_static_loads_are_those_of_iso_76(elastic):
+    """P0 = 0.6 Fr + 0.5 Fa of ball bearings, 1 Fr of rollers, at least Fr; or by factors of the maker."""
+    radial, axial = np.array([100.0, 100.0, 10.0]), np.array([10.0, 200.0, 0.0])
+    assert BALL.static_equivalent(radial, axial).tolist() == [100.0, 160.0, 10.0]
+    roller = Bearing(3000.0, kind="roller")
+    assert roller.static_equivalent(radial, axial).tolist() == [100.0, 100.0, 10.0]
+    assert replace(BALL, X0=0.5, Y0=0.26).static_equivalent(radial, axial).tolist() == [100.0, 102.0, 10.0]
+    thrust = replace(BALL, X=0.56, Y=1.6, e=0.1, Y0=3.0)
+    (one,) = bearing_life(PAPER, elastic, Bearings(joints={"hinge_a": thrust})).bearings
+    forces = elastic["hinge_a"].forces
+    radial, axial = np.hypot(forces[:, 0], forces[:, 2]), np.abs(forces[:, 1])
+    static = np.maximum(radial, 0.6 * radial + 3 * axial)
+    assert one.static_load == static.max()
+    assert one.static_time == elastic.time[static.argmax()]
+    assert one.static_safety == pytest.approx(2400 / static.max(), rel=1e-14)
+    assert one.peak_load != one.static_load
 
 
 def test_rods(report):
@@ -242,6 +271,13 @@ def test_the_command(tmp_path, capsys):
     assert read.of("slide_b").moments == (120.0, 120.0, 150.0)
     assert main(["bearings", str(path), "--samples", "201", "--rest", "0.5"]) == 0
     shown = " ".join(capsys.readouterr().out.split())
-    for words in ("false brinelling", "needle", "no prediction", "1.5 s", "rod_right"):
+    for words in (
+        "false brinelling",
+        "needle",
+        "no prediction",
+        "1.5 s",
+        "rod_right",
+        "which no paper tells",
+    ):
         assert words in shown
     assert guides_table(bearing_life(PAPER, p3dof.load().reactions(paper_motion(5)), read)).rows

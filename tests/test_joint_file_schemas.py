@@ -34,7 +34,16 @@ STIFFNESS = {
     "misfit": {"shift": "5 um", "turn": "0.1 mrad"},
     "cuts": "points",
 }
-BEARING = {"name": "6001", "dynamic": "5.1 kN", "static": "2.4 kN", "X": 0.56, "Y": 1.6, "e": 0.27}
+BEARING = {
+    "name": "6001",
+    "dynamic": "5.1 kN",
+    "static": "2.4 kN",
+    "X": 0.56,
+    "Y": 1.6,
+    "e": 0.27,
+    "X0": 0.6,
+    "Y0": 0.5,
+}
 GUIDE = {"dynamic": "10 kN", "basis": "50 km", "static": 16e3, "moments": ["120 Nm", "120 Nm", "150 Nm"]}
 BEARINGS = {
     "hinges": BEARING,

@@ -26,7 +26,8 @@ from p3dof.load_friction import (
     read_load_friction,
 )
 from p3dof.manipulator.assessment_tables import assumptions
-from p3dof.motion import Motion, paper_motion
+from p3dof.methods import pinocchio_friction, virtual_power
+from p3dof.motion import Motion, paper_motion, states_over
 from p3dof.parameters import PAPER, PASSIVE, SLIDES, Actuators, Body, Friction
 from p3dof.plots import forces_figure
 from p3dof.reactions import Stiffness, of_result
@@ -74,6 +75,16 @@ def test_both_methods_agree(robot):
         np.testing.assert_allclose(one.result.forces, other.result.forces, atol=1e-13 * largest)
         for name, limit in one.coulomb.limits.items():
             np.testing.assert_allclose(limit, other.coulomb.limits[name], rtol=1e-11)
+
+
+def test_against_the_same_friction_both_ways_need_the_same(robot, effect):
+    """To 1e-12 N: one by joint forces on closed loops, one by virtual powers."""
+    states = states_over(effect.result.motion, None)
+    one, lost = pinocchio_friction.forces_against(robot.loop, effect.result.joints, effect.coulomb)
+    other, also = virtual_power.forces_against(PAPER, states, effect.coulomb)
+    assert np.abs(one - other).max() < 1e-12
+    assert np.abs(lost - also).max() < 1e-12
+    assert np.abs(one - effect.additions).max() < 1e-12
 
 
 def random_contacts(rng):

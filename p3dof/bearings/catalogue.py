@@ -17,6 +17,8 @@ from p3dof.errors import ParameterError
 from p3dof.reactions import JOINTS
 
 _EXPONENTS = {"ball": 3.0, "roller": 10.0 / 3.0}
+_STATIC = {"ball": (0.6, 0.5), "roller": (1.0, 0.0)}
+"""Factors of the static load, where the file has none."""
 _BASES = (50e3, 100e3)
 """Ways for which makers of guides give the dynamic load [m]."""
 SLIDES = tuple(joint.name for joint in JOINTS if joint.axis == "z")
@@ -48,7 +50,8 @@ def _from_zero(field: str, value: Any) -> float:
 class Bearing:
     """A rolling bearing of a hinge.
 
-    Its equivalent load is P = Fr where Fa / Fr is at most e, and X Fr + Y Fa beyond (ISO 281).
+    Its equivalent dynamic load is P = Fr where Fa / Fr is at most e, and X Fr + Y Fa beyond (ISO 281), the
+    static one P0 = X0 Fr + Y0 Fa, at least Fr (ISO 76).
 
     Parameters
     ----------
@@ -59,7 +62,10 @@ class Bearing:
     kind : {"ball", "roller"}
         Of the rolling elements: the exponent of the life is 3 or 10/3.
     X, Y, e : float
-        Factors of the equivalent load: radial, axial, and from which share of axial load on.
+        Factors of the dynamic load: radial, axial, and from which share of axial load on.
+    X0, Y0 : float, optional
+        Factors of the static load; those of deep-groove ball bearings, 0.6 and 0.5, and of rollers 1 and 0,
+        without them.
     name : str
         What tables call it.
 
@@ -75,6 +81,8 @@ class Bearing:
     X: float = 1.0
     Y: float = 0.0
     e: float = 0.0
+    X0: float | None = None
+    Y0: float | None = None
     name: str = "bearing"
 
     def __post_init__(self) -> None:
@@ -83,10 +91,13 @@ class Bearing:
         set_(self, "dynamic", _positive("dynamic", self.dynamic))
         if self.static is not None:
             set_(self, "static", _positive("static", self.static))
-        for item in ("X", "Y", "e"):
-            set_(self, item, _from_zero(item, getattr(self, item)))
         if self.kind not in _EXPONENTS:
             raise ParameterError(f"kind: expected ball or roller, got {shown(self.kind)}")
+        for item, usual in zip(("X0", "Y0"), _STATIC[self.kind], strict=True):
+            if getattr(self, item) is None:
+                set_(self, item, usual)
+        for item in ("X", "Y", "e", "X0", "Y0"):
+            set_(self, item, _from_zero(item, getattr(self, item)))
 
     @property
     def exponent(self) -> float:
@@ -107,6 +118,11 @@ class Bearing:
         """
         along = self.X * radial + self.Y * axial
         return np.where(axial <= self.e * radial, radial, along)
+
+    def static_equivalent(self, radial: FloatArray, axial: FloatArray) -> FloatArray:
+        """Return the equivalent static loads P0 (N,) [N]; arguments as of `equivalent`."""
+        x, y = float(self.X0 or 0.0), float(self.Y0 or 0.0)
+        return np.asarray(np.maximum(radial, x * radial + y * axial))
 
 
 @dataclass(frozen=True)

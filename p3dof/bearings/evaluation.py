@@ -18,6 +18,8 @@ _OFTEN = 0.5
 """From which share of moments in a guide's load two carriages are recommended."""
 _SMALL = math.radians(60)
 """Below this swing the ways of neighbouring rolling elements may not overlap."""
+_MUCH, _FEW = 0.05, 4
+"""From which share of the largest load what misfits add is told, and of how many joints."""
 _LONG = 1e5
 """Longer lives are not told as numbers: other causes end them [h]."""
 _SAFE = {"buckling": 4.0, "static": 2.0}
@@ -89,7 +91,7 @@ def bearing_life(
             of_bearings.append(_bearing(elastic, joint, part, rates[joint], cycle))
     section = (Stiffness() if stiffness is None else stiffness).rods
     rods = () if section is None else tuple(_rod(parameters, elastic, name, section) for name in _ENDS)
-    warnings = _warnings(of_bearings, of_guides, rods)
+    warnings = (*_warnings(of_bearings, of_guides, rods), *_misfits(elastic, of_bearings))
     return BearingReport(tuple(of_bearings), tuple(of_guides), rods, cycle, warnings)
 
 
@@ -145,17 +147,16 @@ def _bearing(
     reactions: Reactions, joint: str, bearing: Bearing, rate: FloatArray, cycle: float
 ) -> BearingLife:
     forces, time = reactions[joint].forces, reactions.time
-    load = bearing.equivalent(np.hypot(forces[:, 0], forces[:, 2]), np.abs(forces[:, 1]))
+    radial, axial = np.hypot(forces[:, 0], forces[:, 2]), np.abs(forces[:, 1])
+    load, static = bearing.equivalent(radial, axial), bearing.static_equivalent(radial, axial)
     mean, angle = _mean(load, rate, time, bearing.exponent)
     turns = angle / (2 * math.pi)
     life = 1e6 * _times(bearing.dynamic, mean, bearing.exponent)
     hours = life / turns * cycle / 3600 if turns else math.inf
     steps = np.diff(time) * (rate[1:] + rate[:-1]) / 2
     way = np.concatenate([[0.0], np.cumsum(steps)])
-    at = int(load.argmax())
-    return BearingLife(
-        joint, bearing, mean, float(load[at]), float(time[at]), turns, float(np.ptp(way)), life, hours
-    )
+    peaks = [(float(each.max()), float(time[each.argmax()])) for each in (load, static)]
+    return BearingLife(joint, bearing, mean, *peaks[0], *peaks[1], turns, float(np.ptp(way)), life, hours)
 
 
 def _guide(reactions: Reactions, joint: str, guide: Guide, rate: FloatArray, cycle: float) -> GuideLife:
@@ -207,7 +208,7 @@ def _warnings(
         if rod.buckling_safety < _SAFE["buckling"]
     ]
     told += [
-        f"{one.joint}: static safety {one.static_safety:.2g} at t = {one.peak_time:.4g} s, "
+        f"{one.joint}: static safety {one.static_safety:.2g} at t = {one.static_time:.4g} s, "
         f"less than {_SAFE['static']:g}"
         for one in parts
         if one.static_safety < _SAFE["static"]
@@ -231,3 +232,20 @@ def _warnings(
             f"lives above {_LONG:,.0f} h are no prediction: lubrication, dirt and wear end them before"
         )
     return tuple(told)
+
+
+def _misfits(reactions: Reactions, bearings: list[BearingLife]) -> list[str]:
+    """Return what misfits of assembly add to the loads of bearings at worst, where that is much."""
+    added = {one.joint: reactions[one.joint].fit[:, 0][:, [0, 2]] for one in bearings}
+    most = {joint: float(np.hypot(*fit.T).max()) for joint, fit in added.items()}
+    large = [
+        f"{one.joint} {most[one.joint]:.3g} N"
+        for one in sorted(bearings, key=lambda one: -most[one.joint])
+        if most[one.joint] > _MUCH * one.peak_load
+    ]
+    if not large:
+        return []
+    return [
+        f"misfits of assembly add up to {', '.join(large[:_FEW])} across the axis, which lives and safeties "
+        "do not have"
+    ]

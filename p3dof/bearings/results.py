@@ -28,6 +28,10 @@ class BearingLife:
         Largest equivalent load [N].
     peak_time : float
         When [s].
+    static_load : float
+        Largest equivalent static load [N].
+    static_time : float
+        When [s].
     revolutions : float
         Angle turned in a cycle, to and fro, in revolutions.
     swing : float
@@ -43,6 +47,8 @@ class BearingLife:
     mean_load: float
     peak_load: float
     peak_time: float
+    static_load: float
+    static_time: float
     revolutions: float
     swing: float
     life: float
@@ -50,10 +56,10 @@ class BearingLife:
 
     @property
     def static_safety(self) -> float:
-        """C0 over the largest load; NaN without C0."""
+        """C0 over the largest equivalent static load; NaN without C0."""
         if self.bearing.static is None:
             return math.nan
-        return self.bearing.static / self.peak_load if self.peak_load else math.inf
+        return self.bearing.static / self.static_load if self.static_load else math.inf
 
     @property
     def oscillates(self) -> bool:
@@ -96,6 +102,16 @@ class GuideLife:
     moment_share: float
     life: float
     hours: float
+
+    @property
+    def static_load(self) -> float:
+        """Largest equivalent load, which of a guide is the static one too [N]."""
+        return self.peak_load
+
+    @property
+    def static_time(self) -> float:
+        """When that is [s]."""
+        return self.peak_time
 
     @property
     def static_safety(self) -> float:

@@ -246,7 +246,7 @@ class Assessment(ShownInNotebook):
         report = self.bearings
         loads = [
             *(
-                ("bearing", one.joint, one.peak_load, one.bearing.static, one.peak_time)
+                ("bearing", one.joint, one.static_load, one.bearing.static, one.static_time)
                 for one in report.bearings
             ),
             *(("guide", one.joint, one.peak_load, one.guide.static, one.peak_time) for one in report.guides),
