@@ -370,6 +370,28 @@ def test_what_does_not_fit_is_refused():
         ROBOT.indices(home).column("lit")
 
 
+def test_near_impossible_machines_have_extreme_but_finite_indices():
+    """R nearly r: A and B are parallel at home. A leg hardly longer than R - r: it is horizontal."""
+    narrow = p3dof.Geometry(r=0.25 - 1e-6, R=0.25, L=0.4)
+    flat = p3dof.Geometry(r=0.1, R=0.25, L=0.150001)
+    for geometry, sign in ((narrow, "oti"), (flat, "iti")):
+        found = p3dof.load(replace(p3dof.PAPER, geometry=geometry)).indices([0, 0, 0])
+        J = own_jacobian(geometry, np.zeros(3))
+        assert getattr(found, sign)[0] < 0.01
+        assert found.condition > 300
+        np.testing.assert_allclose(found.jacobian, J, rtol=1e-6, atol=1e-12)
+        np.testing.assert_allclose(found.accuracy, np.abs(np.linalg.inv(J)).sum(axis=1), rtol=1e-6)
+        assert np.isfinite([float(v) for v in found.columns.values()]).mean() > 0.7
+        assert found.lti < 0.01
+
+
+def test_a_notebook_shows_indices():
+    html = ROBOT.indices([0, 0, 0])._repr_html_()
+    assert "3.22991" in html
+    over = ROBOT.indices(np.zeros((9, 3)))._repr_html_()
+    assert "largest" in over
+
+
 def test_every_index_has_its_definition_and_shape():
     found = ROBOT.indices(np.zeros((2, 5, 3)))
     for name, one in DEFINITIONS.items():

@@ -236,6 +236,22 @@ def test_areas_of_aspects_are_what_random_poses_count(seed):
     assert found.joined == bool(geometry.R + geometry.r <= geometry.L)
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_without_narrow_limits_a_workspace_is_home_s_aspect(seed):
+    geometry = p3dof.PAPER.geometry if seed == 0 else random_geometry(np.random.default_rng(seed))
+    limits = p3dof.Limits(travel=(-50, 50), tilt=(-7, 7))
+    space = p3dof.load(replace(p3dof.PAPER, geometry=geometry, limits=limits)).workspace()
+    assert space.area_y_theta == pytest.approx(space.aspects.home, rel=1e-8)
+    assert space.volume == pytest.approx(100 * space.aspects.home, rel=0.2)
+
+
+def test_a_notebook_shows_sizes_and_the_box():
+    html = SPACE._repr_html_()
+    assert "0.209828" in html
+    assert "Largest box" in html
+    assert repr(SPACE) == "Workspace(area 0.785398 m rad, volume 0.209828 m² rad)"
+
+
 def test_what_cannot_be_is_refused_in_one_line():
     with pytest.raises(p3dof.InputError, match=r"at home the margin of 'serial A' is -0.02297"):
         ROBOT.workspace(margins=p3dof.WorkspaceMargins(serial=0.95))

@@ -12,7 +12,7 @@ from p3dof.checks import FloatArray
 from p3dof.parameters import Limits
 from p3dof.workspace.closed_forms import Sizes, height, offsets
 from p3dof.workspace.margins import HORIZON, WorkspaceMargins
-from p3dof.workspace.slices import aspect_range, stroke_range, theta_of
+from p3dof.workspace.slices import aspect_range, reach_range, stroke_range, theta_of
 
 Condition: TypeAlias = Callable[[FloatArray, FloatArray], FloatArray]
 """Takes y and θ (n,), returns a number that is 0 or more where the condition holds; NaN where it does not."""
@@ -192,7 +192,8 @@ class Region:
     def switches(self, y: FloatArray) -> FloatArray:
         """Return what changes its sign where the ranges of θ, or H at their ends, have kinks (k, N)."""
         raw = aspect_range(self.sizes, y, self.margins.serial, self.margins.actuation)
-        found = [raw[0] - self.tilt[0], raw[1] - self.tilt[1], y]
+        ends = reach_range(self.sizes, y, self.margins.serial)  # the aspect may end where leg C's reach does
+        found = [raw[0] - self.tilt[0], raw[1] - self.tilt[1], y, raw[0] + ends, ends - raw[1]]
         for theta in self.within(y):
             found += [*self.crossings(y, theta), self.height(y, theta)]
         return np.stack(found)
