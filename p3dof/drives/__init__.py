@@ -7,6 +7,7 @@ from p3dof.drives.motor import Motor
 from p3dof.drives.sizing import AxisLoads, Rating, Sizing, size_of
 from p3dof.drives.tables import axes_table, ranking_table, ratings_table, write_ranking
 from p3dof.drives.transmission import Belt, Gear, Screw
+from p3dof.drives.winding import Winding
 
 __all__ = [
     "GENERIC",
@@ -20,6 +21,7 @@ __all__ = [
     "Rating",
     "Screw",
     "Sizing",
+    "Winding",
     "axes_table",
     "cycle_of",
     "ranking_table",

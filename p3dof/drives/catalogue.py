@@ -10,6 +10,9 @@ The form of a file::
         max_speed: 5000 rpm
         inertia: 0.3 kg cm^2
         brake_torque: 1.4 Nm
+        winding:                             # optional: what the voltage of the drive allows; in SI units
+          {bus_voltage: 320, pole_pairs: 4, resistance: 1.0, inductance: 0.008, measured: between lines,
+           torque_constant_rms: 0.594, max_current_rms: 8.5, field_weakening: true}
     screws:
       - {name: 16x10, lead: 10 mm, diameter: 12.7 mm, length: 500 mm, efficiency: 0.9}
     belts: []
@@ -25,13 +28,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields
 from typing import Any
 
 from p3dof.checks import shown
 from p3dof.drives.drive import Drive
 from p3dof.drives.motor import Motor
 from p3dof.drives.transmission import Belt, Gear, Screw
+from p3dof.drives.winding import Winding
 from p3dof.errors import DriveError, ParameterError
 from p3dof.files import Source, called, parse_yaml, read_text
 from p3dof.parameters.plain import read_fields
@@ -157,15 +161,28 @@ def _part(data: Any, kind: type[Any], where: str) -> Any:
     known = [field.name for field in fields(kind)]
     required = [field.name for field in fields(kind) if field.default is field.default_factory]
     data = read_fields(data, where, ("name", *required), known)
-    values = {}
+    values: dict[str, Any] = {}
     for key, value in data.items():
         place = f"{where}: {key}"
         if key == "curve":
             values[key] = _curve(value, place)
+        elif key == "winding":
+            values[key] = _winding(value, place)
         else:
             values[key] = _UNITS[key].read(value, place) if key in _UNITS else value
     try:
         return kind(**values)
+    except DriveError as error:
+        raise DriveError(f"{where}: {error}") from error
+
+
+def _winding(data: Any, where: str) -> Winding:
+    """Return a winding; its numbers are in SI units, without text."""
+    known = [field.name for field in fields(Winding)]
+    required = [field.name for field in fields(Winding) if field.default is MISSING]
+    data = read_fields(data, where, required, known)
+    try:
+        return Winding(**data)
     except DriveError as error:
         raise DriveError(f"{where}: {error}") from error
 

@@ -8,9 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from p3dof.checks import FloatArray, frozen_array
+from p3dof.checks import FloatArray, frozen_array, shown
 from p3dof.drives.checked import above_zero, from_zero, text
+from p3dof.drives.winding import Winding
 from p3dof.errors import DriveError
+
+_DOUBT = 1.1
+"""A peak torque so many times over what the winding gives has another unit than it says."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +51,9 @@ class Motor:
     max_power, max_braking_power : float
         Largest power that its amplifier gives, and that it and its braking resistor take back, both at the
         shaft [W]; infinite if nothing is known.
+    winding : Winding, optional
+        What its drive's voltage lets it give: less than the curve says at high speeds. Without a curve, the
+        peak torque then holds up to the fastest speed as far as the winding allows.
     name : str
         What tables call it.
 
@@ -69,6 +76,7 @@ class Motor:
     max_inertia_ratio: float = math.inf
     max_power: float = math.inf
     max_braking_power: float = math.inf
+    winding: Winding | None = None
     name: str = "motor"
 
     def __post_init__(self) -> None:
@@ -91,7 +99,20 @@ class Motor:
             )
         if rated > self.max_speed:
             raise DriveError(f"{where}: rated_speed: expected at most the fastest, {self.max_speed:g} rad/s")
+        self._check_winding(where)
         set_(self, "curve", self._points(where))
+
+    def _check_winding(self, where: str) -> None:
+        if self.winding is None:
+            return
+        if not isinstance(self.winding, Winding):
+            raise DriveError(f"{where}: winding: expected a Winding, got {shown(self.winding)}")
+        most = self.winding.stall_torque
+        if self.peak_torque > _DOUBT * most:
+            raise DriveError(
+                f"{where}: peak_torque: {self.peak_torque:g} N m is more than the {most:g} N m of the "
+                f"winding's constant and largest current: is each of them by rms or by peak value?"
+            )
 
     def continuous(self, speed: FloatArray) -> FloatArray:
         """Return what it gives for ever at speeds (...) [rad/s], in (...) [N m]; zero above the fastest."""
@@ -104,6 +125,8 @@ class Motor:
     def _at(self, speed: FloatArray, column: int) -> FloatArray:
         points = np.asarray(self.curve)
         found = np.interp(np.abs(speed), points[:, 0], points[:, column])
+        if self.winding is not None:
+            found = np.minimum(found, self.winding.torque(speed))
         return np.where(np.abs(speed) > self.max_speed * (1 + 1e-12), 0.0, found)
 
     def _points(self, where: str) -> FloatArray:
@@ -123,5 +146,6 @@ class Motor:
         if rated < self.max_speed:
             slow.append([rated, self.rated_torque, self.peak_torque])
             left = self.rated_torque * rated / self.max_speed
-            return np.array([*slow, [self.max_speed, left, self.rated_torque]])
+            peak = self.rated_torque if self.winding is None else self.peak_torque
+            return np.array([*slow, [self.max_speed, left, peak]])
         return np.array([*slow, [self.max_speed, self.rated_torque, self.peak_torque]])

@@ -85,6 +85,9 @@ class AxisLoads:
     inertia_ratio : tuple of float
         Least and largest inertia of the load at the motor by that of the rotor; NaN where the load's mass was
         not given.
+    best_lead : float
+        Way of the slider a turn of the screw or pulley with which the rms torque would be least, with the
+        same turning parts and no losses [m]; NaN where the slider does not move.
     ratings : tuple of Rating
         How much of each rating is used.
     """
@@ -103,6 +106,7 @@ class AxisLoads:
     screw_loss: float
     heating: float
     inertia_ratio: tuple[float, float]
+    best_lead: float
     ratings: tuple[Rating, ...]
 
     @property
@@ -240,6 +244,7 @@ class _Axis:
         holding: float,
     ) -> None:
         self._cycle, self._drive, self._force, self._speed = cycle, drive, force, speed
+        self._acceleration = acceleration
         self._time = cycle.time
         self._step = np.diff(cycle.time)
         self._torque = drive.torque(force, speed, acceleration)
@@ -279,12 +284,23 @@ class _Axis:
             screw_loss=float(np.trapezoid(loss, self._time)),
             heating=heating,
             inertia_ratio=(ratio[0], ratio[1]),
+            best_lead=self._best_lead(),
             ratings=(
                 *self._ratings(rms, rms_speed),
                 *([brake] if motor.brake_torque > 0 else []),
                 *self._of_motor(heating, hottest, ratio),
             ),
         )
+
+    def _best_lead(self) -> float:
+        """Return the way a turn with the least mean square of f / i + J i λ̈: i⁴ = <f²> / (J² <λ̈²>)."""
+        drive = self._drive
+        inertia = drive.reflected_mass / drive.ratio**2
+        forces = self._mean_square(self._force, self._holding * drive.ratio)
+        inertial = inertia**2 * self._mean_square(self._acceleration, 0.0)
+        if inertial == 0 or forces == 0:
+            return math.nan
+        return float(2 * math.pi * drive.gear.ratio / (forces / inertial) ** 0.25)
 
     def _mean_square(self, values: FloatArray, resting: float) -> float:
         """Return the mean of the square over the cycle, given the value at rest after it."""

@@ -70,6 +70,7 @@ def axes_table(sizing: Sizing) -> Table:
         "work given [J]": [number(axis.positive_work) for axis in axes],
         "work taken back [J]": [number(axis.negative_work) for axis in axes],
         "inertia of load by rotor": [_range(axis.inertia_ratio) for axis in axes],
+        "lead of least rms torque [mm]": [_lead(axis.best_lead) for axis in axes],
         "reflected mass [kg]": [number(drive.reflected_mass) for drive in sizing.drives],
     }
     note = (
@@ -118,6 +119,10 @@ def sizing_html(sizing: Sizing) -> str:
 def _share(share: float, decimals: int = 0) -> str:
     """Return a share in percent; a word where nothing is allowed, as a torque at too high a speed."""
     return f"{share:.{decimals}%}" if share < math.inf else "beyond"
+
+
+def _lead(lead: float) -> str:
+    return NONE if math.isnan(lead) else number(1e3 * lead)
 
 
 def _range(ends: tuple[float, float]) -> str:
