@@ -116,7 +116,7 @@ def with_mass(text):
 
 
 MACHINES = {
-    "": "expected the fields geometry, bodies, limits, gravity, friction, payload, got nothing",
+    "": "expected the fields geometry, bodies, limits, gravity, friction, actuators, payload, got nothing",
     "[1, 2]": "got a list",
     "5": "got 5",
     "hello": "got 'hello'",
@@ -155,6 +155,10 @@ MACHINES = {
     MACHINE
     + "\nfriction: {viscous: {sliders: 1e308}}\n": "viscous.sliders: expected a number of at most 1e+30",
     MACHINE + "\nfriction: {coulomb: {sliders: 1}, smoothing: 0}\n": "smoothing: expected a positive number",
+    MACHINE + "\nactuators: 5\n": "actuators: expected the fields armature, counterbalance, spring, counterw",
+    MACHINE + "\nactuators: {armature: {sliders: -1}}\n": "armature.sliders: expected zero or more, got -1",
+    MACHINE + "\nactuators: {spring: {hinge_a: 1}}\n": "spring: unknown slide 'hinge_a'",
+    MACHINE + "\nactuators: {counterbalance: {slide_a: 5 kg}}\n": "counterbalance.slide_a: expected a force",
     MACHINE + "\npayload: 5\n": "payload: expected the fields mass, com, inertia, about, got 5",
     MACHINE + "\npayload: {mass: 5}\n": "payload: the field 'com' is missing",
     MACHINE

@@ -26,7 +26,7 @@ from p3dof.codegen.reference import reference
 from p3dof.codegen.wasm_build import webassembly
 from p3dof.codegen.wasm_files import WebFiles
 from p3dof.codegen.web_controller import controller_module
-from p3dof.parameters import LINKS, Body
+from p3dof.parameters import LINKS, SLIDES, Body
 
 GALLERY = ROOT / "docs/_static/gallery"
 TOOLS = ("clang", "wasm-ld", "node")
@@ -103,7 +103,11 @@ def numbers(parameters):
     names = list(controller_module().places["viscous"])
     for kind in (friction.viscous, friction.coulomb):
         found += [kind.get(name, 0.0) for name in names]
-    return [*map(float, found), float(friction.smoothing)]
+    limits = parameters.limits
+    found += [friction.smoothing, *limits.travel, limits.speed, limits.force, *limits.tilt]
+    for of_slides in parameters.actuators.mappings:
+        found += [of_slides.get(slide, 0.0) for slide in SLIDES]
+    return [float(x) for x in found]
 
 
 def holds(found, known, function):
