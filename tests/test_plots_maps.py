@@ -60,6 +60,21 @@ def test_slices_end_where_the_stroke_does():
     assert np.isnan(values[20, 0])
 
 
+def test_gaps_of_a_slice_have_no_values():
+    """The demand leaves two pieces of y: between them nothing is drawn."""
+    limits = replace(p3dof.PAPER.limits, force=330.0)
+    space = ROBOT.workspace(limits, p3dof.WorkspaceMargins(acceleration=(27.0, 20.0, 100.0)))
+    y = np.linspace(space.points.y.min(), space.points.y.max(), 81)
+    inside = np.isfinite(space.height(y, 0.0))
+    edges = np.count_nonzero(np.diff(inside.astype(int)))
+    assert edges >= 2
+    mesh = mesh_of(plots.slices_figure(space, "lti", theta=[0.0], count=81).axes[0])
+    drawn = np.ma.filled(mesh.get_array(), np.nan).reshape(2, -1)[0]
+    first, last = np.flatnonzero(inside)[[0, -1]]
+    np.testing.assert_array_equal(np.isfinite(drawn), inside[first : last + 1])
+    assert not inside[first : last + 1].all()
+
+
 def test_a_slice_outside_says_so():
     figure = plots.slices_figure(SPACE, "lci", z=[3.0], count=11)
     assert "outside the workspace" in [text.get_text() for text in figure.axes[0].texts]

@@ -261,6 +261,9 @@ def test_what_cannot_be_is_refused_in_one_line():
         p3dof.WorkspaceMargins(serial=1.0)
     with pytest.raises(p3dof.InputError, match=r"velocity: expected magnitudes"):
         p3dof.WorkspaceMargins(velocity=(0, -1, 0))
+    for made in (p3dof.Workspace, lambda machine: p3dof.Indices(machine, [0, 0, 0])):
+        with pytest.raises(p3dof.InputError, match=r"machine: expected a Manipulator, got a Parameters"):
+            made(p3dof.PAPER)
     with pytest.raises(p3dof.InputError, match=r"limits: expected Limits, got 3"):
         ROBOT.workspace(3)
     with pytest.raises(p3dof.InputError, match=r"tilt: expected from 0 to 0.785398 rad"):

@@ -95,6 +95,8 @@ class Indices(ShownInNotebook):
         drive_stiffness: ArrayLike = DRIVE,
         rods: RodSection | None = STEEL_RODS,
     ) -> None:
+        if not isinstance(getattr(machine, "parameters", None), Parameters):
+            raise InputError(f"machine: expected a Manipulator, got {shown(machine)}")
         if not isinstance(limits, Limits | None):
             raise InputError(f"limits: expected Limits, got {shown(limits)}")
         geometry = machine.parameters.geometry

@@ -345,5 +345,17 @@ def _slice(
     found = workspace.machine.indices(poses, on_invalid="nan", **options)
     values = np.where(inside, columns_of(found, (name,))[name], np.nan)
     if kind == "theta":
-        return np.tile(1e3 * y[inside], (2, 1)), up[:, inside], np.tile(values[inside], (2, 1))
+        return _between(1e3 * y, up, values)
     return 1e3 * y, np.asarray(up), values.T
+
+
+def _between(
+    y: FloatArray, ends: FloatArray, values: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return a slice as a strip of quadrilaterals from its first to its last y; gaps have no values."""
+    known = np.flatnonzero(np.isfinite(values))
+    if not len(known):
+        return np.empty((2, 0)), np.empty((2, 0)), np.empty((2, 0))
+    strip = slice(known[0], known[-1] + 1)
+    up = np.stack([np.interp(y[strip], y[known], row[known]) for row in ends])
+    return np.tile(y[strip], (2, 1)), up, np.tile(values[strip], (2, 1))

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, as_floats, frozen_array, shown
 from p3dof.errors import InputError
-from p3dof.parameters import Limits
+from p3dof.parameters import Limits, Parameters
 from p3dof.tables import ShownInNotebook
 from p3dof.workspace.closed_forms import Sizes, offsets
 from p3dof.workspace.largest import Box, largest_box
@@ -49,6 +49,8 @@ class Workspace(ShownInNotebook):
     def __init__(
         self, machine: Machine, limits: Limits | None = None, margins: WorkspaceMargins | None = None
     ) -> None:
+        if not isinstance(getattr(machine, "parameters", None), Parameters):
+            raise InputError(f"machine: expected a Manipulator, got {shown(machine)}")
         for name, value, kind in (("limits", limits, Limits), ("margins", margins, WorkspaceMargins)):
             if not isinstance(value, kind | None):
                 raise InputError(f"{name}: expected {kind.__name__}, got {shown(value)}")
