@@ -11,6 +11,7 @@ from test_tasks import SCHEMA
 import p3dof
 from p3dof import AxisLimits, Waypoint, best_path, fastest_plan
 from p3dof.errors import TaskError
+from p3dof.manipulator import best_path_table
 from p3dof.tasks.files import dump, parse
 
 VIAS = """
@@ -48,7 +49,7 @@ def test_what_may_not_be_left_is_not_left(found):
         else:
             assert (np.abs(new.pose - old.pose) <= old.tolerance + 1e-12).all()
             assert old.blend_range[0] <= new.blend <= old.blend_range[1]
-    text = " ".join(cell for row in found.table().rows for cell in row)
+    text = " ".join(cell for row in best_path_table(found).rows for cell in row)
     assert "up: blend [mm]" in text
     assert "-160 to -140" in text
 

@@ -126,7 +126,7 @@ REFUSED = {
     "a negative length with a unit": changed("geometry.b", "-50 mm"),
     "a length of zero with a unit": changed("geometry.b", "0.0 mm"),
     "home outside the travel, with units": changed("limits.travel", ["10 mm", "200 mm"]),
-    "an unknown unit": changed("limits.force", "500 lbf"),
+    "an unknown unit": changed("limits.force", "500 dyn"),
     "a payload without mass centre": changed("payload.com", MISSING),
 }
 

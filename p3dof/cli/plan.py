@@ -15,7 +15,7 @@ from p3dof.cli.options import FIGURE, METHOD, PARAMETERS, POSITIVE, Number, Whol
 from p3dof.cli.output import print_plain, progress_bar, show
 from p3dof.errors import InputError
 from p3dof.files import together, write_table
-from p3dof.manipulator import BestPath, Manipulator, best_path, fastest_plan, forces_of_task
+from p3dof.manipulator import BestPath, Manipulator, best_path, best_path_table, fastest_plan, forces_of_task
 from p3dof.manipulator.fastest import MOST_NODES, NODES, SMOOTH_NODES, limits_of
 from p3dof.manipulator.tasks import limits_table, pieces_table, sizing_table
 from p3dof.motion import WrenchHistory
@@ -180,7 +180,7 @@ def _told(
     if isinstance(planned, FastestPlan):
         tables.append(limits_table(planned))
     if isinstance(made, BestPath):
-        tables.append(made.table())
+        tables.append(best_path_table(made))
     show(console, *tables, notes=True)
     if not task.closed:
         print_plain(console, "the task does not end where it began: it cannot be repeated as it is")

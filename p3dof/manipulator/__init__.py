@@ -3,7 +3,7 @@
 from p3dof.manipulator.assessment import Assessment, RatingUse, assess
 from p3dof.manipulator.assessment_tables import assumptions, loads_table, needs_table, uses_table
 from p3dof.manipulator.balance import BalanceKind, BestBalance, balance_table, best_balance
-from p3dof.manipulator.best_path import BestPath, best_path
+from p3dof.manipulator.best_path import BestPath, best_path, best_path_table
 from p3dof.manipulator.comparison import Comparison, Opinion
 from p3dof.manipulator.design_comparison import (
     DesignComparison,
@@ -44,6 +44,7 @@ __all__ = [
     "balance_table",
     "best_balance",
     "best_path",
+    "best_path_table",
     "compare_designs",
     "comparison_table",
     "fastest_plan",

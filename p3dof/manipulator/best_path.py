@@ -49,26 +49,6 @@ class BestPath(ShownInNotebook):
     def __repr__(self) -> str:
         return f"BestPath({self.given_plan.duration:.6g} s → {self.plan.duration:.6g} s)"
 
-    def table(self) -> Table:
-        """Return what was changed."""
-        rows: dict[str, tuple[str, ...]] = {
-            "whole task: time [s]": (number(self.given_plan.duration), number(self.plan.duration), "")
-        }
-        points = zip(self.given.names, self.given.waypoints, self.task.waypoints, strict=True)
-        for name, old, new in points:
-            if old.blend_range is not None and self.given.path != "spline":
-                bounds = " to ".join(f"{1e3 * end:g}" for end in old.blend_range)
-                rows[f"{name}: blend [mm]"] = (number(1e3 * old.blend), number(1e3 * new.blend), bounds)
-            if old.tolerance is None:
-                continue
-            units = (("y [mm]", 1e3), ("z [mm]", 1e3), ("θ [deg]", 180 / math.pi))
-            for k, (what, unit) in enumerate(units[: len(old.tolerance)]):
-                middle, half = unit * old.pose[k], unit * old.tolerance[k]
-                if half > 0:
-                    bounds = f"{middle - half:g} to {middle + half:g}"
-                    rows[f"{name}: {what}"] = (number(middle), number(unit * new.pose[k]), bounds)
-        return table_of("The best path", ("", "given", "best", "allowed"), rows)
-
 
 def best_path(
     robot: Manipulator,
@@ -260,8 +240,39 @@ def _freedoms(task: Task, first: int, last: int) -> list[tuple[int, int, float, 
     return found
 
 
+def best_path_table(found: BestPath) -> Table:
+    """Return what was changed of a path.
+
+    Parameters
+    ----------
+    found : BestPath
+        What `best_path` found.
+
+    Returns
+    -------
+    Table
+    """
+    rows: dict[str, tuple[str, ...]] = {
+        "whole task: time [s]": (number(found.given_plan.duration), number(found.plan.duration), "")
+    }
+    points = zip(found.given.names, found.given.waypoints, found.task.waypoints, strict=True)
+    for name, old, new in points:
+        if old.blend_range is not None and found.given.path != "spline":
+            bounds = " to ".join(f"{1e3 * end:g}" for end in old.blend_range)
+            rows[f"{name}: blend [mm]"] = (number(1e3 * old.blend), number(1e3 * new.blend), bounds)
+        if old.tolerance is None:
+            continue
+        units = (("y [mm]", 1e3), ("z [mm]", 1e3), ("θ [deg]", 180 / math.pi))
+        for k, (what, unit) in enumerate(units[: len(old.tolerance)]):
+            middle, half = unit * old.pose[k], unit * old.tolerance[k]
+            if half > 0:
+                bounds = f"{middle - half:g} to {middle + half:g}"
+                rows[f"{name}: {what}"] = (number(middle), number(unit * new.pose[k]), bounds)
+    return table_of("The best path", ("", "given", "best", "allowed"), rows)
+
+
 @html_of.register(BestPath)
 def best_path_html(found: BestPath) -> str:
     """Return how a notebook shows the best path, as HTML."""
     facts = f"{number(found.given_plan.duration)} s → {number(found.plan.duration)} s"
-    return notebook_html("Best path", facts, [found.table()])
+    return notebook_html("Best path", facts, [best_path_table(found)])
