@@ -90,7 +90,7 @@ def bearing_life(
         elif isinstance(part, Bearing):
             of_bearings.append(_bearing(elastic, joint, part, rates[joint], cycle))
     section = (Stiffness() if stiffness is None else stiffness).rods
-    rods = () if section is None else tuple(_rod(parameters, elastic, name, section) for name in _ENDS)
+    rods = () if section is None else tuple(rod_check(parameters, elastic, name, section) for name in _ENDS)
     warnings = (*_warnings(of_bearings, of_guides, rods), *_misfits(elastic, of_bearings))
     return BearingReport(tuple(of_bearings), tuple(of_guides), rods, cycle, warnings)
 
@@ -172,7 +172,24 @@ def _guide(reactions: Reactions, joint: str, guide: Guide, rate: FloatArray, cyc
     return GuideLife(joint, guide, mean, float(load[at]), float(time[at]), way, share, life, hours)
 
 
-def _rod(parameters: Parameters, reactions: Reactions, name: str, section: RodSection) -> RodCheck:
+def rod_check(parameters: Parameters, reactions: Reactions, name: str, section: RodSection) -> RodCheck:
+    """Return what a leg or rod bears over a cycle.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine.
+    reactions : Reactions
+        Of the cycle.
+    name : {"leg_a", "leg_b", "rod_left", "rod_right"}
+        Which one.
+    section : RodSection
+        Its section and material.
+
+    Returns
+    -------
+    RodCheck
+    """
     length, mass = parameters.geometry.L, getattr(parameters.bodies, name).mass
     along = np.concatenate([reactions[joint].forces[:, 0] for joint in _ENDS[name][:1]])
     lower = _ENDS[name][1]

@@ -6,13 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from p3dof import description
 from p3dof.checks import FloatArray
-from p3dof.closed_loop import ClosedLoopModel
 from p3dof.designs.names import OFFSETS
 from p3dof.methods.pinocchio import PinocchioMethod
 from p3dof.motion.states import states_over
 from p3dof.optimisation.evaluated import Evaluated
+from p3dof.optimisation.loops import loop_of
 from p3dof.optimisation.population import Population
 from p3dof.optimisation.statement import Statement
 
@@ -90,12 +89,8 @@ def pinocchio_forces(problem: Statement, design: FloatArray) -> FloatArray:
     ndarray, shape (N, 3)
     """
     machine, setting = problem.machine(design), problem.setting
-    mechanism = description.describe(machine)
-    urdf, sidecar = description.urdf(mechanism), description.sidecar(mechanism)
-    loop = ClosedLoopModel.from_urdf(urdf, sidecar, mimic=False)
-    loop.model.gravity.linear = machine.gravity  # a URDF has no place for it
     states = states_over(setting.motion, setting.wrench)
     moved = setting.columns(np.atleast_2d(design))
     offset = np.array([moved[name][0] if name in moved else 0.0 for name in OFFSETS])
     states = states._replace(pose=states.pose + offset)
-    return np.asarray(PinocchioMethod(machine, loop).solve(states).forces)
+    return np.asarray(PinocchioMethod(machine, loop_of(machine)).solve(states).forces)

@@ -11,10 +11,11 @@ from p3dof.errors import InputError
 from p3dof.optimisation.measure import Measure
 from p3dof.optimisation.of_motion import OF_MOTION
 from p3dof.optimisation.of_poses import OF_POSES
+from p3dof.optimisation.of_rods import OF_RODS
 from p3dof.optimisation.of_solids import OF_SOLIDS
 from p3dof.optimisation.of_time import FastestTime
 
-_ALL: tuple[Any, ...] = (*OF_MOTION, FastestTime(), *OF_POSES, *OF_SOLIDS)
+_ALL: tuple[Any, ...] = (*OF_MOTION, FastestTime(), *OF_POSES, *OF_SOLIDS, *OF_RODS)
 
 MEASURES: Mapping[str, Measure] = {measure.name: measure for measure in _ALL}
 """What designs can be optimised for, and bounded in, by name."""

@@ -1,0 +1,26 @@
+"""The machine of a design as a closed-loop model on Pinocchio."""
+
+from __future__ import annotations
+
+from p3dof import description
+from p3dof.closed_loop import ClosedLoopModel
+from p3dof.parameters import Parameters
+
+
+def loop_of(machine: Parameters) -> ClosedLoopModel:
+    """Return the mechanism of a machine as a general closed-loop model.
+
+    Parameters
+    ----------
+    machine : Parameters
+        The machine.
+
+    Returns
+    -------
+    ClosedLoopModel
+    """
+    mechanism = description.describe(machine)
+    urdf, sidecar = description.urdf(mechanism), description.sidecar(mechanism)
+    loop = ClosedLoopModel.from_urdf(urdf, sidecar, mimic=False)
+    loop.model.gravity.linear = machine.gravity  # a URDF has no place for it
+    return loop
