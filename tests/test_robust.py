@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import pickle
+from pathlib import Path
 
+import jsonschema
 import numpy as np
 import pytest
+import yaml
 from numpy.testing import assert_allclose
 from scipy.optimize import brentq
 
 import p3dof
-from p3dof.errors import InputError
-from p3dof.optimisation import MEASURES, Box, Constraint, Robust
+from p3dof.errors import InputError, SweepError
+from p3dof.optimisation import MEASURES, Box, Constraint, Robust, read_problem
 from p3dof.parameters import PAPER, SOLIDS
 
 SIGMA = {"R": "0.5 mm", "r": "0.2 mm", "L": 5e-4, "density": "1 %"}
@@ -132,6 +136,70 @@ def test_bad_arguments_are_told(changes, told):
     given = {"measure": "peak_force", "sigma": {"R": 1e-4, "L": 1e-4}} | changes
     with pytest.raises(InputError, match=told):
         Robust(**given)
+
+
+FILE = """
+motion: {paper: 51}
+variables: {R: [0.2, 0.3], L: [0.35, 0.5]}
+objectives: [peak_force, width]
+constraints: {motion_singularity: {min: 20 deg}, peak_speed: {max: 3}}
+robust:
+  sigma: {R: 0.5 mm, L: 0.5 mm}
+  measures: [peak_force, motion_singularity]
+  k: 2
+"""
+
+
+def test_a_file_asks_for_machines_as_they_are_built(tmp_path):
+    path = tmp_path / "problem.yaml"
+    path.write_text(FILE, encoding="utf-8")
+    asked = read_problem(path)
+    sigma = {"R": "0.5 mm", "L": "0.5 mm"}
+    robust = Robust("peak_force", sigma, k=2)
+    bound = Constraint(Robust("motion_singularity", sigma, k=2), np.radians(20), at_least=True)
+    expected = p3dof.DesignProblem(
+        {"R": (0.2, 0.3), "L": (0.35, 0.5)},
+        p3dof.paper_motion(51),
+        [robust, "width"],
+        [bound, {"peak_speed": {"max": 3}}],
+    )
+    assert asked.settings() == expected.settings()
+    found = asked.evaluate([0.25, 0.4])
+    assert_allclose(found.objectives, expected.evaluate([0.25, 0.4]).objectives)
+    reference = Path(__file__).parents[1] / "docs/reference"
+    schema = json.loads((reference / "problem.schema.json").read_text(encoding="utf-8"))
+    jsonschema.Draft202012Validator(schema["properties"]["robust"] | {"$defs": schema["$defs"]}).validate(
+        yaml.safe_load(FILE)["robust"]
+    )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("  k: 2", "  k: none", "robust"),
+        ("  k: 2", "  how: 2", "robust: unknown field 'how'"),
+        ("sigma: {R: 0.5 mm, L: 0.5 mm}", "seed: 1", "robust: the field 'sigma' is missing"),
+        ("[peak_force, motion_singularity]", "[energy]", "robust.measures: energy is no objective"),
+        ("[peak_force, motion_singularity]", "[beauty]", "unknown measure 'beauty'"),
+    ],
+)
+def test_files_that_ask_for_something_else_are_refused(old, new, told, tmp_path):
+    path = tmp_path / "problem.yaml"
+    path.write_text(FILE.replace(old, new), encoding="utf-8")
+    with pytest.raises(InputError, match=told):
+        read_problem(path)
+
+
+def test_an_optimisation_goes_on_only_with_the_same_tolerances(tmp_path):
+    ask = {"starts": 1, "store": tmp_path / "store"}
+    asked, other = (
+        p3dof.DesignProblem({"R": (0.24, 0.26)}, p3dof.paper_motion(11), [Robust("peak_force", {"L": size})])
+        for size in ("1 mm", "2 mm")
+    )
+    best = asked.minimise(**ask)
+    assert asked.minimise(resume=True, **ask).value == best.value
+    with pytest.raises(SweepError):
+        other.minimise(resume=True, **ask)
 
 
 def test_what_cannot_vary_is_told():

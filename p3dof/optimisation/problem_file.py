@@ -16,6 +16,10 @@ Such as this one::
       singularity: {min: 15 deg}
       width: {max: 500 mm}
       relations: [R >= r + 0.03]        # linear, in SI units
+    robust:                             # of machines as they are built, by standard deviations
+      sigma: {R: 0.5 mm, L: 0.5 mm}
+      measures: [peak_force, singularity]
+      k: 3
     count: 100000                       # how many designs, for `p3dof sweep` alone
 """
 
@@ -23,6 +27,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -30,8 +36,10 @@ from p3dof.designs.fields import listed, machine_of, mapping, motion_of, named, 
 from p3dof.errors import InputError, P3dofError
 from p3dof.files import called, parse_yaml, read_text
 from p3dof.optimisation.box import GRID, Box
+from p3dof.optimisation.constraints import Constraint
 from p3dof.optimisation.problem import DesignProblem
-from p3dof.optimisation.statement import DRIVE_STIFFNESS, SAMPLES, STEEL_MODULUS
+from p3dof.optimisation.robust import Robust
+from p3dof.optimisation.statement import DRIVE_STIFFNESS, SAMPLES, STEEL_MODULUS, constraints_of
 from p3dof.parameters.quantities import ANGLE, LENGTH, PRESSURE, STIFFNESS
 
 FIELDS = (
@@ -44,6 +52,7 @@ FIELDS = (
     "box",
     "objectives",
     "constraints",
+    "robust",
     "modulus",
     "drive_stiffness",
 )
@@ -110,13 +119,14 @@ def problem_of(data: Mapping[str, Any], folder: Path, name: str, any_size: bool 
     if isinstance(objectives, str):
         objectives = [objectives]
     variables = mapping(data["variables"], f"{name}: variables", None)
-    return named(
+    robust = _robust(data["robust"], f"{name}: robust") if data.get("robust") is not None else {}
+    made = named(
         name,
         lambda: DesignProblem(
             variables,
             motion_of(data.get("motion", {"paper": SAMPLES}), folder, f"{name}: motion"),
-            listed(objectives, f"{name}: objectives"),
-            _constraints(data.get("constraints"), f"{name}: constraints"),
+            [_as_built(item, robust) for item in listed(objectives, f"{name}: objectives")],
+            _of_built(_constraints(data.get("constraints"), f"{name}: constraints"), robust),
             box=_box(data["box"], f"{name}: box") if data.get("box") is not None else None,
             machine=machine_of(data.get("machine"), folder, f"{name}: machine", any_size),
             bodies=data.get("bodies", "kept"),
@@ -127,6 +137,33 @@ def problem_of(data: Mapping[str, Any], folder: Path, name: str, any_size: bool 
                 data.get("drive_stiffness", DRIVE_STIFFNESS), STIFFNESS, f"{name}: drive_stiffness"
             ),
         ),
+    )
+    used = {measure.name for measure in (*made.objectives, *(item.measure for item in made.constraints))}
+    for plain, measure in robust.items():
+        if measure.name not in used:
+            raise InputError(f"{name}: robust.measures: {plain} is no objective, and has no bound")
+    return made
+
+
+def _robust(value: Any, where: str) -> dict[str, Robust]:
+    """Return measures of machines as they are built, by the names of the measures that they are made of."""
+    fields = dict(mapping(value, where, ("sigma", "measures", "k", "kind", "points", "seed")))
+    for key in ("sigma", "measures"):
+        if key not in fields:
+            raise InputError(f"{where}: the field {key!r} is missing")
+    names = listed(fields.pop("measures"), f"{where}.measures")
+    return {str(name): named(where, partial(Robust, name, **fields)) for name in names}
+
+
+def _as_built(given: Any, robust: Mapping[str, Robust]) -> Any:
+    return robust.get(given, given) if isinstance(given, str) else given
+
+
+def _of_built(given: Any, robust: Mapping[str, Robust]) -> tuple[Constraint, ...]:
+    """Return constraints, bounds on some measures being those on machines as they are built."""
+    return tuple(
+        replace(item, measure=_as_built(item.measure.name, robust)) if item.measure.name in robust else item
+        for item in constraints_of(given)
     )
 
 

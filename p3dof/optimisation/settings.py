@@ -11,6 +11,7 @@ from p3dof.optimisation.constraints import Constraint
 from p3dof.optimisation.evaluated import Asked
 from p3dof.optimisation.measure import FunctionMeasure, Measure
 from p3dof.optimisation.population import Setting
+from p3dof.optimisation.robust import Robust
 
 
 def settings_of(setting: Setting, asked: Asked) -> dict[str, Any]:
@@ -47,12 +48,24 @@ def settings_of(setting: Setting, asked: Asked) -> dict[str, Any]:
     }
 
 
-def _measure(measure: Measure) -> dict[str, str]:
+def _measure(measure: Measure) -> dict[str, Any]:
     kind = type(measure)
-    found = {"name": measure.name, "kind": f"{kind.__module__}.{kind.__qualname__}", "better": measure.better}
+    found: dict[str, Any] = {
+        "name": measure.name,
+        "kind": f"{kind.__module__}.{kind.__qualname__}",
+        "better": measure.better,
+    }
     if isinstance(measure, FunctionMeasure):
         function = measure.function
         found["function"] = getattr(function, "__qualname__", type(function).__qualname__)
+    if isinstance(measure, Robust):
+        found |= {
+            "sigma": dict(measure.sigma),
+            "k": measure.k,
+            "points": measure.points,
+            "seed": measure.seed,
+        }
+        found["of"] = _measure(measure.measure)
     return found
 
 
