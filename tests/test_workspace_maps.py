@@ -76,6 +76,18 @@ def test_a_map_has_its_indices_with_units_definitions_and_limits(tmp_path):
         write_dataset(found, tmp_path / "map.csv")
 
 
+def test_indices_over_a_workspace_are_within_its_limits():
+    weak = replace(p3dof.PAPER.limits, force=250.0, speed=1.0)
+    space = ROBOT.workspace(weak)
+    found = space.map("acceleration_ball", "lone_velocity", y=[0.0, 0.1], theta=[0.0, 0.2])
+    known = ROBOT.indices([0.1, 0, 0.2], limits=weak)
+    assert float(found.acceleration_ball[1, 1]) == float(known.acceleration_ball)
+    assert float(found.lone_velocity_z[1, 1]) == 1.0
+    assert found.attrs["force_limit"] == 250.0
+    assert space.mean("lone_velocity_z") == pytest.approx(1.0)
+    assert space.share("acceleration_ball", 17.0) < 0.5 < SPACE.share("acceleration_ball", 17.0)
+
+
 def test_outside_the_workspace_a_map_has_nothing():
     narrow = ROBOT.workspace(replace(p3dof.PAPER.limits, travel=(-0.02, 0.02)))
     found = narrow.map("lti", "lone_force", y=[0.0, 0.2], theta=[0.0, 0.7])

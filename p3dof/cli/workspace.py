@@ -119,7 +119,7 @@ def _over(space: Workspace, name: str, options: dict[str, Any]) -> dict[str, flo
     """Return mean, least and largest value of an index over a workspace; null for what does not exist."""
     points = space.points
     poses = np.stack([points.y, 0 * points.y, points.theta], axis=-1)
-    values = space.machine.indices(poses, on_invalid="nan", **options).column(name)
+    values = space.indices(poses, **options).column(name)
     known = values[np.isfinite(values)]
     ends = (float(known.min()), float(known.max())) if len(known) else (float("nan"), float("nan"))
     numbers = {"mean": space.mean(name, **options), "least": ends[0], "largest": ends[1]}

@@ -156,7 +156,7 @@ def slices_figure(
         axis.set_facecolor("0.97")
         if kind == "theta" and heights:
             axis.set_ylim(min(h.min() for h in heights), max(h.max() for h in heights))
-        at = f"θ = {np.degrees(value):g}°" if kind == "theta" else f"z = {1e3 * value:g} mm"
+        at = f"θ = {np.degrees(value):.4g}°" if kind == "theta" else f"z = {1e3 * value:g} mm"
         axis.set(xlabel="y [mm]", ylabel="z [mm]" if kind == "theta" else "θ [deg]")
         axis.set_title(f"{_title(name)} at {at}", fontsize=11)
         if not np.isfinite(values).any():
@@ -217,7 +217,7 @@ def _require(workspace: Any, motion: Any) -> None:
 
 
 def _title(name: str) -> str:
-    unit = COLUMNS[name].unit_of(name)
+    unit = COLUMNS[name].unit_of(name).replace("^2", "²").replace("^3", "³").replace("^6", "⁶")
     first, *others = name.split("_")
     words = " ".join([first.upper() if first in _SHORT else first, *others])
     return words + ("" if unit == "1" else f" [{unit}]")
@@ -342,7 +342,7 @@ def _slice(
         inside = (least <= value) & (value <= most)
         up = np.degrees(turned_axis)
     poses = np.stack([across, 0 * across, turned], axis=-1)
-    found = workspace.machine.indices(poses, on_invalid="nan", **options)
+    found = workspace.indices(poses, **options)
     values = np.where(inside, columns_of(found, (name,))[name], np.nan)
     if kind == "theta":
         return _between(1e3 * y, up, values)

@@ -258,6 +258,27 @@ class Workspace(ShownInNotebook):
 
     # Indices over it
 
+    def indices(self, pose: ArrayLike, **options: Any) -> Any:
+        """Return performance indices at poses, with the limits of the workspace; NaN where there are none.
+
+        Parameters
+        ----------
+        pose : array-like, shape (..., 3)
+            y [m], z [m], θ [rad]; also outside of the workspace.
+        **options
+            As of `Manipulator.indices`.
+
+        Returns
+        -------
+        Indices
+
+        Raises
+        ------
+        InputError
+            If an argument does not fit.
+        """
+        return self._machine.indices(pose, **{"on_invalid": "nan", "limits": self.limits, **options})
+
     def mean(self, index: str, measure: str = "volume", **options: Any) -> float:
         """Return the mean of an index over the workspace; of ``"lci"`` it is the global conditioning index.
 
@@ -355,7 +376,7 @@ class Workspace(ShownInNotebook):
         across, turned = np.meshgrid(*axes, indexing="ij")
         rise = self.height(across, turned)
         poses = np.where(np.isfinite(rise)[..., None], _poses(across, turned), np.nan)
-        found = self._machine.indices(poses, on_invalid="nan", **options)
+        found = self.indices(poses, **options)
         coords = {"y": ("y", axes[0], {"units": "m"}), "theta": ("theta", axes[1], {"units": "rad"})}
         dataset = found.to_xarray(*indices, dims=("y", "theta"), coords=coords)
         told = {"units": "m", "long_name": "height H(y, theta) in z that the stroke leaves"}
@@ -397,9 +418,7 @@ class Workspace(ShownInNotebook):
 
     def _index(self, name: str, options: dict[str, Any]) -> Condition:
         def values(y: FloatArray, theta: FloatArray) -> FloatArray:
-            found: FloatArray = self._machine.indices(_poses(y, theta), on_invalid="nan", **options).column(
-                name
-            )
+            found: FloatArray = self.indices(_poses(y, theta), **options).column(name)
             return found
 
         return values
