@@ -422,6 +422,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(files, capsys):
         (("task.yaml", "--duration", 2, "--fastest"), "--duration"),
         (("task.yaml", "--duration", 2, "--motion", "m.csv"), "--motion"),
         (("--duration", 2), "--duration"),
+        (("task.yaml", "--duration", 2, "--joints", "paper"), "--joints"),
     ):
         code, out, err = run(capsys, "report", *arguments)
         assert code in (1, 2)

@@ -70,6 +70,8 @@ def make(
     work.protect(task_file, (case.parameters, case.motion_file, case.wrench_file, stiffness), (out,))
     told = _Told(out, title, page, _command(case, task_file, work, joints, stiffness, out, title, page))
     if task_file is not None or work.asks:
+        if joints != ALL:
+            raise click.UsageError("--joints: parts are held against the loads of elastic joints")
         return _assessed(case, task_file, work, stiffness, told)
     return _of_motion(case, joints, stiffness, told)
 
