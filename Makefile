@@ -53,7 +53,7 @@ generated: $(DEV) ## are the committed generated files up to date?
 	$(BIN)/p3dof codegen --kernels --check
 	$(BIN)/p3dof codegen --page --check
 
-page: $(MODULES) ## build the page for the browser, p3dof/page/page.html
+page: $(MODULES) ## build the pages for the browser, p3dof/page/*.html
 	cd page && node build.mjs
 
 # Types, the built page and the tests of its scripts; who only shows a page needs no Node.

@@ -8,6 +8,7 @@ import re
 import numpy as np
 import pytest
 from browser import chromium, opened
+from documents import ROOT
 from numpy.testing import assert_allclose
 
 import p3dof
@@ -15,6 +16,7 @@ from p3dof.cli import main
 from p3dof.errors import FileError, InputError
 from p3dof.page.studio import save_studio, studio_document, studio_page
 
+AXE = ROOT / "page/node_modules/axe-core/axe.min.js"
 ROBOT = p3dof.load()
 MOTION = p3dof.paper_motion(101)
 INDICES = ("lti", "lci", "frequency_1")
@@ -97,6 +99,32 @@ def test_indices_are_chosen_and_slices_follow_a_click(page):
     along = np.column_stack([data[:, 0], np.zeros(len(data)), np.full(len(data), np.radians(at[1]))])
     assert_allclose(data[:, 1], ROBOT.indices(along, on_invalid="nan").column("lci"), rtol=1e-4)
     assert "LCI" in page.page.locator("#slice-theta").get_attribute("aria-label")
+
+
+def test_keys_move_the_slices(page):
+    before = read(page, "studio.state.place")
+    page.page.focus("#map")
+    page.page.keyboard.press("ArrowLeft")
+    page.page.keyboard.press("ArrowUp")
+    after = read(page, "studio.state.place")
+    assert (after["i"], after["j"]) == (before["i"] - 1, before["j"] + 1)
+    shown = float(page.page.locator("#values td").first.inner_text())
+    y, theta = read(
+        page, "(({ studio: { map }, place }) => [map.y[place.i], map.theta[place.j]])(studio.state)"
+    )
+    assert shown == pytest.approx(float(ROBOT.indices([y, 0, np.radians(theta)]).lti), rel=1e-3)
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_axe_finds_nothing_serious(page, theme):
+    if not AXE.exists():
+        pytest.skip("axe-core is not installed: `make page-check` installs what page/ needs")
+    page.page.emulate_media(color_scheme=theme)
+    page.page.evaluate(AXE.read_text(encoding="utf-8"))
+    found = page.page.evaluate("""async () => (await axe.run()).violations.map(
+        ({id, impact, nodes}) => [id, impact, nodes.map(({html}) => html)])""")
+    assert [each for each in found if each[1] in ("serious", "critical")] == []
+    page.page.emulate_media(color_scheme="light")
 
 
 def test_hovering_tells_all_indices(page):

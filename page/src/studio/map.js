@@ -110,6 +110,13 @@ export function mountMap(element, state) {
         const [i, j] = /** @type {number[]} */ (chart.convertFromPixel({ xAxisIndex: 0, yAxisIndex: 0 }, point));
         state.choosePlace(i, j);
     });
+    element.addEventListener("keydown", (event) => {
+        const step = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowDown: [0, -1], ArrowUp: [0, 1] }[event.key];
+        if (!step) return;
+        event.preventDefault();
+        const [i, j] = [state.place.i + step[0], state.place.j + step[1]];
+        if (i >= 0 && j >= 0 && i < map.y.length && j < map.theta.length) state.choosePlace(i, j);
+    });
     state.watch((change) => {
         if (change === "index" || change === "place") draw();
     });
