@@ -81,7 +81,7 @@ class ManipulatorModel:
 
     @cached_property
     def loop(self) -> ClosedLoopModel:
-        """The mechanism as a general closed-loop model on Pinocchio."""
+        """The mechanism as a closed-loop model on Pinocchio: with armature, without friction and balances."""
         closures = description.sidecar(self.mechanism.without_balance())  # the method adds it itself
         loop = ClosedLoopModel.from_urdf(self.exact_urdf, closures, mimic=False)
         loop.model.gravity.linear = self.parameters.gravity  # a URDF has no place for it
