@@ -30,7 +30,7 @@ def test_a_workspace_is_told_in_tables(capsys):
 
 def test_json_has_the_workspace_within_limits_with_units(capsys):
     options = ("--tilt", "30 deg", "--travel=-150 mm,0.2", "--serial", "0.4", "--actuation", "15 deg")
-    code, found, _ = numbers(capsys, "workspace", *options, "--index", "lci", "--length", "0.2")
+    code, found, _ = numbers(capsys, "workspace", *options, "--index", "lci", "--length", "200 mm")
     assert code == 0
     limits = p3dof.Limits(travel=(-0.15, 0.2), tilt=(-np.pi / 6, np.pi / 6))
     space = ROBOT.workspace(limits, p3dof.WorkspaceMargins(0.4, np.pi / 12))
@@ -81,6 +81,8 @@ def test_a_motion_is_checked(tmp_path, capsys):
         (["--velocity", "1,2"], "expected three numbers, of y, z and theta [m/s, m/s, rad/s], got '1,2'"),
         (["--velocity", "0,3,0"], "'speed A' is -1"),
         (["--index", "lit"], "index: expected one of determinant"),
+        (["--actuation", "15 mm"], "expected an angle such as '5 deg', got '15 mm'"),
+        (["--force", "0"], "expected a positive number, got 0"),
         (["--out", "map.csv"], "expected a file name that ends in .nc"),
     ],
 )
@@ -96,7 +98,7 @@ def test_indices_at_poses(capsys, tmp_path):
     out = tmp_path / "a.csv"
     poses = ["--at", "0,0,0", "--at", "100 mm,0,-30 deg"]
     code, found, _ = numbers(
-        capsys, "indices", *poses, "--length", "0.2", "--rod-diameter", "0.02", "--out", str(out)
+        capsys, "indices", *poses, "--length", "0.2", "--rod-diameter", "20 mm", "--out", str(out)
     )
     assert code == 0
     where = np.array([[0, 0, 0], [0.1, 0, -np.pi / 6]])

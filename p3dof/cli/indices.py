@@ -13,12 +13,13 @@ from rich.console import Console
 
 from p3dof.cli.app import app
 from p3dof.cli.files import OutputFile, console_beside, write_results
-from p3dof.cli.options import POSITIVE, Case, Pose, with_load
+from p3dof.cli.options import POSITIVE, Amount, Case, Pose, with_load
 from p3dof.cli.output import show
 from p3dof.cli.payloads import print_payloads
 from p3dof.files import write_table
 from p3dof.indices import COLUMNS, DEFINITIONS, check_names, columns_of, indices_table
 from p3dof.indices.elasticity import DRIVE
+from p3dof.parameters.quantities import LENGTH
 from p3dof.reactions.stiffness import RodSection
 
 
@@ -37,12 +38,12 @@ from p3dof.reactions.stiffness import RodSection
     multiple=True,
     help=f"Index to tell of, several times for more; all without it: {', '.join(DEFINITIONS)}.",
 )
-@click.option("--length", type=POSITIVE, help="Characteristic length ℓ [m]; r of the machine without it.")
+@click.option("--length", type=Amount(LENGTH), help="Characteristic length ℓ; r of the machine without it.")
 @click.option(
     "--drive-stiffness", type=POSITIVE, default=DRIVE, show_default=True, help="Of each drive [N/m]: a guess."
 )
 @click.option(
-    "--rod-diameter", type=POSITIVE, help="Of legs and rods [m]; by their mass in steel without it."
+    "--rod-diameter", type=Amount(LENGTH), help="Of legs and rods; by their mass in steel without it."
 )
 @click.option("--rigid-rods", is_flag=True, help="Take legs and rods as rigid.")
 @click.option(

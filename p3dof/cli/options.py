@@ -314,6 +314,34 @@ class Span(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # likewise
         return ends[0], ends[1]
 
 
+class Amount(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # likewise
+    """A positive number with a unit, or in SI units.
+
+    Parameters
+    ----------
+    quantity : Quantity
+        What it is of.
+    zero : bool
+        Take zero too.
+    """
+
+    name = "AMOUNT"
+
+    def __init__(self, quantity: Quantity, zero: bool = False) -> None:
+        self._quantity, self._zero = quantity, zero
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Return the number in SI units."""
+        try:
+            number = float(self._quantity.read(value, "number"))
+        except (ParameterError, ValueError):
+            example = (self._quantity.unit, *self._quantity.others)[-1]
+            self.fail(f"expected {self._quantity.name} such as '5 {example}', got {shown(value)}", param, ctx)
+        if not 0 <= number <= LARGEST or (number == 0 and not self._zero):
+            self.fail(f"expected a positive number, got {number:g}", param, ctx)
+        return number
+
+
 class Triple(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # likewise
     """Three numbers, of y, z and θ, with units or in SI units.
 

@@ -14,13 +14,13 @@ from rich.console import Console
 
 from p3dof.cli.app import app
 from p3dof.cli.files import InputFile, OutputFile, protect, source
-from p3dof.cli.options import FIGURE, PARAMETERS, POSITIVE, Number, Payload, Span, Triple, machine_of
+from p3dof.cli.options import FIGURE, PARAMETERS, Amount, Number, Payload, Span, Triple, machine_of
 from p3dof.cli.output import print_plain, show
 from p3dof.files import together
 from p3dof.indices import COLUMNS, check_names, write_dataset
 from p3dof.motion import Motion, paper_motion
 from p3dof.parameters import Body
-from p3dof.parameters.quantities import ANGLE, LENGTH
+from p3dof.parameters.quantities import ANGLE, FORCE, LENGTH, SPEED
 from p3dof.tables import Table, table_of
 from p3dof.workspace import Workspace, WorkspaceMargins, box_table, plain_workspace, workspace_table
 
@@ -30,13 +30,16 @@ from p3dof.workspace import Workspace, WorkspaceMargins, box_table, plain_worksp
 @click.option("--payload", type=Payload(), help="Point mass on the platform [kg], at P or at x,y,z [m].")
 @click.option("--travel", type=Span(LENGTH, "'200 mm' or '-150 mm,200 mm'"), help="Stroke of the sliders.")
 @click.option("--tilt", type=Span(ANGLE, "'30 deg' or '-30 deg,45 deg'"), help="Range of the rotation θ.")
-@click.option("--speed", type=POSITIVE, help="Largest slider speed [m/s].")
-@click.option("--force", type=POSITIVE, help="Largest force of each actuator [N].")
+@click.option("--speed", type=Amount(SPEED), help="Largest slider speed.")
+@click.option("--force", type=Amount(FORCE), help="Largest force of each actuator.")
 @click.option(
     "--serial", type=Number(min=0, max=1), default=0.0, help="Least S/L of each leg; 0 is its singularity."
 )
 @click.option(
-    "--actuation", type=Span(ANGLE, "'15 deg'"), help="Least angle from det J = 0, such as '15 deg'."
+    "--actuation",
+    type=Amount(ANGLE, zero=True),
+    default=0.0,
+    help="Least angle from det J = 0, such as '15 deg'.",
 )
 @click.option(
     "--velocity",
@@ -49,7 +52,7 @@ from p3dof.workspace import Workspace, WorkspaceMargins, box_table, plain_worksp
     help="Accelerations along y, z and θ, each alone from rest, that the force limit must allow.",
 )
 @click.option("--index", "indices", multiple=True, help="Index to tell of and to draw, such as lti; several.")
-@click.option("--length", type=POSITIVE, help="Characteristic length of indices [m]; r without it.")
+@click.option("--length", type=Amount(LENGTH), help="Characteristic length of indices; r without it.")
 @click.option("--motion", "motion_file", type=InputFile(), help="Motion file whose path to draw and check.")
 @click.option("--paper-motion", "paper", is_flag=True, help="Draw and check the path of the paper's motion.")
 @click.option(
@@ -70,7 +73,7 @@ def workspace(
     parameters: Path | None,
     payload: Body | None,
     serial: float,
-    actuation: tuple[float, float] | None,
+    actuation: float,
     velocity: tuple[float, float, float] | None,
     acceleration: tuple[float, float, float] | None,
     indices: tuple[str, ...],
@@ -96,7 +99,7 @@ def workspace(
     motion = paper_motion(401) if paper else None
     motion = motion if motion_file is None else Motion.from_csv(source(motion_file))
     given = {name: value for name, value in limits.items() if value is not None}
-    margins = WorkspaceMargins(serial, 0.0 if actuation is None else actuation[1], velocity, acceleration)
+    margins = WorkspaceMargins(serial, actuation, velocity, acceleration)
     space = robot.workspace(replace(robot.parameters.limits, **given), margins)
     options = {} if length is None else {"length": length}
     means = {name: _over(space, name, options) for name in names}
