@@ -136,6 +136,20 @@ def test_optimise_tells_the_optimum_and_writes_its_machine(
     assert found["pinocchio"]["difference"] < 1e-9
 
 
+def test_optimise_writes_a_page_that_compares_with_the_start(
+    file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["optimise", file.name, "--starts", "1", "--report", "better.html"]) == 0
+    assert capsys.readouterr().out.endswith("wrote better.html\n")
+    page = Path("better.html").read_text(encoding="utf-8")
+    assert "optimum" in page
+    assert "119.9" in page
+    assert "60.3" in page
+    changed(file, "wrench", [0, 0, -5, 0, 0, 0])
+    assert main(["optimise", file.name, "--starts", "1", "--report", "loaded.html"]) == 2
+    assert "expected no wrench and no offset" in capsys.readouterr().err
+
+
 def test_no_machine_is_exit_code_one_and_a_line(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     changed(file, "constraints/width", {"max": "200 mm"})
     assert main(["optimise", file.name, "--out", "better.yaml"]) == 1

@@ -178,3 +178,27 @@ def test_what_is_better_large_is_made_large() -> None:
     found = paper_problem().minimise("transmission", {"peak_force": 75.0}, starts=3)
     assert found.value > before + 0.1
     assert found.found["peak_force"][0] <= 75.0 + 1e-5
+
+
+BALANCE = {f"actuators.counterbalance.slide_{leg}": (-20.0, 150.0) for leg in "abc"}
+
+
+@pytest.mark.parametrize(
+    ("kept", "expected"),
+    [({"r": 0.1, "R": 0.25, "L": 0.4, "rod_radius": 0.01}, 43.3175), ({"r": 0.1}, 28.0241), ({}, 20.1160)],
+)
+def test_balance_may_be_a_free_choice(kept: dict[str, float], expected: float) -> None:
+    """The published least peaks with a constant balancing force on each slider, within the paper's width."""
+    whole = paper_problem()
+    free = {name: bounds for name, bounds in VARIABLES.items() if name not in kept}
+    problem = DesignProblem(
+        free | BALANCE,
+        constraints=whole.constraints,
+        box=whole.setting.box,
+        bodies="solids",
+        fixed=STEEL | kept,
+    )
+    found = problem.minimise("peak_force", {"width": 0.5}, starts=2)
+    assert found.value == pytest.approx(expected, abs=1e-3)
+    assert found.check.difference < 1e-10 * found.check.largest
+    assert found.check.largest == pytest.approx(found.value, rel=1e-10)

@@ -14,6 +14,7 @@ from p3dof.cli.app import app
 from p3dof.cli.files import InputFile, OutputFile, OutputFolder, protect
 from p3dof.cli.options import FIGURE, Whole
 from p3dof.cli.output import in_options, print_plain, print_warnings, progress_bar, show
+from p3dof.errors import InputError
 from p3dof.files import check_writable
 from p3dof.optimisation import (
     DesignProblem,
@@ -103,6 +104,11 @@ _BOUNDS = click.option(
 @click.option(
     "--out", type=OutputFile("parameters"), help="Machine file to write (YAML): what --parameters takes."
 )
+@click.option(
+    "--report",
+    type=OutputFile("report"),
+    help="Page that compares the optimum with the start (.html, .pdf; needs the extra 'report').",
+)
 @_RESUME
 @FIGURE
 @_JSON
@@ -116,6 +122,7 @@ def optimise(
     generations: int,
     seed: int,
     out: Path | None,
+    report: Path | None,
     resume: Path | None,
     figure: Path | None,
     as_json: bool,
@@ -127,8 +134,8 @@ def optimise(
     what changes against the machine of the file, what binds, and what the optimum is worth on finer grids and
     by the other way to the forces. Exit code 1 when no machine keeps all constraints.
     """
-    protect((problem,), (out, figure))
-    _writable(out, figure)
+    protect((problem,), (out, report, figure))
+    _writable(out, report, figure)
     work = generations if method == "evolution" else starts
     with in_options(_WORDS):
         asked = read_problem(problem, any_size)
@@ -146,7 +153,9 @@ def optimise(
             )
         if out is not None:
             found.write_parameters(out)
-    _tell_optimum(found, out, figure, as_json)
+    if report is not None:
+        _write_report(found, report)
+    _tell_optimum(found, (out, report), figure, as_json)
     return 0
 
 
@@ -237,14 +246,29 @@ def _writable(*paths: Path | None) -> None:
             check_writable(path)
 
 
-def _tell_optimum(found: Optimum, out: Path | None, figure: Path | None, as_json: bool) -> None:
+def _write_report(found: Optimum, path: Path) -> None:
+    """Write the comparison of the optimum with the machine that there was, over the motion."""
+    from p3dof.manipulator.design_comparison import compare_designs
+    from p3dof.report.designs import write_designs
+
+    problem = found.problem
+    moved = any(name.startswith("offset.") for name in problem.variables.names)
+    if moved or problem.setting.wrench is not None:
+        raise InputError("--report compares machines over one motion: expected no wrench and no offset")
+    machines = {"start": problem.machine(problem.start), "optimum": found.machine}
+    write_designs(path, compare_designs(machines, problem.setting.motion))
+
+
+def _tell_optimum(
+    found: Optimum, written: tuple[Path | None, ...], figure: Path | None, as_json: bool
+) -> None:
     console = Console()
     if as_json:
         print_plain(console, json.dumps(_as_data(found), indent=1))
     else:
         show(console, *optimum_tables(found), notes=True)
         print_warnings(console, found.notes)
-    _files(console, found, "optimum_figure", out, figure, as_json)
+    _files(console, found, "optimum_figure", written, figure, as_json)
 
 
 def _as_data(found: Optimum) -> dict[str, Any]:
@@ -271,13 +295,18 @@ def _tell_front(found: Front, out: Path | None, figure: Path | None, as_json: bo
         )
     else:
         show(console, *front_tables(found), notes=True)
-    _files(console, found, "front_figure", out, figure, as_json)
+    _files(console, found, "front_figure", (out,), figure, as_json)
 
 
 def _files(
-    console: Console, found: Any, drawing: str, out: Path | None, figure: Path | None, quiet: bool
+    console: Console,
+    found: Any,
+    drawing: str,
+    outputs: tuple[Path | None, ...],
+    figure: Path | None,
+    quiet: bool,
 ) -> None:
-    written = [] if out is None else [out]
+    written = [path for path in outputs if path is not None]
     if figure is not None:
         from p3dof import plots
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from p3dof import description
 from p3dof.closed_loop import ClosedLoopModel
+from p3dof.methods.pinocchio_balance import armature_of
 from p3dof.parameters import Parameters
 
 
@@ -20,7 +21,9 @@ def loop_of(machine: Parameters) -> ClosedLoopModel:
     ClosedLoopModel
     """
     mechanism = description.describe(machine)
-    urdf, sidecar = description.urdf(mechanism), description.sidecar(mechanism)
+    urdf = description.urdf(mechanism)
+    sidecar = description.sidecar(mechanism.without_balance())  # the method adds it itself
     loop = ClosedLoopModel.from_urdf(urdf, sidecar, mimic=False)
     loop.model.gravity.linear = machine.gravity  # a URDF has no place for it
+    loop.model.armature = armature_of(loop.model, machine.actuators)  # nor for this
     return loop
