@@ -19,6 +19,7 @@ The rooms, from the bottom; each imports only from below:
   `workspace`: where the machine can work; `indices`: how well, at poses;
   `bearings`: how long they live; `codegen`: C code.
 - `load_friction`: friction that grows with the loads of joints.
+- `tolerances`: machines that are not what their drawings say: tolerances, sensitivity.
 - `designs`: the forces of many designs over one motion, by columns; `sweeps`: by the million, in blocks.
 - `viewer`: moving robots in the browser; `manipulator`: one object with everything about one machine.
 - `plots`: figures; `report`: one page; `cli`: the command line.

@@ -97,7 +97,7 @@ def _work(command: Callable[..., Any]) -> Callable[..., Any]:
     help="Ask for the static error of this pose instead of forces: '0.1,0,-30 deg'; several times for more.",
 )  # fmt: skip
 @click.option(
-    "--machines", type=Whole(2, 100_000_000),
+    "--machines", type=Whole(2, 10_000_000),
     help="Draw so many machines at random; first order by exact derivatives without it.",
 )  # fmt: skip
 @click.option(

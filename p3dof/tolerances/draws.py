@@ -123,13 +123,15 @@ class DrawnForces:
         The nominal machine, and what varies.
     sampling : Samples
         Of the deviations.
-    block_size : int
-        Machines of a block.
+    block_size : int, optional
+        Machines of a block; by default 2000, or less for a motion of many samples, which take the memory.
     """
 
-    def __init__(self, case: ForceCase, sampling: Samples, block_size: int = 2_000) -> None:
+    def __init__(self, case: ForceCase, sampling: Samples, block_size: int | None = None) -> None:
         load = None if case.wrench is None else Load(case.wrench).over(case.motion.time)
-        self.case, self.sampling, self.block_size = replace(case, wrench=load), sampling, block_size
+        fitting = min(2_000, max(100, 2_000_000 // (3 * len(case.motion))))
+        self.case, self.sampling = replace(case, wrench=load), sampling
+        self.block_size = fitting if block_size is None else block_size
         self.level = compiled_level(None, 1)[0] or NUMPY
         self.forces = DesignEvaluation(case.motion, load, (), (), self.level, 1)
         self.bands = tuple(f"force_{leg}.{k}" for leg in "abc" for k in range(len(case.motion)))

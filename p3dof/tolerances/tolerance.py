@@ -23,7 +23,7 @@ from p3dof.tolerances.forces import ForceCase, first_order, require_possible
 from p3dof.tolerances.pose import checked_pose, sigmas_of
 from p3dof.tolerances.results import ForceTolerance, PoseTolerance, ToleranceMethod
 
-MOST_MACHINES = 10**8
+MOST_MACHINES = 10**7
 
 
 def tolerance(
