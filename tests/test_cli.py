@@ -434,12 +434,12 @@ def test_start_up_loads_nothing_that_is_not_used(work, loaded):
 
 
 def test_interrupt_is_one_line(monkeypatch, capsys):
-    from p3dof.cli import options
+    from p3dof.cli import machine
 
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(options, "load", interrupted)
+    monkeypatch.setattr(machine, "load", interrupted)
     code, _, err = run(capsys, "compare")
     assert code == 130
     assert err == "p3dof: error: interrupted\n"

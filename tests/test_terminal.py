@@ -172,12 +172,12 @@ def test_an_error_that_nobody_reads_has_its_exit_code():
 
 
 def test_no_memory_is_one_line(monkeypatch, capsys):
-    from p3dof.cli import options
+    from p3dof.cli import machine
 
     def full(*_):
         raise MemoryError
 
-    monkeypatch.setattr(options, "load", full)
+    monkeypatch.setattr(machine, "load", full)
     assert main(["forces"]) == 2
     assert (
         capsys.readouterr().err

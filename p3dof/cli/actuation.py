@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import click
 
-from p3dof.cli.options import POSITIVE, Number, Whole
+from p3dof.cli.kinds import POSITIVE, Number, Whole
 from p3dof.simulation import ControlLoop, Noise
 
 _OPTIONS = (

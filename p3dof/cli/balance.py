@@ -10,7 +10,9 @@ import click
 
 from p3dof.cli.app import app
 from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, source, write_results
-from p3dof.cli.options import FIGURE, METHOD, PARAMETERS, POSITIVE, Case, Payload, Whole, machine_of
+from p3dof.cli.kinds import POSITIVE, Payload, Whole
+from p3dof.cli.machine import PARAMETERS, machine_of
+from p3dof.cli.options import FIGURE, METHOD, Case
 from p3dof.cli.output import print_plain, show
 from p3dof.errors import InputError
 from p3dof.manipulator import BalanceKind, InverseDynamics, Manipulator, TaskForces, forces_of_task

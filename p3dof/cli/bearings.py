@@ -10,7 +10,8 @@ from rich.console import Console
 from p3dof.bearings import bearing_life, bearings_table, guides_table, read_bearings, rods_table
 from p3dof.cli.app import app
 from p3dof.cli.files import InputFile, source
-from p3dof.cli.options import Number, with_load
+from p3dof.cli.kinds import Number
+from p3dof.cli.options import with_load
 from p3dof.cli.output import print_plain, print_warnings, show
 from p3dof.cli.payloads import print_payloads
 from p3dof.cli.task_loads import JointLoads, with_joint_loads

@@ -10,7 +10,8 @@ from rich.console import Console
 from p3dof.cli.app import app
 from p3dof.cli.export import CHECK, FORCE, WASM, print_differences
 from p3dof.cli.files import OutputFolder, file_name, protect
-from p3dof.cli.options import PARAMETERS, Payload, actuator_options, machine_of, payload_text
+from p3dof.cli.kinds import Payload, payload_text
+from p3dof.cli.machine import PARAMETERS, actuator_options, machine_of
 from p3dof.cli.output import print_plain, show
 from p3dof.cli.payloads import say_payloads
 from p3dof.codegen.batch import DIRECTORY, batch_files

@@ -11,7 +11,8 @@ from rich.console import Console
 from p3dof import engines
 from p3dof.cli.app import app
 from p3dof.cli.files import OutputFolder
-from p3dof.cli.options import Case, Number, with_case
+from p3dof.cli.kinds import Number
+from p3dof.cli.options import Case, with_case
 from p3dof.cli.output import print_plain, print_warnings, progress_bar, show
 from p3dof.cli.payloads import print_payloads
 from p3dof.errors import MissingExtraError

@@ -14,17 +14,9 @@ from rich.console import Console
 from p3dof.bearings import read_bearings
 from p3dof.cli.app import app
 from p3dof.cli.files import STREAM, InputFile, OutputFile, protect, source
-from p3dof.cli.options import (
-    FIGURE,
-    PARAMETERS,
-    STIFFNESS,
-    Whole,
-    any_size,
-    driven,
-    load_friction_in,
-    machine_of,
-    stiffness_in,
-)
+from p3dof.cli.kinds import Whole
+from p3dof.cli.machine import PARAMETERS, any_size, driven, machine_of
+from p3dof.cli.options import FIGURE, STIFFNESS, load_friction_in, stiffness_in
 from p3dof.cli.output import in_options, print_plain, progress_bar, show
 from p3dof.cli.work import SAMPLES, WORK, Work, task_named
 from p3dof.drives import read_catalogue

@@ -11,7 +11,9 @@ import click
 
 from p3dof.cli.app import app
 from p3dof.cli.files import STREAM, InputFile, OutputFile, console_beside, protect, source
-from p3dof.cli.options import Case, Whole, any_size, with_load
+from p3dof.cli.kinds import Whole
+from p3dof.cli.machine import any_size
+from p3dof.cli.options import Case, with_load
 from p3dof.cli.output import in_options, print_plain, progress_bar, show
 from p3dof.cli.payloads import print_payloads
 from p3dof.designs import DesignEvaluation

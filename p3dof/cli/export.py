@@ -14,7 +14,7 @@ from rich.console import Console
 from p3dof import description
 from p3dof.cli.app import app
 from p3dof.cli.files import STREAM, InputFile, OutputFolder, protect, source
-from p3dof.cli.options import PARAMETERS, machine_of
+from p3dof.cli.machine import PARAMETERS, machine_of
 from p3dof.cli.output import print_plain
 from p3dof.cli.payloads import say_payloads
 from p3dof.errors import MissingExtraError

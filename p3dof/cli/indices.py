@@ -13,7 +13,8 @@ from rich.console import Console
 
 from p3dof.cli.app import app
 from p3dof.cli.files import OutputFile, console_beside, write_results
-from p3dof.cli.options import POSITIVE, Amount, Case, Pose, with_load
+from p3dof.cli.kinds import POSITIVE, Pose
+from p3dof.cli.options import Amount, Case, with_load
 from p3dof.cli.output import show
 from p3dof.cli.payloads import print_payloads
 from p3dof.files import write_table

@@ -12,7 +12,8 @@ from rich.console import Console
 
 from p3dof.cli.app import app
 from p3dof.cli.files import InputFile, OutputFile, OutputFolder, protect
-from p3dof.cli.options import FIGURE, Whole
+from p3dof.cli.kinds import Whole
+from p3dof.cli.options import FIGURE
 from p3dof.cli.output import in_options, print_plain, print_warnings, progress_bar, show
 from p3dof.errors import InputError
 from p3dof.files import check_writable

@@ -11,7 +11,9 @@ import click
 
 from p3dof.cli.app import app
 from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, source, write_results
-from p3dof.cli.options import FIGURE, METHOD, PARAMETERS, POSITIVE, Number, Whole, machine_of
+from p3dof.cli.kinds import POSITIVE, Number, Whole
+from p3dof.cli.machine import PARAMETERS, machine_of
+from p3dof.cli.options import FIGURE, METHOD
 from p3dof.cli.output import print_plain, progress_bar, show
 from p3dof.errors import InputError
 from p3dof.files import together, write_table

@@ -15,15 +15,8 @@ from rich.console import Console
 
 from p3dof.cli.app import app
 from p3dof.cli.files import STREAM, InputFile, OutputFile
-from p3dof.cli.options import (
-    JOINTS,
-    STIFFNESS,
-    Case,
-    actuator_options,
-    load_friction_in,
-    stiffness_in,
-    with_case,
-)
+from p3dof.cli.machine import actuator_options
+from p3dof.cli.options import JOINTS, STIFFNESS, Case, load_friction_in, stiffness_in, with_case
 from p3dof.cli.output import print_plain, print_warnings, progress_bar
 from p3dof.cli.payloads import payloads_in_words, print_payloads
 from p3dof.cli.work import WORK, Work, task_named

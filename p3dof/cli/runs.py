@@ -11,7 +11,9 @@ from rich.console import Console
 from p3dof.cli.actuation import ActuationOptions, with_actuation
 from p3dof.cli.app import app
 from p3dof.cli.files import InputFile, OutputFile, protect, source
-from p3dof.cli.options import POSITIVE, Case, Number, Whole, any_size, with_load
+from p3dof.cli.kinds import POSITIVE, Number, Whole
+from p3dof.cli.machine import any_size
+from p3dof.cli.options import Case, with_load
 from p3dof.cli.output import in_options, print_plain, print_warnings, progress_bar, show
 from p3dof.cli.payloads import print_payloads
 from p3dof.errors import InputError

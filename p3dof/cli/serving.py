@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import click
 from rich.console import Console
 
-from p3dof.cli.options import Number, Whole
+from p3dof.cli.kinds import Number, Whole
 from p3dof.cli.output import print_plain
 from p3dof.viewer.start import FASTEST, SLOWEST
 

@@ -10,7 +10,8 @@ from rich.console import Console
 
 from p3dof.cli.app import app
 from p3dof.cli.files import OutputFile
-from p3dof.cli.options import Case, Number, with_case
+from p3dof.cli.kinds import Number
+from p3dof.cli.options import Case, with_case
 from p3dof.cli.output import print_plain, print_warnings, progress_bar
 from p3dof.cli.payloads import print_payloads
 from p3dof.cli.serving import OPEN, PAUSED, PORT, SPEED, serve

@@ -13,7 +13,8 @@ from rich.console import Console
 from p3dof.cli.actuation import ActuationOptions, with_actuation
 from p3dof.cli.app import app
 from p3dof.cli.files import OutputFolder
-from p3dof.cli.options import POSITIVE, Case, Number, with_load
+from p3dof.cli.kinds import POSITIVE, Number
+from p3dof.cli.options import Case, with_load
 from p3dof.cli.output import print_plain, print_warnings, progress_bar, show
 from p3dof.cli.payloads import print_payloads
 from p3dof.compiled.runs import available

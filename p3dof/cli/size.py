@@ -9,19 +9,9 @@ import click
 
 from p3dof.cli.app import app
 from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, source, write_results
-from p3dof.cli.options import (
-    FIGURE,
-    LOAD_FRICTION,
-    METHOD,
-    PARAMETERS,
-    POSITIVE,
-    STIFFNESS,
-    Number,
-    Whole,
-    load_friction_in,
-    machine_of,
-    stiffness_in,
-)
+from p3dof.cli.kinds import POSITIVE, Number, Whole
+from p3dof.cli.machine import PARAMETERS, machine_of
+from p3dof.cli.options import FIGURE, LOAD_FRICTION, METHOD, STIFFNESS, load_friction_in, stiffness_in
 from p3dof.cli.output import print_plain, progress_bar, show
 from p3dof.drives import (
     GENERIC,

@@ -13,7 +13,8 @@ from rich.console import Console
 from p3dof.checks import FloatArray
 from p3dof.cli.app import app
 from p3dof.cli.files import STREAM, InputFile, OutputFile, protect
-from p3dof.cli.options import Case, Whole, with_load
+from p3dof.cli.kinds import Whole
+from p3dof.cli.options import Case, with_load
 from p3dof.cli.output import print_plain
 from p3dof.cli.payloads import print_payloads
 from p3dof.errors import InputError

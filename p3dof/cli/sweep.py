@@ -15,7 +15,7 @@ from rich.console import Console
 from p3dof.blocks import Processes, Sweep, sweep_facts, sweep_tables
 from p3dof.cli.app import app
 from p3dof.cli.files import InputFile, OutputFile, OutputFolder
-from p3dof.cli.options import Whole
+from p3dof.cli.kinds import Whole
 from p3dof.cli.output import in_options, print_plain, print_warnings, progress_bar, show
 from p3dof.errors import InputError, MissingExtraError
 from p3dof.files import check_writable

@@ -11,7 +11,8 @@ from typing import Any
 import click
 
 from p3dof.cli.files import InputFile, source
-from p3dof.cli.options import LOAD_FRICTION, POSITIVE, STIFFNESS, Case, load_friction_in, stiffness_in
+from p3dof.cli.kinds import POSITIVE
+from p3dof.cli.options import LOAD_FRICTION, STIFFNESS, Case, load_friction_in, stiffness_in
 from p3dof.cli.output import in_options, progress_bar
 from p3dof.manipulator import reactions_of_task
 from p3dof.reactions import AnyReactions, Choice, Stiffness

@@ -16,7 +16,8 @@ from p3dof.blocks import Processes
 from p3dof.checks import Progress
 from p3dof.cli.app import app
 from p3dof.cli.files import InputFile, OutputFolder, protect, source
-from p3dof.cli.options import FIGURE, POSITIVE, Case, Pose, Whole, with_load
+from p3dof.cli.kinds import POSITIVE, Pose, Whole
+from p3dof.cli.options import FIGURE, Case, with_load
 from p3dof.cli.output import in_options, print_plain, progress_bar, show
 from p3dof.cli.payloads import print_payloads
 from p3dof.tolerances import read_uncertainty, sensitivity_table, tolerance_tables

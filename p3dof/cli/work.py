@@ -11,7 +11,8 @@ import click
 
 from p3dof.bearings import read_bearings
 from p3dof.cli.files import InputFile, protect, source
-from p3dof.cli.options import LOAD_FRICTION, POSITIVE, Number, load_friction_in
+from p3dof.cli.kinds import POSITIVE, Number
+from p3dof.cli.options import LOAD_FRICTION, load_friction_in
 from p3dof.cli.output import in_options, progress_bar
 from p3dof.drives import read_catalogue
 from p3dof.drives.sizing import BRAKE_SAFETY

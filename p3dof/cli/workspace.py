@@ -14,7 +14,9 @@ from rich.console import Console
 
 from p3dof.cli.app import app
 from p3dof.cli.files import InputFile, OutputFile, protect, source
-from p3dof.cli.options import FIGURE, PARAMETERS, Amount, Number, Payload, Span, Triple, machine_of
+from p3dof.cli.kinds import Number, Payload, Span, Triple
+from p3dof.cli.machine import PARAMETERS, machine_of
+from p3dof.cli.options import FIGURE, Amount
 from p3dof.cli.output import print_plain, show
 from p3dof.files import together
 from p3dof.indices import COLUMNS, check_names, write_dataset

@@ -14,7 +14,7 @@ from click.core import ParameterSource
 from p3dof.checks import FloatArray, shown
 from p3dof.cli.actuation import ActuationOptions, with_actuation
 from p3dof.cli.files import InputFile, protect, source
-from p3dof.cli.options import POSITIVE
+from p3dof.cli.kinds import POSITIVE
 from p3dof.closed_loop import ClosedLoopModel, CompiledLoop
 from p3dof.closed_loop.compiling_model import ROBOT_METHODS
 from p3dof.errors import InputError

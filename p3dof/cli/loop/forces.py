@@ -8,10 +8,10 @@ from typing import Literal
 import click
 
 from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, source, write_results
+from p3dof.cli.kinds import Whole
 from p3dof.cli.loop.control import EXTERNAL, METHOD, externals
 from p3dof.cli.loop.group import loop, with_robot
 from p3dof.cli.loop.motion import Forces, forces_along
-from p3dof.cli.options import Whole
 from p3dof.cli.output import print_plain, show
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.closed_loop.tables import actuators_table, motors_table

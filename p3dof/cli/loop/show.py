@@ -13,10 +13,10 @@ from rich.console import Console
 from p3dof.checks import FloatArray, frozen_array, shown
 from p3dof.cli.files import STREAM, InputFile, OutputFile, protect
 from p3dof.cli.files import source as opened
+from p3dof.cli.kinds import POSITIVE, Number, Whole
 from p3dof.cli.loop.control import METHOD
 from p3dof.cli.loop.group import AT, assembled, forces_of, loop, with_robot
 from p3dof.cli.loop.motion import forces_along
-from p3dof.cli.options import POSITIVE, Number, Whole
 from p3dof.cli.output import print_plain, print_warnings, progress_bar
 from p3dof.cli.serving import OPEN, PAUSED, PORT, SPEED, serve
 from p3dof.closed_loop import ClosedLoopModel

@@ -12,9 +12,9 @@ import numpy as np
 from p3dof.checks import FloatArray
 from p3dof.cli.app import FAILED
 from p3dof.cli.files import OutputFile, console_beside, protect, write_results
+from p3dof.cli.kinds import POSITIVE, Whole
 from p3dof.cli.loop.control import EXTERNAL, METHOD, NONE, Control, externals, with_control
 from p3dof.cli.loop.group import AT, assembled, forces_of, loop, with_robot
-from p3dof.cli.options import POSITIVE, Whole
 from p3dof.cli.output import in_options, print_plain, print_warnings, progress_bar, show
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.closed_loop.compiling_model import ROBOT_METHODS
