@@ -176,6 +176,25 @@ def test_power_and_regeneration_are_ratings_where_there_are_limits(forces):
         dataclasses.replace(SMALL, max_power=0.0)
 
 
+def test_limits_of_the_task_are_held_too(forces):
+    """By samples of a plan in a given time, densely of the fastest one."""
+    limits = p3dof.AxisLimits(force=[150.0, 120.0, 500.0], speed=2.0, power=1000.0, jerk=100.0)
+    found = p3dof.assess(ROBOT, forces, limits=limits)
+    assert (found.worst.kind, found.worst.name, found.worst.part) == ("task", "force", "B")
+    assert found.worst.share == forces.peak_forces[1] / 120
+    assert not found.fits
+    assert any("only the fastest motion is held to: jerk" in told for told in found.warnings)
+    quick = p3dof.Task(TASK.waypoints, "quick", limits={"force": 200.0})
+    plan = p3dof.fastest_plan(ROBOT, quick, samples=301)
+    fastest = p3dof.assess(ROBOT, p3dof.forces_of_task(ROBOT, plan))
+    uses = [(use.quantity, use.leg, use.value, use.time) for use in plan.uses]
+    told = [(one.name, one.part, one.required, one.time) for one in fastest.ratings if one.kind == "task"]
+    assert sorted(told) == sorted(uses)
+    assert fastest.worst.kind == "task"
+    with pytest.raises(InputError, match="limits: expected AxisLimits"):
+        p3dof.assess(ROBOT, forces, limits=3)
+
+
 def test_balance_and_armature_are_told():
     actuators = p3dof.Actuators(armature={"slide_a": 3.0}, counterbalance={"sliders": 50.0})
     balanced = p3dof.load(dataclasses.replace(p3dof.PAPER, actuators=actuators))

@@ -22,6 +22,7 @@ from p3dof.cli.payloads import payloads_in_words, print_payloads
 from p3dof.cli.work import WORK, Work, task_named
 from p3dof.files import suffix_of
 from p3dof.manipulator import InverseDynamics, TaskForces
+from p3dof.manipulator.fastest import limits_of
 from p3dof.reactions import ALL, Choice, of_result
 
 
@@ -88,6 +89,7 @@ def _assessed(case: Case, task_file: Path | None, work: Work, stiffness: Path | 
     from p3dof import report
 
     robot, given = case.robot, stiffness_in(stiffness)
+    limits = None
     if task_file is None:
         if case.on_invalid != "raise":
             raise click.UsageError("--on-invalid nan: a motion with gaps cannot be held against ratings")
@@ -106,8 +108,10 @@ def _assessed(case: Case, task_file: Path | None, work: Work, stiffness: Path | 
         )
     else:
         _refuse_motion(case)
-        found = work.forces(robot, task_named(task_file), given, case.samples)
-    result = work.assessed(robot, found, given, told.title or "")
+        task = task_named(task_file)
+        found = work.forces(robot, task, given, case.samples)
+        limits = limits_of(robot, task) if task.limits else None
+    result = work.assessed(robot, found, given, told.title or "", limits)
     page = report.moving_page(result) if told.page else None
     picture = None
     if told.printed and page is not None:

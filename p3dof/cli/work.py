@@ -30,7 +30,7 @@ from p3dof.manipulator import (
 )
 from p3dof.parameters import read_parameters
 from p3dof.reactions import Stiffness
-from p3dof.tasks import Plan, Task, read_task
+from p3dof.tasks import AxisLimits, Plan, Task, read_task
 
 SAMPLES = 2001
 """Least number of samples of a planned task."""
@@ -153,7 +153,12 @@ class Work:
             return forces_of_task(robot, plan, method, progress, friction, stiffness)
 
     def assessed(
-        self, robot: Manipulator, found: InverseDynamics | TaskForces, stiffness: Stiffness | None, name: str
+        self,
+        robot: Manipulator,
+        found: InverseDynamics | TaskForces,
+        stiffness: Stiffness | None,
+        name: str,
+        limits: AxisLimits | None = None,
     ) -> Assessment:
         """Return whether a machine fits what it has to do."""
         catalogue = None if self.drives is None else read_catalogue(source(self.drives))
@@ -165,6 +170,7 @@ class Work:
                 drives=catalogue,
                 bearings=parts,
                 stiffness=stiffness,
+                limits=limits,
                 rest=self.rest,
                 brake_safety=self.brake_safety,
                 name=name,

@@ -23,9 +23,12 @@ from p3dof.methods.utilisation import Utilisation, utilisations
 from p3dof.parameters import LEGS
 from p3dof.reactions import Reactions, Stiffness, of_result
 from p3dof.tables import ShownInNotebook
+from p3dof.tasks import AxisLimits, FastestPlan
 
 _TOLD = 4
 """Exceeded ratings that are told in words; the tables have all."""
+_UNSEEN = ("jerk", "nut_force")
+"""Limits of tasks that samples are not held against."""
 _WHOLE = "over the cycle"
 _FITS = 1 + 1e-9
 """Shares up to this one are within a limit: the fastest motion uses all of it."""
@@ -38,7 +41,7 @@ class RatingUse:
     Parameters
     ----------
     kind : str
-        What has the rating: ``"machine"``, ``"drive"``, ``"bearing"``, ``"guide"`` or ``"rod"``.
+        What has the rating: ``"machine"``, ``"task"``, ``"drive"``, ``"bearing"``, ``"guide"`` or ``"rod"``.
     name : str
         The rating, such as ``"peak torque"``.
     part : str
@@ -106,6 +109,8 @@ class Assessment(ShownInNotebook):
         Lives and safeties of bearings, guides and rods; None without their ratings.
     stiffness : Stiffness or None
         What the reactions rest on; None for guesses.
+    limits : AxisLimits or None
+        What the task allows, besides the limits of the machine.
     """
 
     name: str
@@ -116,6 +121,7 @@ class Assessment(ShownInNotebook):
     reactions: Reactions | None = None
     bearings: BearingReport | None = None
     stiffness: Stiffness | None = None
+    limits: AxisLimits | None = None
 
     def __repr__(self) -> str:
         return f"Assessment({self.name}: {self.verdict})"
@@ -147,7 +153,7 @@ class Assessment(ShownInNotebook):
 
         Torques at speeds that allow none come after all that are exceeded: the speed says by how much.
         """
-        found = [*self._of_machine(), *self._of_drives(), *self._of_bearings()]
+        found = [*self._of_machine(), *self._of_task(), *self._of_drives(), *self._of_bearings()]
         return tuple(sorted(found, key=lambda one: -one.share if one.share < math.inf else -_FITS))
 
     @property
@@ -190,6 +196,11 @@ class Assessment(ShownInNotebook):
                 told.append("the task does not end where it began: it cannot be repeated as it is")
         else:
             told += [words for words in self.found.warnings if "limit" not in words or not told]
+        if self.limits is not None and self._fastest is None:
+            unseen = [name for name in _UNSEEN if np.isfinite(getattr(self.limits, name)).any()]
+            if unseen:
+                words = ", ".join(name.replace("_", " ") for name in unseen)
+                told.append(f"limits of the task that only the fastest motion is held to: {words}")
         if self.drives is not None:
             told += _of_brakes(self.drives)
         return (*told, *(() if self.bearings is None else self.bearings.warnings))
@@ -228,6 +239,37 @@ class Assessment(ShownInNotebook):
     def _limit(self, use: Utilisation) -> RatingUse:
         values = use.value, use.limit, use.unit, use.time
         return RatingUse("machine", use.quantity, use.leg, *values, self.place(use.time))
+
+    @property
+    def _fastest(self) -> FastestPlan | None:
+        """The plan, if it is that of a fastest motion."""
+        plan = self.found.plan if isinstance(self.found, TaskForces) else None
+        return plan if isinstance(plan, FastestPlan) else None
+
+    def _of_task(self) -> list[RatingUse]:
+        """Return what is used of the limits of the task: densely of the fastest motion, else by samples."""
+        found = self.found
+        if self._fastest is not None:
+            return [
+                RatingUse("task", use.quantity, use.leg, use.value, use.limit, use.unit, use.time, use.way)
+                for use in self._fastest.uses
+            ]
+        if self.limits is None:
+            return []
+        force = found.forces + self.limits.reflected_mass * found.slider_accelerations
+        columns = {
+            "force": (np.abs(force), self.limits.force, "N"),
+            "speed": (np.abs(found.slider_velocities), self.limits.speed, "m/s"),
+            "power": (force * found.slider_velocities, self.limits.power, "W"),
+        }
+        uses = []
+        for name, (values, allowed, unit) in columns.items():
+            for k, row in enumerate(values.argmax(axis=0)):
+                if np.isfinite(allowed[k]):
+                    time, value = float(found.time[row]), max(float(values[row, k]), 0.0)
+                    limit = float(allowed[k])
+                    uses.append(RatingUse("task", name, LEGS[k], value, limit, unit, time, self.place(time)))
+        return uses
 
     def _of_drives(self) -> list[RatingUse]:
         if self.drives is None:
@@ -275,6 +317,7 @@ def assess(
     drives: Drive | Sequence[Drive] | Iterable[Drive] | None = None,
     bearings: Bearings | None = None,
     stiffness: Stiffness | None = None,
+    limits: AxisLimits | None = None,
     rest: float = 0.0,
     brake_safety: float = BRAKE_SAFETY,
     name: str = "",
@@ -295,6 +338,8 @@ def assess(
     stiffness : Stiffness, optional
         How joints and rods give way, for the loads of joints; guesses without it. It asks for these loads
         even without `bearings`.
+    limits : AxisLimits, optional
+        What the task allows, besides the limits of the machine; the fastest motion has its own.
     rest : float
         How long the machine rests after each cycle [s].
     brake_safety : float
@@ -321,6 +366,8 @@ def assess(
         raise InputError(f"found: expected forces over a motion or a task, got {shown(found)}")
     if not isinstance(name, str):
         raise InputError(f"name: expected a text, got {shown(name)}")
+    if not isinstance(limits, AxisLimits | None):
+        raise InputError(f"limits: expected AxisLimits, got {shown(limits)}")
     pause = float(frozen_array("rest", rest, ()))
     if pause < 0:
         raise InputError(f"rest: expected zero or more, got {pause:g}")
@@ -335,7 +382,7 @@ def assess(
     if loads is not None and bearings is not None:
         report = bearing_life(robot.parameters, loads, bearings, stiffness=stiffness, rest=pause)
     told = name or (found.plan.name if isinstance(found, TaskForces) else "motion") or "task"
-    return Assessment(told, robot, found, pause, tuple(ranked), loads, report, stiffness)
+    return Assessment(told, robot, found, pause, tuple(ranked), loads, report, stiffness, limits)
 
 
 def as_result(found: InverseDynamics | TaskForces) -> InverseDynamics:

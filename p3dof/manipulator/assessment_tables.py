@@ -164,8 +164,9 @@ def assumptions(found: Assessment) -> dict[str, str]:
     parameters = found.robot.parameters
     limits = parameters.limits
     told = {
-        "limits": f"force ({limits.force:g} N), speed ({limits.speed:g} m/s) and travel hold at the slider, "
-        "that is at the nut; torque, speed and heat of motors at their shafts, buckling at the nut",
+        "limits": f"force ({limits.force:g} N) holds at the actuator, which is the nut without armature; "
+        f"speed ({limits.speed:g} m/s) and travel at the slider; torque, speed and heat of motors at their "
+        "shafts, buckling at the nut",
         "parallelogram": f"half width b = {1e3 * parameters.geometry.b:g} mm: it stands in no paper, decides "
         "no actuator force, but the loads of rods and bearings",
         "friction": _friction(found),

@@ -26,7 +26,7 @@ from p3dof.load_friction import LoadFriction
 from p3dof.manipulator.assessment import Assessment, as_result, assess
 from p3dof.manipulator.assessment_tables import share
 from p3dof.manipulator.facade import Manipulator
-from p3dof.manipulator.fastest import fastest_plan
+from p3dof.manipulator.fastest import fastest_plan, limits_of
 from p3dof.manipulator.tasks import TaskForces, forces_of_task
 from p3dof.methods import InverseDynamics
 from p3dof.methods.registry import Method
@@ -34,7 +34,7 @@ from p3dof.motion import Motion, paper_motion
 from p3dof.parameters import LEGS, Parameters
 from p3dof.reactions import JOINTS, Stiffness
 from p3dof.tables import NONE, ShownInNotebook, Table, html_of, notebook_html, number, table_of
-from p3dof.tasks import Task
+from p3dof.tasks import AxisLimits, Task
 
 Better = Literal["lower", "higher", ""]
 _MOST = 12
@@ -266,6 +266,7 @@ def compare_designs(
                 drives=drives,
                 bearings=bearings,
                 stiffness=stiffness,
+                limits=_limits(robot, jobs[job]),
                 rest=rest,
                 brake_safety=brake_safety,
                 name=job if alone else name,
@@ -325,6 +326,11 @@ def _jobs(tasks: Any) -> dict[str, Task | Motion]:
     if not jobs:
         raise InputError("tasks: expected at least one, got none")
     return jobs
+
+
+def _limits(robot: Manipulator, work: Task | Motion) -> AxisLimits | None:
+    """Return the limits of a task, if it has any."""
+    return limits_of(robot, work) if isinstance(work, Task) and work.limits else None
 
 
 def _measured(found: Assessment) -> dict[tuple[str, str, Better], float]:

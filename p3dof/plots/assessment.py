@@ -47,7 +47,7 @@ def utilisation_figure(found: Assessment) -> Figure:
     shares: dict[str, list[float]] = {}
     for one in found.ratings:
         if one.part in LEGS:
-            name = f"{one.name} ({one.kind})" if one.kind == "machine" else one.name
+            name = f"{one.name} ({one.kind})" if one.kind in ("machine", "task") else one.name
             shares.setdefault(name, [math.nan] * 3)[LEGS.index(one.part)] = one.share
         elif f"{one.name} ({one.kind})" not in shares:
             shares[f"{one.name} ({one.kind})"] = [one.share]
@@ -127,14 +127,17 @@ def _mark(axis: Axes, found: Assessment, named: bool) -> None:
         return
     plan = found.found.plan
     few = len(plan.waypoints) <= _MOST_NAMES
+    last, close = -np.inf, 0.05 * plan.duration
     for name, time in zip(plan.waypoints, plan.times, strict=True):
+        above = 3 if time - last > close else 12  # names of waypoints that follow soon stand higher
+        last = time if above == 3 else -np.inf
         axis.axvline(float(time), color="0.5", lw=0.6, ls=":", zorder=0)
         if named and few:
             axis.annotate(
                 name,
                 (float(time), 1.0),
                 xycoords=("data", "axes fraction"),
-                xytext=(0, 3),
+                xytext=(0, above),
                 textcoords="offset points",
                 ha="center",
                 fontsize=8,
