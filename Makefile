@@ -95,6 +95,7 @@ benchmark: $(DEV) ## time a sample, of all contenders
 	$(BIN)/python tests/benchmarks/many.py
 	$(BIN)/python tests/benchmarks/paths.py
 	$(BIN)/python tests/benchmarks/sweeps.py
+	$(BIN)/python tests/benchmarks/optimisation.py
 	$(BIN)/python tests/benchmarks/page.py
 	$(BIN)/python tests/benchmarks/live_page.py
 	$(BIN)/python tests/benchmarks/designs.py
