@@ -99,6 +99,7 @@ benchmark: $(DEV) ## time a sample, of all contenders
 	$(BIN)/python tests/benchmarks/page.py
 	$(BIN)/python tests/benchmarks/live_page.py
 	$(BIN)/python tests/benchmarks/designs.py
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/benchmarks/fastest.py
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/benchmarks/workspace.py
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/benchmarks/loops.py
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/benchmarks/robots.py

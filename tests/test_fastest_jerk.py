@@ -138,6 +138,29 @@ def test_a_nut_does_not_bear_what_turns(robot):
     assert actuator.value == pytest.approx(np.abs(motor[:, 1]).max(), rel=1e-3)
 
 
+def test_armature_and_balance_of_the_machine_are_of_the_actuator(robot):
+    added = p3dof.Actuators(armature={"sliders": 6.0}, counterbalance={"sliders": 40.0})
+    machine = p3dof.load(replace(robot.parameters, actuators=added))
+    for limits in (AxisLimits(600, 2, nut_force=150), AxisLimits(150, 2, jerk=2000, nut_force=400)):
+        plan = fastest_plan(machine, LINE, limits, nodes=60, samples=4001)
+        nut, actuator = (forces_of_task(one, plan).forces for one in (robot, machine))
+        uses = {(one.quantity, one.leg): one.value for one in plan.uses}
+        for leg, name in enumerate("ABC"):
+            assert uses["nut force", name] == pytest.approx(np.abs(nut[:, leg]).max(), rel=2e-3)
+            assert uses["force", name] == pytest.approx(np.abs(actuator[:, leg]).max(), rel=2e-3)
+        shares = np.abs(nut).max() / limits.nut_force[0], np.abs(actuator).max() / limits.force[0]
+        assert max(shares) == pytest.approx(1, rel=1e-3)
+
+
+@pytest.mark.parametrize("jerk", [np.inf, 500.0])
+def test_friction_that_leaves_no_room_is_told_where_and_of_which(robot, jerk):
+    machine = p3dof.load(replace(robot.parameters, friction=p3dof.Friction(coulomb={"slide_b": 300})))
+    with pytest.raises(
+        TaskError, match=r"\Awaypoint 1 to waypoint 2: force: B needs \d+.* to move, friction"
+    ):
+        fastest_plan(machine, LINE, AxisLimits(250, 1, jerk=jerk), nodes=60)
+
+
 def test_uses_say_when_and_on_which_way(robot):
     task = parse(
         """

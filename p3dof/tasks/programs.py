@@ -24,6 +24,8 @@ _SLOW = 1e-6
 """Share of the largest ṡ² under which speeds count as this one where a limit is linearised."""
 _FAR = 3.0
 """A limit of power that allows so many times the force limit is left out; the dense check would notice."""
+_CREEP = 1e-4
+"""ṡ² at which the machine hardly moves, but against all dry friction."""
 _HARD = "the machine cannot move along the path within the limits, however slowly"
 
 
@@ -237,14 +239,21 @@ def solved(
 
 
 def require_standing(points: Points, limits: AxisLimits) -> None:
-    """Raise where the machine needs more than its limit to stand still."""
+    """Raise where the machine needs more than its limit to stand still, or to creep against friction."""
     rest = points.demand.rest
-    held = (("force", rest, limits.force), ("nut_force", rest + points.demand.balance, limits.nut_force))
-    for name, needed, most in held:
+    creeping = rest + points.moving[:, None] * points.friction(np.full(len(rest), _CREEP))
+    balance = points.demand.balance
+    needs = (
+        ("force", rest, limits.force, "stand still"),
+        ("nut_force", rest + balance, limits.nut_force, "stand still"),
+        ("force", creeping, limits.force, "move, friction included, however slowly,"),
+        ("nut_force", creeping + balance, limits.nut_force, "move, friction included, however slowly,"),
+    )
+    for name, needed, most, what in needs:
         heavy = np.abs(needed) > most
         if heavy.any():
             at, leg = (int(k[0]) for k in np.nonzero(heavy))
             raise TaskError(
-                f"{name}: {LEGS[leg]} needs {abs(needed[at, leg]):g} N to stand still "
+                f"{name}: {LEGS[leg]} needs {abs(needed[at, leg]):g} N to {what} "
                 f"{points.place[at] / points.end:.0%} along the way, more than {most[leg]:g} N"
             )

@@ -1,0 +1,54 @@
+"""Processor time of the fastest motions, with 1,000 steps a way and with a limit of jerk.
+
+    python tests/benchmarks/fastest.py [--rounds 3]
+
+CPU time of the process, least of several rounds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import replace
+
+from rich.console import Console
+
+import p3dof
+from p3dof.tasks.files import parse
+
+TASK = """
+waypoints:
+  - {name: pick, pose: [-150 mm, 0, -15 deg]}
+  - {pose: [-150 mm, 25 mm], blend: 25 mm}
+  - {pose: [150 mm, 25 mm], blend: 25 mm}
+  - {name: place, pose: [150 mm, 0, 15 deg]}
+"""
+FRICTION = p3dof.Friction(viscous={"sliders": 20}, coulomb={"sliders": 5})
+CASES = {
+    "500 N, 2 m/s, 1,000 steps": (False, p3dof.AxisLimits(500, 2), 1000),
+    "the same with friction": (True, p3dof.AxisLimits(500, 2), 1000),
+    "the same with 100 W": (True, p3dof.AxisLimits(500, 2, 100), 1000),
+    "500 m/s³, as many steps as by default": (False, p3dof.AxisLimits(500, 2, jerk=500), None),
+    "500 m/s³, 60 steps": (False, p3dof.AxisLimits(500, 2, jerk=500), 60),
+}
+
+
+def main() -> None:
+    """Print a line for each case."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rounds", type=int, default=3)
+    rounds = parser.parse_args().rounds
+    console, task, bare = Console(highlight=False), parse(TASK), p3dof.load()
+    lossy = p3dof.load(replace(bare.parameters, friction=FRICTION))
+    for name, (friction, limits, nodes) in CASES.items():
+        least = float("inf")
+        for _ in range(rounds):
+            begin = time.process_time()
+            plan = p3dof.fastest_plan(lossy if friction else bare, task, limits, nodes=nodes)
+            least = min(least, time.process_time() - begin)
+        worst = max(use.share for use in plan.uses)
+        console.print(f"{name:40s} {least:7.2f} s CPU, {plan.duration:.6f} s, limits used to {worst:.6f}")
+
+
+if __name__ == "__main__":
+    main()
