@@ -23,6 +23,8 @@ from p3dof.tasks.smooth import STARTS, jerk_limited_law
 from p3dof.tasks.uses import FastestPlan, looked_at, uses_of
 
 NODES, SMOOTH_NODES, MOST_NODES = 400, 150, 20_000
+_KEPT = 4
+"""So many rows of places are kept with their poses."""
 _BESIDE, _DIFFERENCE = 1e-7, 1e-3
 """Share of half a step by which third derivatives are taken off its ends, where they may jump; and of a way
 over which differences are taken."""
@@ -227,6 +229,7 @@ class WayOfMachine:
         with_jerk: bool = False,
     ) -> None:
         self._with_jerk = with_jerk
+        self._seen: list[tuple[FloatArray, FloatArray, FloatArray]] = []
         bare = replace(robot.parameters, friction=Friction())
         self._lossy, self._bare = robot, Manipulator(bare)
         self._path, self._wrenches, self._mass = path, wrenches, reflected_mass
@@ -258,6 +261,15 @@ class WayOfMachine:
         balance = added.balance_at_home(self._bare.parameters.gravity) - added.stiffness * sliders
         return Demand(mass, bias, rest, rate, change, third, self._mass + added.inertia, balance)
 
+    def _at(self, place: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return poses and their derivatives at places, which are asked for again and again."""
+        for known, pose, slope in self._seen:
+            if known is place or (known.shape == place.shape and (known == place).all()):
+                return pose, slope
+        pose, slope, _ = self._path.at(place)
+        self._seen = [(place.copy(), pose, slope), *self._seen[: _KEPT - 1]]
+        return pose, slope
+
     def _sliders(
         self, pose: FloatArray, velocity: FloatArray, acceleration: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
@@ -280,7 +292,7 @@ class WayOfMachine:
 
     def friction(self, place: FloatArray, speed: FloatArray) -> FloatArray:
         """Return what friction adds to the forces, (P, 3) [N], at parameters and speeds ṡ (P,)."""
-        pose, slope, _ = self._path.at(place)
+        pose, slope = self._at(place)
         velocity, none = slope * speed[:, None], np.zeros_like(pose)
         with_, without = (
             machine.forces(pose, velocity, none, method="compiled") for machine in (self._lossy, self._bare)
