@@ -136,6 +136,12 @@ def test_bounds_in_which_no_machine_makes_the_motion_are_told() -> None:
         problem.minimise(starts=2)
 
 
+def test_an_objective_that_no_variable_changes_is_told() -> None:
+    problem = DesignProblem({"L": (0.35, 0.45), "r": (0.08, 0.12)}, objectives=["width"])
+    with pytest.raises(OptimisationError, match=r"^width does not depend on any variable \(L, r\): there is"):
+        problem.minimise(starts=3)
+
+
 @pytest.mark.parametrize("method", ["slsqp", "evolution"])
 def test_an_interrupted_optimisation_goes_on_to_the_same_result(method: str, tmp_path: Path) -> None:
     problem, options = _with_r(0.1), {"method": method, "seed": 5, "starts": 3, "generations": 50}

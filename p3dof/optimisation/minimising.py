@@ -17,7 +17,7 @@ from p3dof.optimisation.feasibility import nearest_feasible
 from p3dof.optimisation.journal import Journal
 from p3dof.optimisation.measures import measure_of
 from p3dof.optimisation.optimum import Optimum
-from p3dof.optimisation.starts import starts_of
+from p3dof.optimisation.starts import require_influence, starts_of
 from p3dof.optimisation.statement import Statement
 
 Optimiser: TypeAlias = Literal["slsqp", "evolution"]
@@ -100,6 +100,7 @@ def _by_descents(
     problem: Statement, starts: int, seed: int, journal: Journal, progress: Progress | None
 ) -> Optimum:
     begin = starts_of(problem, starts, seed)
+    require_influence(problem, begin)
     attempts: list[Local] = []
     for index, start in enumerate(begin):
         attempts.append(descent(journal, f"start-{index:03d}", problem, start))

@@ -51,6 +51,7 @@ class RodLoad:
     about: str
     better: Better = "small"
     figures: tuple[FigureGroup, ...] = ()
+    slow: bool = True
 
     def values(self, population: Population) -> FloatArray:
         """Return it of designs, (D,)."""

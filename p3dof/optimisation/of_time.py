@@ -40,6 +40,7 @@ class FastestTime:
         "least time for the path of the motion within the machine's force and speed, from rest to rest"
     )
     figures: tuple[FigureGroup, ...] = ()
+    slow: bool = True
 
     def values(self, population: Population) -> FloatArray:
         """Return it of designs, (D,)."""

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from p3dof.checks import FloatArray
+from p3dof.errors import OptimisationError
 from p3dof.optimisation.statement import Statement
 
-_POINTS = 1024
+_POINTS, _FEW = 1024, 32
+"""Designs to choose from; few where a measure takes long."""
 _APART = 0.1
 """Least distance between starts, as a share of the ranges of the variables."""
 
@@ -34,7 +36,7 @@ def starts_of(problem: Statement, count: int, seed: int) -> FloatArray:
     variables = problem.variables
     own = problem.start
     chosen = [np.clip(variables.scaled(own), 0, 1)] if np.isfinite(own).all() else []
-    points = qmc.Sobol(len(variables), rng=np.random.default_rng(seed)).random(_POINTS)
+    points = qmc.Sobol(len(variables), rng=np.random.default_rng(seed)).random(_points(problem))
     found = problem.evaluate(variables.values(points))
     sign = 1.0 if problem.objectives[0].better == "small" else -1.0
     value = np.where(np.isnan(found.objectives[:, 0]), np.inf, sign * found.objectives[:, 0])
@@ -44,5 +46,21 @@ def starts_of(problem: Statement, count: int, seed: int) -> FloatArray:
         if all(np.abs(points[index] - other).max() > _APART for other in chosen):
             chosen.append(points[index])
     while len(chosen) < count:  # a small range: further points, one after the other
-        chosen.append(points[len(chosen)])
+        chosen.append(points[len(chosen) % len(points)])
     return variables.values(np.array(chosen[:count]))
+
+
+def _points(problem: Statement) -> int:
+    measures = (*problem.objectives, *(item.measure for item in problem.constraints))
+    return _FEW if any(getattr(measure, "slow", False) for measure in measures) else _POINTS
+
+
+def require_influence(problem: Statement, starts: FloatArray) -> None:
+    """Raise `OptimisationError` if the first objective is the same whatever the variables are."""
+    values = problem.evaluate(starts).objectives[:, 0]
+    values = values[np.isfinite(values)]
+    if len(values) > 1 and np.ptp(values) == 0 and np.ptp(starts, axis=0).any():
+        name, by = problem.objectives[0].name, ", ".join(problem.variables.labels)
+        raise OptimisationError(
+            f"{name} does not depend on any variable ({by}): there is nothing to optimise"
+        )
