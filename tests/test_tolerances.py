@@ -132,6 +132,18 @@ def test_solids_have_the_sizes_that_are_told():
     assert p3dof.tolerance(machine, motion, **ask | {"fixed": None}).peak[3] != pytest.approx(peak, rel=0.1)
 
 
+def test_balances_vary_about_those_of_the_machine():
+    """Each slider has its own; a group moves as one."""
+    balance = {"slide_a": 40.0, "slide_b": 30.0, "slide_c": 50.0}
+    machine = replace(PAPER, actuators=p3dof.Actuators(counterbalance=balance))
+    motion = p3dof.paper_motion(51)
+    found = p3dof.tolerance(machine, motion, sigma={"actuators.counterbalance.sliders": "2 N"})
+    forces = p3dof.load(machine).inverse_dynamics(motion).forces
+    assert_allclose(found.forces, forces, atol=1e-9)
+    assert_allclose(found.deviation, 2.0, atol=1e-12)
+    assert found.nominal[0] == 40
+
+
 def test_a_load_counts():
     wrench = np.array([0.0, 500.0, 0.0, 0, 0, 0])
     without = p3dof.tolerance(PAPER, MOTION, sigma=LENGTHS)

@@ -139,9 +139,9 @@ def _members(name: str) -> list[str]:
         kind, _, what = rest.partition(".")
         links = (kind,) if kind in LINKS else KINDS[kind]
         return [f"bodies.{link}.{what}" for link in links]
-    if room == "friction" and rest != "smoothing":
+    if room in ("friction", "actuators") and rest != "smoothing":
         law, _, joint = rest.partition(".")
-        return [f"friction.{law}.{member}" for member in JOINT_GROUPS.get(joint, (joint,))]
+        return [f"{room}.{law}.{member}" for member in JOINT_GROUPS.get(joint, (joint,))]
     return [name]
 
 
