@@ -133,6 +133,15 @@ def test_the_limits_hold_along_the_way_and_one_is_reached(robot, lossy, friction
     assert np.median(most) > 0.99  # one of the limits is reached nearly everywhere
 
 
+@pytest.mark.parametrize("nodes", [60, 100])
+def test_few_steps_keep_the_limits_too(robot, nodes):
+    """Collocation at as few nodes would be faster than possible, and exceed the force by half."""
+    plan = fastest_plan(robot, BLENDED, AxisLimits(500, 2), nodes=nodes, samples=8001)
+    assert 1 <= plan.duration / 0.20529 < 1.003
+    assert max(one.share for one in plan.uses) <= 1 + 1e-9
+    assert np.abs(forces_of_task(robot, plan).forces).max() < 500 * 1.001
+
+
 def test_friction_takes_time(robot, lossy):
     with_, without = (fastest_plan(m, LINE, AxisLimits(300, 2), nodes=60).duration for m in (lossy, robot))
     assert with_ > 1.001 * without
