@@ -202,7 +202,7 @@ class Indices(ShownInNotebook):
     def accuracy(self) -> FloatArray:
         """Largest errors of y, z [m/m] and θ [rad/m] for slider errors of up to 1, shape (..., 3).
 
-        Row sums of |J⁻¹|: nothing in it can be chosen. Merlet, J. Mech. Des. 128 (2006) 199.
+        Row sums of ``|J⁻¹|``: nothing in it can be chosen. Merlet, J. Mech. Des. 128 (2006) 199.
         """
         return self._shaped(np.abs(self._inverse).sum(axis=-1))
 
@@ -210,7 +210,7 @@ class Indices(ShownInNotebook):
 
     @cached_property
     def iti(self) -> FloatArray:
-        """Input transmission of A, B, C, |rod direction · slider direction| = S/L, shape (..., 3).
+        """Input transmission of A, B, C, ``|rod direction · slider direction| = S/L``, shape (..., 3).
 
         From 0 (the leg is horizontal) to 1. Wang, Wu, Liu, Mech. Mach. Theory 45 (2010) 1462.
         """
@@ -218,7 +218,7 @@ class Indices(ShownInNotebook):
 
     @cached_property
     def oti(self) -> FloatArray:
-        """Output transmission of A, B, C: |rod direction · v| / |v|, shape (..., 3).
+        """Output transmission of A, B, C: ``|rod direction · v| / |v|``, shape (..., 3).
 
         v is the velocity of the leg's joint at the platform when its slider alone moves. From 0 (actuation
         singularity) to 1; A and B have the same, the sine of the angle between their rods. Wang, Wu, Liu
@@ -240,7 +240,7 @@ class Indices(ShownInNotebook):
     def lone_velocity(self) -> FloatArray:
         """Largest ẏ, ż [m/s], θ̇ [rad/s], each alone, within the speed limit, shape (..., 3).
 
-        v / max_i |J_ik|: the polytope's cuts with the axes.
+        ``v / max_i |J_ik|``: the polytope's cuts with the axes.
         """
         return self._shaped(lone_velocities(self._jacobians, self.limits.speed))
 
@@ -289,7 +289,7 @@ class Indices(ShownInNotebook):
     def acceleration_ball(self) -> FloatArray:
         """Radius of the largest ball of accelerations in (y, z, ℓ θ) from rest [m/s²], shape (...).
 
-        min_i (F - |f0_i|) / ‖row_i(J⁻ᵀ M diag(1, 1, 1/ℓ))‖; NaN where the machine cannot be held.
+        ``min_i (F - |f0_i|) / ‖row_i(J⁻ᵀ M diag(1, 1, 1/ℓ))‖``; NaN where the machine cannot be held.
         """
         return self._shaped(ball(self._at_rest.forces, self._loads * self._scale, self.limits.force))
 
@@ -329,7 +329,7 @@ class Indices(ShownInNotebook):
 
     @cached_property
     def dynamic_manipulability(self) -> FloatArray:
-        """|det J| / det M = 1 / |det(J⁻ᵀ M)| [m² rad / (s⁶ N³)], shape (...). Yoshikawa (1985).
+        """``|det J| / det M = 1 / |det(J⁻ᵀ M)|`` [m² rad / (s⁶ N³)], shape (...). Yoshikawa (1985).
 
         The volume of accelerations that forces in a unit cube give, by the volume of this cube.
         """

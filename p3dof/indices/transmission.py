@@ -9,7 +9,7 @@ from p3dof.workspace.closed_forms import Sizes, drops, extents
 
 
 def input_transmission(sizes: Sizes, y: FloatArray, theta: FloatArray) -> FloatArray:
-    """Return ITI of A, B, C, |rod direction · slider direction| = S/L.
+    """Return ITI of A, B, C, ``|rod direction · slider direction| = S/L``.
 
     The rod of leg C is the middle line between the rods of the parallelogram.
 
@@ -30,7 +30,7 @@ def input_transmission(sizes: Sizes, y: FloatArray, theta: FloatArray) -> FloatA
 
 
 def output_transmission(sizes: Sizes, y: FloatArray, theta: FloatArray) -> FloatArray:
-    """Return OTI of A, B, C, |rod direction · v| / |v|, v the velocity of the leg's joint at the platform.
+    """Return OTI of A, B, C, ``|rod direction · v| / |v|``, v the velocity of the leg's platform joint.
 
     v is what it is when the leg's own slider alone moves. With sliders B and C held, P can only turn about
     the slider of B: OTI of A (and of B) is the sine of the angle between the rods A and B. With A and B held

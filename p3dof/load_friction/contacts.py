@@ -52,7 +52,7 @@ class HingeContact:
 
 @dataclass(frozen=True)
 class SlideContact:
-    """Guide and screw of a slider: F = drag + mu (|fx| + |fy| + (|mx| + |my| + |mz|) / arm) + screw |f|.
+    """Guide and screw of a slider: ``F = drag + mu (|fx| + |fy| + (|mx| + |my| + |mz|) / arm) + screw |f|``.
 
     fx, fy, mx, my, mz are what the guide transmits at the slider's origin, in its axes; f is the force of the
     nut, which overcomes the guide's friction too but moves no rotor (armature). The screw's line goes through

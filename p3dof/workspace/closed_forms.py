@@ -45,7 +45,7 @@ class Sizes(NamedTuple):
 
     @property
     def reach(self) -> Any:
-        """Largest |y| that the legs A and B reach: L - (R - r) [m]."""
+        """Largest size of y that the legs A and B reach: L - (R - r) [m]."""
         return self.L - self.width
 
 

@@ -15,7 +15,7 @@ _CLOSE = 1e-6
 
 
 def reach_range(sizes: Sizes, y: FloatArray, serial: float = 0.0) -> FloatArray:
-    """Return the largest |θ| that leg C reaches at each y, up to π [rad].
+    """Return the largest size of θ that leg C reaches at each y, up to π [rad].
 
     Parameters
     ----------
