@@ -128,4 +128,4 @@ def test_the_javascript_of_a_page_runs(tmp_path, monkeypatch, page):
 def test_blocks_that_are_not_run_are_few():
     """Of the pages' languages, only these hold something that no test runs."""
     languages = {block.language for page in PAGES for block in blocks(page)}
-    assert languages <= {"python", "console", "yaml", "text", "c", "js"}
+    assert languages <= {"python", "console", "yaml", "text", "c", "js", "csv"}

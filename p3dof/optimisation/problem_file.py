@@ -35,11 +35,12 @@ from typing import Any
 from p3dof.designs.fields import listed, machine_of, mapping, motion_of, named, number, wrench_of
 from p3dof.errors import InputError, P3dofError
 from p3dof.files import called, parse_yaml, read_text
+from p3dof.optimisation.bounds import constraints_of
 from p3dof.optimisation.box import GRID, Box
 from p3dof.optimisation.constraints import Constraint
 from p3dof.optimisation.problem import DesignProblem
 from p3dof.optimisation.robust import Robust
-from p3dof.optimisation.statement import DRIVE_STIFFNESS, SAMPLES, STEEL_MODULUS, constraints_of
+from p3dof.optimisation.statement import DRIVE_STIFFNESS, SAMPLES, STEEL_MODULUS
 from p3dof.parameters.quantities import ANGLE, LENGTH, PRESSURE, STIFFNESS
 
 FIELDS = (

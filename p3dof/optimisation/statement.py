@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
@@ -16,11 +16,12 @@ from p3dof.compiled.designs import compiled_level
 from p3dof.compiled.kernels import NUMPY
 from p3dof.designs.columns import BodiesOfDesigns, numbers_of
 from p3dof.designs.names import DENSITY, KINDS, SIZES, full_name
-from p3dof.errors import InputError, P3dofError
+from p3dof.errors import InputError
 from p3dof.motion import Motion, paper_motion
 from p3dof.motion.wrenches import WrenchOverTime
+from p3dof.optimisation.bounds import constraints_of
 from p3dof.optimisation.box import Box
-from p3dof.optimisation.constraints import Constraint, relation
+from p3dof.optimisation.constraints import Constraint
 from p3dof.optimisation.evaluated import Asked, Evaluated
 from p3dof.optimisation.measure import Measure, worst_gradient
 from p3dof.optimisation.measures import measure_of
@@ -28,7 +29,6 @@ from p3dof.optimisation.population import Population, Setting
 from p3dof.optimisation.settings import settings_of
 from p3dof.optimisation.variables import Variables, quantity_in_si
 from p3dof.parameters import PAPER, STEEL_DENSITY, Dimensions, Parameters
-from p3dof.parameters.quantities import ANGLE, FORCE, LENGTH, MASS, SPEED
 
 STEEL_MODULUS = 210e9
 """Young's modulus of steel [Pa]."""
@@ -276,68 +276,6 @@ class Statement:
         box = None if setting.box is None else setting.box.finer(times)
         new.setting = replace(setting, motion=motion, wrench=load, box=box)
         return new
-
-
-def constraints_of(given: Mapping[str, Any] | Sequence[Any] | str) -> tuple[Constraint, ...]:
-    """Return constraints from what `DesignProblem` takes.
-
-    Parameters
-    ----------
-    given : mapping or sequence
-        See there.
-
-    Returns
-    -------
-    tuple of Constraint
-
-    Raises
-    ------
-    InputError
-        If one does not fit.
-    """
-    found: list[Constraint] = []
-    if isinstance(given, str):
-        return (relation(given),)
-    if isinstance(given, Mapping):
-        for name, bounds in given.items():
-            if name == "relations":
-                found += [relation(text) for text in ((bounds,) if isinstance(bounds, str) else bounds)]
-            else:
-                found += _bounds(name, bounds)
-        return tuple(found)
-    if not isinstance(given, Iterable):
-        raise InputError(f"constraints: expected bounds by name or a sequence, got {shown(given)}")
-    for item in given:
-        found += [item] if isinstance(item, Constraint) else constraints_of(item)
-    return tuple(found)
-
-
-def _bounds(name: str, bounds: Any) -> list[Constraint]:
-    measure = measure_of(name, "constraints")
-    if not isinstance(bounds, Mapping) or not bounds or set(bounds) - {"min", "max"}:
-        raise InputError(
-            f"constraints: {name}: expected {{'min': ...}}, {{'max': ...}} or both, got {shown(bounds)}"
-        )
-    found = []
-    for side, value in bounds.items():
-        number = np.asarray(_in_si(measure, value, f"constraints: {name}: {side}"))
-        if number.shape != () or number.dtype.kind not in "fiu" or not np.isfinite(number):
-            raise InputError(f"constraints: {name}: {side}: expected a finite number, got {shown(value)}")
-        found.append(Constraint(measure, float(number), at_least=side == "min"))
-    return found
-
-
-_QUANTITIES = {item.unit: item for item in (LENGTH, ANGLE, FORCE, MASS, SPEED)}
-
-
-def _in_si(measure: Measure, value: Any, where: str) -> Any:
-    """Return a bound in SI units, of a text with a unit too."""
-    if not isinstance(value, str) or measure.unit not in _QUANTITIES:
-        return value
-    try:
-        return _QUANTITIES[measure.unit].read(value, where)
-    except P3dofError as error:
-        raise InputError(str(error)) from error
 
 
 def _fixed(given: Mapping[str, Any], variables: Variables) -> dict[str, float]:
