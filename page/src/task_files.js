@@ -10,11 +10,11 @@ import { YamlError, parseYaml } from "./yaml.js";
 
 /** Units by kind: a power of ten, or a factor. @type {Record<string, Record<string, number | string>>} */
 const UNITS = {
-    mass: { kg: "e0", g: "e-3" },
-    length: { m: "e0", cm: "e-2", mm: "e-3", um: "e-6", "µm": "e-6", km: "e3" },
+    mass: { kg: "e0", g: "e-3", lb: 0.45359237 },
+    length: { m: "e0", cm: "e-2", mm: "e-3", um: "e-6", "µm": "e-6", km: "e3", in: 0.0254, ft: 0.3048 },
     angle: { rad: "e0", mrad: "e-3", deg: Math.PI / 180, "°": Math.PI / 180 },
     time: { s: "e0", ms: "e-3", min: 60 },
-    force: { N: "e0", mN: "e-3", kN: "e3" },
+    force: { N: "e0", mN: "e-3", kN: "e3", lbf: 4.4482216152605, kgf: 9.80665 },
     moment: { "N m": "e0", Nm: "e0", "N mm": "e-3", Nmm: "e-3", "kN m": "e3" },
 };
 const NUMBER = /^\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$/;
@@ -30,8 +30,9 @@ function quantity(value, kind, where) {
     return Number(`${digits}e${Number(power ?? 0) + Number(factor.slice(1))}`);
 }
 
-const KNOWN = ["name", "path", "profile", "smoothness", "turning_length", "carrying", "waypoints"];
-const OF_WAYPOINT = ["pose", "name", "blend", "dwell", "duration", "pick_up", "put_down", "wrench"];
+/** Limits, and what a better path may change, are for `p3dof fastest`: a plan does not depend on them. */
+const KNOWN = ["name", "path", "profile", "smoothness", "turning_length", "carrying", "limits", "waypoints"];
+const OF_WAYPOINT = ["pose", "name", "blend", "blend_range", "tolerance", "dwell", "duration", "pick_up", "put_down", "wrench"];
 const ELSEWHERE = "this page does not plan it; save its motion with `p3dof plan TASK --out motion.csv` and load that";
 
 /** Read a task file. @param {string} text @returns {Task} */

@@ -93,3 +93,18 @@ test("a motion file is read back to the same bits, and in other units", () => {
     assert.throws(() => readMotion(text.replace("10,1,1", "0,1,1")), /line 4, column t: expected a time after 0, got 0/);
     assert.throws(() => readMotion(text.replace("10,1,1", "10,x,1")), /line 4, column y: expected a number, got x/);
 });
+
+test("inches and pounds are read, and what only the fastest motion needs", () => {
+    const { task, carrying } = readFile(`
+carrying: {mass: 3 lb, com: [0, 0, -2 in], inertia: [0, 0, 0]}
+limits: {force: 300 N, jerk: 500}
+waypoints:
+  - {pose: [0, 0, 0], wrench: [1 lbf, 0, 0, 0, 0, 0]}
+  - {pose: [4 in, 0], blend: 1 in, blend_range: [5 mm, 25 mm]}
+  - {pose: [6 in, 1 in, 10 deg]}
+`);
+    assert.ok(Math.abs(Number(carrying.payload) - 1.36077711) < 1e-15);
+    assert.ok(Math.abs(Number(carrying.below) - 0.0508) < 1e-15);
+    assert.ok(Math.abs(task.waypoints[1].pose[0] - 0.1016) < 1e-15);
+    assert.ok(Math.abs(Number(task.waypoints[0].wrench?.[0]) - 4.4482216152605) < 1e-15);
+});
