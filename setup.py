@@ -8,6 +8,7 @@ any platform (``py3-none-any``), so that its name tells it from one with the ext
 from __future__ import annotations
 
 import os
+import runpy
 from pathlib import Path
 
 from setuptools import Extension, setup
@@ -55,13 +56,13 @@ def extensions() -> list[Extension]:
     """Return the extension, unless it is not wanted."""
     if os.environ.get("P3DOF_NO_EXTENSION", "") not in {"", "0"}:
         return []
-    headers = [*KERNELS.glob("*.h"), *KERNELS.glob("generated/*.h"), *Path("p3dof/tracing").glob("*.h")]
-    headers += Path("p3dof/integrators").glob("*.h")
+    sources = runpy.run_path((KERNELS / "sources.py").as_posix())
     return [
         Extension(
             "p3dof.compiled.extension._compiled",
             [(KERNELS / "_compiled.c").as_posix()],
-            depends=[header.as_posix() for header in headers],
+            depends=[header.as_posix() for header in sources["headers"](Path("p3dof"))],
+            define_macros=[("P3DOF_SOURCES", f"{sources['fingerprint'](Path('p3dof'))}LL")],
             optional=True,
         )
     ]

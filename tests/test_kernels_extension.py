@@ -25,6 +25,8 @@ from test_friction import random_friction
 import p3dof
 from p3dof import kinematics
 from p3dof.codegen.batch import ONE_LOOP, kernel_code
+from p3dof.compiled import kernels
+from p3dof.compiled.extension.sources import PACKAGE, fingerprint
 from p3dof.compiled.formulas import WITH_FRICTION, all_kernels, is_symmetric, kernel
 from p3dof.compiled.reduced import model_of
 from p3dof.compiled.reduced.friction import friction_numbers
@@ -801,3 +803,33 @@ def test_a_sample_has_the_same_bits_whatever_is_beside_it(used, level):
         few, _ = run(used, level, [column[place - place % 3 : place + 5].copy() for column in inputs])
         for one, some, whole in zip(alone, few, together, strict=True):
             equal([one[0], some[place % 3]], [whole[place]] * 2, np.abs(whole).max())
+
+
+def test_the_extension_is_of_the_sources_beside_it(tmp_path):
+    assert _compiled.sources == fingerprint()
+    for place in ("compiled/extension/generated", "integrators", "tracing"):
+        shutil.copytree(PACKAGE / place, tmp_path / place, dirs_exist_ok=True)
+    for file in (PACKAGE / "compiled/extension").glob("*.[ch]"):
+        shutil.copy(file, tmp_path / "compiled/extension")
+    assert fingerprint(tmp_path) == _compiled.sources
+    changed = tmp_path / "compiled/extension/generated/batch_kernels.h"
+    changed.write_text(changed.read_text().replace("+", "-", 1))
+    assert fingerprint(tmp_path) != _compiled.sources
+    shutil.rmtree(tmp_path / "compiled")
+    assert fingerprint(tmp_path) is None  # as in a wheel: nothing can be said
+
+
+def test_an_extension_of_other_sources_is_not_used(monkeypatch):
+    """After an update of the sources alone it would give forces of other numbers of the machine."""
+    kernels._extension.cache_clear()
+    try:
+        monkeypatch.setattr(kernels, "fingerprint", lambda: _compiled.sources + 1)
+        with pytest.warns(UserWarning, match="compiled from other sources than are here: install"):
+            assert kernels.levels() == ("numpy",)
+        monkeypatch.delenv("P3DOF_LEVEL", raising=False)
+        assert "other sources" in kernels.in_words()
+        kernels._extension.cache_clear()
+        monkeypatch.setattr(kernels, "fingerprint", lambda: None)
+        assert len(kernels.levels()) > 1
+    finally:
+        kernels._extension.cache_clear()

@@ -87,7 +87,7 @@ def _work(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 @app.command()
-@click.argument("file", type=InputFile(), required=False)
+@click.argument("file", type=InputFile(), required=False, metavar="[FILE]")
 @with_load
 @click.option(
     "--sigma", "sigmas", type=Named(), multiple=True,
@@ -152,7 +152,7 @@ def tolerance(
 
 
 @app.command()
-@click.argument("file", type=InputFile(), required=False)
+@click.argument("file", type=InputFile(), required=False, metavar="[FILE]")
 @with_load
 @click.option(
     "--vary", "variables", type=Named(), multiple=True,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable, Sequence
 from functools import cache, partial
 from importlib.util import find_spec
@@ -13,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from p3dof.algebra import BLOCK
 from p3dof.checks import FloatArray, as_floats, shown
+from p3dof.compiled.extension.sources import fingerprint
 from p3dof.compiled.formulas import NAMES, WITH_FRICTION, Kernel, is_symmetric, kernel
 from p3dof.compiled.reduced import model_of
 from p3dof.compiled.reduced.friction import friction_numbers
@@ -65,7 +67,7 @@ def in_words() -> str:
         return f"{NUMPY}: P3DOF_LEVEL asks for it"
     if find_spec("p3dof.compiled.extension._compiled") is None:
         return f"{NUMPY}: no compiler at installation"
-    return f"{NUMPY}: the extension does not load, install it again"
+    return f"{NUMPY}: the extension {_OLD if _is_old() else 'does not load, install it again'}"
 
 
 class MachineKernels:
@@ -342,13 +344,28 @@ def on_arrays(
     return good
 
 
+_OLD = "was compiled from other sources than are here: install the package again"
+
+
 @cache
 def _extension() -> Any:
     try:
         from p3dof.compiled.extension import _compiled
     except ImportError:
         return None
+    if _is_old():
+        warnings.warn(f"the compiled extension {_OLD}; until then NumPy does its work", stacklevel=2)
+        return None
     return _compiled
+
+
+def _is_old() -> bool:
+    """Whether the extension loads, but is not of the sources beside it."""
+    try:
+        from p3dof.compiled.extension import _compiled
+    except ImportError:
+        return False
+    return _compiled.sources not in (0, fingerprint() or _compiled.sources)
 
 
 def _level(level: str | None) -> str:

@@ -30,6 +30,10 @@
 
 /* The module */
 
+#ifndef P3DOF_SOURCES
+#define P3DOF_SOURCES 0 /* not known: see sources.py */
+#endif
+
 static int add(PyObject *module, const char *name, PyObject *value)
 {
     const int result = value ? PyModule_AddObjectRef(module, name, value) : -1;
@@ -77,7 +81,8 @@ static int fill_module(PyObject *module)
         add(module, "Sample", PyType_FromModuleAndSpec(module, &Sample_spec, NULL)) < 0 ||
         add(module, "DesignLoop", PyType_FromModuleAndSpec(module, &DesignLoop_spec, NULL)) < 0 ||
         add(module, "MachineRun", PyType_FromModuleAndSpec(module, &Run_spec, NULL)) < 0 ||
-        add(module, "levels", names_of_levels()) < 0 || add(module, "kernels", counts_of_kernels()) < 0)
+        add(module, "levels", names_of_levels()) < 0 || add(module, "kernels", counts_of_kernels()) < 0 ||
+        add(module, "sources", PyLong_FromLongLong(P3DOF_SOURCES)) < 0)
         return -1;
     return 0;
 }
@@ -96,7 +101,8 @@ static PyModuleDef_Slot module_slots[] = {
 PyDoc_STRVAR(module_doc, "The batch kernels, compiled.\n\n"
                          "levels : names of the instruction sets that this CPU can run, lowest first.\n"
                          "kernels : name of a kernel to its number of constants, of inputs and of outputs, margin "
-                         "included.");
+                         "included.\n"
+                         "sources : fingerprint of what it was compiled from; 0 if not known.");
 
 static struct PyModuleDef module_definition = {
     PyModuleDef_HEAD_INIT,

@@ -7,6 +7,7 @@ from typing_extensions import Buffer
 
 levels: tuple[str, ...]
 kernels: Mapping[str, tuple[int, int, int]]
+sources: int
 
 _Doubles: TypeAlias = NDArray[np.float64] | Buffer
 

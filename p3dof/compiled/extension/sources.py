@@ -1,0 +1,50 @@
+"""Which sources an extension was compiled from: one that is older than the Python beside it is not used.
+
+The build runs this file by itself, so it imports nothing of p3dof.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+PACKAGE = Path(__file__).parents[2]
+"""The folder of p3dof."""
+
+
+def headers(package: Path = PACKAGE) -> list[Path]:
+    """Return the files that the extension includes.
+
+    Parameters
+    ----------
+    package : Path
+        The folder of p3dof.
+
+    Returns
+    -------
+    list of Path
+    """
+    places = ("compiled/extension", "compiled/extension/generated", "integrators", "tracing")
+    return sorted(header for place in places for header in (package / place).glob("*.h"))
+
+
+def fingerprint(package: Path = PACKAGE) -> int | None:
+    """Return 63 bits that tell the sources of the extension from others.
+
+    Parameters
+    ----------
+    package : Path
+        The folder of p3dof.
+
+    Returns
+    -------
+    int or None
+        None where the sources are not there, as in a wheel.
+    """
+    source = package / "compiled/extension/_compiled.c"
+    if not source.is_file():
+        return None
+    found = hashlib.blake2b(digest_size=8)
+    for file in (source, *headers(package)):
+        found.update(file.read_bytes().replace(b"\r\n", b"\n"))
+    return int.from_bytes(found.digest(), "big") >> 1
