@@ -195,6 +195,32 @@ def test_limits_of_the_task_are_held_too(forces):
         p3dof.assess(ROBOT, forces, limits=3)
 
 
+def test_the_table_has_every_rating_of_machine_task_and_drive(forces):
+    """Three of one name are three rows, the worst first."""
+    limits = p3dof.AxisLimits(force=150.0, speed=0.4)
+    found = p3dof.assess(ROBOT, forces, drives=Catalogue([SMALL], SCREWS[:1]), limits=limits)
+    rows = uses_table(found).rows
+    kinds = [row[1] for row in rows if row[0] == "speed of B"]
+    assert sorted(kinds) == ["drive", "machine", "task"]
+    assert rows[0][:2] == (f"{found.worst.name} of {found.worst.part}", found.worst.kind)
+    assert len(rows) == len(found.ratings)
+    shares = [float(row[4].rstrip("%")) for row in rows if row[4] != "beyond"]
+    assert shares == sorted(shares, reverse=True)
+
+
+def test_what_is_just_exceeded_is_told_with_digits_enough(forces):
+    most = forces.peak_forces.max()
+    limits = p3dof.AxisLimits(force=most / (1 + 2e-5), speed=2.0)
+    found = p3dof.assess(ROBOT, forces, limits=limits)
+    assert not found.fits
+    required, allowed = (float(text) for text in found.worst.figures)
+    assert required > allowed
+    assert required / allowed == pytest.approx(1 + 2e-5, abs=2e-6)
+    assert uses_table(found, 1).rows[0][4] == "100.002%"
+    assert "is used to 100.002%" in found.verdict
+    assert "0.002% too much" in found.verdict
+
+
 def test_balance_and_armature_are_told():
     actuators = p3dof.Actuators(armature={"slide_a": 3.0}, counterbalance={"sliders": 50.0})
     balanced = p3dof.load(dataclasses.replace(p3dof.PAPER, actuators=actuators))

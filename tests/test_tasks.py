@@ -385,6 +385,13 @@ def test_a_bad_file_is_one_clear_error_and_fails_the_schema(words, data):
     assert not VALIDATOR.is_valid(data)
 
 
+def test_a_named_waypoint_is_told_once():
+    data = {"waypoints": [WAYPOINTS[0], {"pose": [0.1, 0, 0], "name": "place", "put_down": 1}]}
+    with pytest.raises(TaskError) as found:
+        parse(yaml.safe_dump(data), "task.yaml")
+    assert str(found.value) == "task.yaml: waypoint 2 (place): put_down: expected true or false, got 1"
+
+
 BAD_TASKS = {
     "expected a stop at the beginning": lambda: over([Waypoint([0, 0, 0], blend=0.01), ([0.1, 0, 0],)]),
     "expected two different poses": lambda: over([([0, 0, 0],), ([0, 0, 0],)]),

@@ -22,7 +22,7 @@ from p3dof.methods import InverseDynamics
 from p3dof.methods.utilisation import Utilisation, utilisations
 from p3dof.parameters import LEGS
 from p3dof.reactions import Reactions, Stiffness, of_result
-from p3dof.tables import ShownInNotebook
+from p3dof.tables import ShownInNotebook, percent
 from p3dof.tasks import AxisLimits, FastestPlan
 
 _TOLD = 4
@@ -77,7 +77,15 @@ class RatingUse:
         """What is required of what is allowed, in words."""
         if self.share == math.inf:
             return f"{short(self.required)} {self.unit} where none is allowed"
-        return f"{short(self.required)} of {short(self.allowed)} {self.unit}".strip()
+        required, allowed = self.figures
+        return f"{required} of {allowed} {self.unit}".strip()
+
+    @property
+    def figures(self) -> tuple[str, str]:
+        """What is required and what is allowed, with digits enough to see what is exceeded."""
+        above = self.share - 1
+        digits = 4 if not _FITS - 1 < above < 1e-3 else min(2 + math.ceil(-math.log10(above)), 12)
+        return short(self.required, digits), short(self.allowed, digits)
 
     @property
     def when(self) -> str:
@@ -179,7 +187,7 @@ class Assessment(ShownInNotebook):
         if one.share == math.inf:
             much = "is beyond what there is"
         else:
-            much = f"is used to {one.share:.0%}, {one.amounts}"
+            much = f"is used to {percent(one.share, 0)}, {one.amounts}"
         left = f"; {1 - one.share:.0%} is left" if self.fits else f"; {_beyond(one.share)}"
         return f"{words} {much} {one.when}{left}"
 
@@ -409,14 +417,16 @@ def _of_brakes(sizing: Sizing) -> list[str]:
     return [f"{names}: no brake is given; the machine falls when the power fails"]
 
 
-def short(value: float) -> str:
-    """Return the size of a number in four digits, without an exponent where it has up to six of them."""
+def short(value: float, digits: int = 4) -> str:
+    """Return the size of a number in some digits, without an exponent where it has up to six of them."""
     size = abs(value)
-    return f"{size:.0f}" if 1e4 <= size < 1e6 else f"{size:.4g}"
+    return f"{size:.0f}" if digits < 6 and 1e4 <= size < 1e6 else f"{size:.{digits}g}"
 
 
 def _beyond(share: float) -> str:
-    return "no speed or torque like it is allowed" if share == math.inf else f"{share - 1:.0%} too much"
+    if share == math.inf:
+        return "no speed or torque like it is allowed"
+    return f"{share - 1:.0%} too much" if share >= 1.005 else f"{100 * (share - 1):.1g}% too much"
 
 
 def _works(power: FloatArray, time: FloatArray) -> tuple[float, float]:

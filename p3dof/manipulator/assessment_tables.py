@@ -8,10 +8,10 @@ import numpy as np
 
 from p3dof.checks import FloatArray
 from p3dof.drives.sizing import BUCKLING, WHIRL
-from p3dof.manipulator.assessment import Assessment, RatingUse, short
+from p3dof.manipulator.assessment import Assessment, RatingUse
 from p3dof.manipulator.tasks import TaskForces
 from p3dof.parameters import LEGS
-from p3dof.tables import NONE, Cell, Table, html_of, notebook_html, number, table_of
+from p3dof.tables import NONE, Cell, Table, html_of, notebook_html, number, percent, table_of
 
 _LEADS = (5.0, 10.0, 16.0, 20.0, 32.0)
 """Of screws for which torques of motors are told [mm a turn]."""
@@ -32,21 +32,21 @@ def uses_table(found: Assessment, most: int | None = None) -> Table:
     -------
     Table
     """
-    rows = {f"{one.name} of {one.part}": _use(one) for one in found.ratings[:most]}
+    rows = tuple(_use(one) for one in found.ratings[:most])
     header = ("rating", "of", "required", "allowed", "used", "at t [s]", "on the way")
     left = 0 if most is None else len(found.ratings) - most
     note = f"{left} more are used less." if left > 0 else ""
-    return table_of("How much of the ratings is used", header, rows, note)
+    return Table("How much of the ratings is used", header, rows, note)
 
 
 def _use(one: RatingUse) -> tuple[str, ...]:
-    values = (f"{short(value)} {one.unit}".strip() for value in (one.required, one.allowed))
-    return (one.kind, *values, share(one.share), *_when(one.time, one.place))
+    values = (f"{figure} {one.unit}".strip() for figure in one.figures)
+    return (f"{one.name} of {one.part}", one.kind, *values, share(one.share), *_when(one.time, one.place))
 
 
 def share(value: float) -> str:
     """Return how much is used, in percent; a word where nothing is allowed."""
-    return f"{value:.1%}" if value < math.inf else "beyond"
+    return percent(value) if value < math.inf else "beyond"
 
 
 def _when(time: float, place: str) -> tuple[str, str]:

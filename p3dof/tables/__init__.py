@@ -5,7 +5,7 @@ notebooks show them.
 """
 
 from p3dof.tables.html import ShownInNotebook, html_of, notebook_html, table_html
-from p3dof.tables.table import NONE, Cell, Table, fixed, number, table_of, time_text
+from p3dof.tables.table import NONE, Cell, Table, fixed, number, percent, table_of, time_text
 
 __all__ = [
     "NONE",
@@ -16,6 +16,7 @@ __all__ = [
     "html_of",
     "notebook_html",
     "number",
+    "percent",
     "table_html",
     "table_of",
     "time_text",

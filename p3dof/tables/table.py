@@ -15,6 +15,8 @@ Layout: TypeAlias = Literal["plain", "wide", "words", "list"]
 
 NONE = "–"
 """What stands for a number that does not exist."""
+_WHOLE = 1e-9
+"""Shares no more than this above 1 are the whole: of rounding."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,31 @@ def number(value: float) -> str:
 def fixed(value: float, decimals: int) -> str:
     """Return a number with so many decimals; a dash for what does not exist."""
     return NONE if math.isnan(value) else f"{value:.{decimals}f}"
+
+
+def percent(share: float, decimals: int = 1) -> str:
+    """Return a share in percent; one just above the whole has so many decimals more that it shows.
+
+    Parameters
+    ----------
+    share : float
+        1 is the whole.
+    decimals : int
+        How many there are mostly.
+
+    Returns
+    -------
+    str
+    """
+    return f"{share:.{decimals + _more(share, decimals)}%}"
+
+
+def _more(share: float, decimals: int) -> int:
+    """Return how many more decimals tell a share from the whole, if it is above it."""
+    above = share - 1
+    if not _WHOLE < above < 0.5 * 10 ** -(decimals + 2):
+        return 0
+    return math.ceil(-math.log10(above)) - 2 - decimals
 
 
 def table_of(

@@ -214,7 +214,9 @@ def _waypoint(data: Any, where: str) -> Waypoint:
     try:
         return Waypoint(**values)
     except TaskError as error:
-        raise TaskError(f"{where}: {error}") from error
+        name = values.get("name")
+        words = str(error).removeprefix(f"waypoint {name}: ")  # the file's line has its number too
+        raise TaskError(f"{where}{f' ({name})' * isinstance(name, str)}: {words}") from error
 
 
 def _row(values: Any, kinds: tuple[Quantity, ...], where: str) -> Any:
