@@ -176,6 +176,7 @@ def test_stages_lose_power_in_its_direction():
 
 def test_a_screw_holds_itself_when_half_is_lost():
     assert Screw(0.005, 0.5, inertia=0.0).efficiency_back == 0
+    assert Screw(0.005, "90 %", inertia=0.0, efficiency_back="80%").efficiency == 0.9
     assert Screw(0.005, 0.9, inertia=0.0).efficiency_back == pytest.approx(0.88889, abs=1e-5)
 
 
@@ -305,6 +306,8 @@ BAD = {
     "curve: expected rising speeds from 0": f"motors: [{FAST}, curve: [[1, 1, 1], [5, 1, 1]]}}]",
     "expected at least one of the transmissions": f"motors: [{FAST}}}]",
     "expected an inertia, or a diameter and a length": "motors: []\nscrews: [{name: s, lead: 1 mm}]",
+    "efficiency: expected a share such as 0.9 or '90 %', got 'much'": "motors: []\nscrews: "
+    "[{name: s, lead: 1, efficiency: much, inertia: 0}]",
     "efficiency: expected at most 1": "motors: []\nscrews: [{name: s, lead: 1, efficiency: 9, inertia: 0}]",
     "ends: expected one of": "motors: []\nscrews: [{name: s, lead: 1 mm, inertia: 0, ends: free}]",
     "lead: expected a number above zero": "motors: []\nscrews: [{name: s, lead: 0, inertia: 0}]",

@@ -12,7 +12,7 @@ import p3dof
 from p3dof.cli import main
 from p3dof.errors import ParameterError
 from p3dof.parameters import PAPER, Geometry
-from p3dof.parameters.quantities import ANGLE, FORCE, INERTIA, LENGTH, MASS, MOMENT
+from p3dof.parameters.quantities import ANGLE, FORCE, INERTIA, LENGTH, MASS, MOMENT, POWER, PRESSURE
 from p3dof.parameters.serialization import dump, parse
 
 PLAIN = """
@@ -77,6 +77,10 @@ def test_a_file_with_units_is_the_file_without():
         (MASS, "3 lb", 1.36077711),
         (FORCE, "100 lbf", 444.82216152605),
         (FORCE, "2 kgf", 19.6133),
+        (FORCE, "16 ozf", 4.4482216152605),
+        (MASS, "4 oz", 0.11339809250),
+        (POWER, "1 hp", 745.6998715822702),
+        (PRESSURE, "1 psi", 6894.757293168362),
         (MOMENT, "10 lbf in", 1.129848290276167),
         (MOMENT, "64 Ncm", 0.64),
         (INERTIA, "0.4 lb in^2", 1.1705586137168e-4),

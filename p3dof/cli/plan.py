@@ -188,6 +188,12 @@ def _told(
         print_plain(console, "the task does not end where it began: it cannot be repeated as it is")
     for path in written:
         print_plain(console, f"wrote {path}")
+    if out is not None and any(piece.payload is not None for piece in planned.pieces):
+        print_plain(
+            console,
+            f"{out} is the motion alone: commands that take it as --motion know nothing of what is carried; "
+            "those that take the task do (report, size, balance, reactions --task, bearings --task)",
+        )
     return 0 if all(one.share <= 1 + 1e-9 for one in found.utilisations(limits)) else 1
 
 

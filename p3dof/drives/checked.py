@@ -24,9 +24,15 @@ def from_zero(what: str, value: Any) -> float:
     return number
 
 
-def share(what: str, value: Any) -> float:
-    """Return a number above 0 and at most 1, or raise DriveError."""
-    number = above_zero(what, value)
+def share(what: str, value: Any, zero: bool = False) -> float:
+    """Return a number up to 1 and above 0, or 0 too; texts may be in percent. Or raise DriveError."""
+    if isinstance(value, str):
+        digits = value.strip()
+        try:
+            value = float(digits.rstrip("%")) / (100 if digits.endswith("%") else 1)
+        except ValueError:
+            raise DriveError(f"{what}: expected a share such as 0.9 or '90 %', got {shown(value)}") from None
+    number = from_zero(what, value) if zero else above_zero(what, value)
     if number > 1:
         raise DriveError(f"{what}: expected at most 1, got {number:g}")
     return number

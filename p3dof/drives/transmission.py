@@ -227,8 +227,6 @@ def _set_efficiencies(part: Screw | Belt | Gear, where: str) -> None:
     if part.efficiency_back is None:
         back = max(0.0, 2 - 1 / forward)
     else:
-        back = from_zero(f"{where}: efficiency_back", part.efficiency_back)
-        if back > 1:
-            raise DriveError(f"{where}: efficiency_back: expected at most 1, got {back:g}")
+        back = share(f"{where}: efficiency_back", part.efficiency_back, zero=True)
     object.__setattr__(part, "efficiency", forward)
     object.__setattr__(part, "efficiency_back", back)

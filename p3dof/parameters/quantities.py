@@ -52,6 +52,10 @@ _UNITS: dict[str, tuple[_Powers, Fraction]] = {
     "lb": ((0, 1, 0, 0), Fraction(45359237, 10**8)),
     "lbf": ((1, 1, -2, 0), Fraction(44482216152605, 10**13)),
     "kgf": ((1, 1, -2, 0), Fraction(980665, 10**5)),
+    "oz": ((0, 1, 0, 0), Fraction(45359237, 16 * 10**8)),
+    "ozf": ((1, 1, -2, 0), Fraction(44482216152605, 16 * 10**13)),
+    "psi": ((-1, 1, -2, 0), Fraction(44482216152605, 10**13) / Fraction(254, 10**4) ** 2),
+    "hp": ((2, 1, -3, 0), 550 * Fraction(3048, 10**4) * Fraction(44482216152605, 10**13)),
 }
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?"
 _WRITTEN = re.compile(rf"\s*({_NUMBER})\s*([^\d\s.,+-].*?)\s*\Z", re.ASCII | re.DOTALL)
