@@ -54,6 +54,13 @@ def test_what_may_not_be_left_is_not_left(found):
     assert "-160 to -140" in text
 
 
+def test_the_task_to_write_leaves_no_room_beyond_the_allowed(found):
+    assert all(point.tolerance is None and point.blend_range is None for point in found.decided.waypoints)
+    for one, other in zip(found.decided.waypoints, found.task.waypoints, strict=True):
+        np.testing.assert_array_equal(one.pose, other.pose)
+        assert one.blend == other.blend
+
+
 def test_a_via_beside_a_vertical_way_comes_onto_it(robot):
     """The machine and the way are symmetric in y, so that the fastest path is that of y = 0."""
     task = p3dof.Task(
@@ -137,6 +144,9 @@ def test_the_command_writes_the_task(capsys, tmp_path, monkeypatch):
     assert code == 0
     assert "top: blend [mm]" in out
     assert p3dof.read_task("best.yaml").waypoints[1].blend == 0.06
+    code, _, err = run(capsys, "fastest", "best.yaml", "--best-path", *limits)
+    assert code == 2
+    assert "nothing may be changed" in err
     code, _, err = run(capsys, "fastest", "task.yaml", "--task-out", "other.yaml")
     assert code == 2
     assert "--best-path" in err

@@ -202,8 +202,8 @@ BAD = {
     "speed: expected": lambda _: AxisLimits(1, [1, 2]),
     "power: expected": lambda _: AxisLimits(1, 1, np.nan),
     "reflected_mass: expected zero or more": lambda _: AxisLimits(1, 1, reflected_mass=-1),
-    "waypoint 1 to waypoint 2: force: ": lambda robot: fastest_plan(robot, LINE, AxisLimits(30, 1)),
-    "pick to place: force: ": lambda robot: fastest_plan(robot, BLENDED, AxisLimits([500, 500, 20], 1)),
+    "waypoint 1 → waypoint 2: force: ": lambda robot: fastest_plan(robot, LINE, AxisLimits(30, 1)),
+    "pick → place: force: ": lambda robot: fastest_plan(robot, BLENDED, AxisLimits([500, 500, 20], 1)),
 }
 
 
@@ -226,6 +226,31 @@ def test_other_things_are_refused(robot):
             call()
 
 
+PICK_AND_PLACE = parse(
+    """
+waypoints:
+  - {name: home, pose: [0, 0, 0]}
+  - name: pick
+    pose: [-150 mm, 0, -15 deg]
+    dwell: 200 ms
+    pick_up: {mass: 2 kg, com: [0, 0, -40 mm], inertia: [0, 0, 0]}
+  - {name: up, pose: [-150 mm, 25 mm], blend: 25 mm}
+  - {name: over, pose: [150 mm, 25 mm], blend: 25 mm}
+  - {name: place, pose: [150 mm, 0, 15 deg], dwell: 200 ms, put_down: true}
+  - {name: back, pose: [0, 0, 0]}
+"""
+)
+
+
+@pytest.mark.parametrize(("power", "most"), [(20.0, 1.51), (10.0, 1.99)])
+def test_a_small_power_gives_a_slow_motion(robot, power, most):
+    """Power is force by speed: any will do, if the motion is slow enough."""
+    plan = fastest_plan(robot, PICK_AND_PLACE, AxisLimits(300, 2, power=power))
+    assert plan.duration < most
+    used = [use.share for use in plan.uses if use.quantity == "power"]
+    assert 0.999 < max(used) <= 1 + 1e-9
+
+
 # --- the command --------------------------------------------------------------------------------------------
 
 
@@ -239,6 +264,8 @@ def test_the_command_keeps_the_limits(capsys, tmp_path, monkeypatch):
     motion = p3dof.Motion.from_csv("fast.csv", check=False)
     assert motion.duration == pytest.approx(0.32812, abs=3e-4)
     assert "does not end where it began" in out
+    assert "pick → place" in out
+    assert "pick to place" not in out
 
 
 def test_a_limit_that_cannot_hold_the_machine_is_one_line(capsys, tmp_path, monkeypatch):

@@ -174,7 +174,7 @@ def _told(
         drawn = functools.partial(plots.task_figure, found)
         written = [*write_results(planned.motion.to_csv, out, drawn, figure), *others]
         if task_out is not None and isinstance(made, BestPath):
-            write_task(made.task, task_out)
+            write_task(made.decided, task_out)
             written.append(task_out)
     console = console_beside(out)
     limits = robot.parameters.limits

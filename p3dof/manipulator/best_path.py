@@ -46,6 +46,12 @@ class BestPath(ShownInNotebook):
     given: Task
     given_plan: FastestPlan
 
+    @property
+    def decided(self) -> Task:
+        """`task` without blend_range and tolerance, which are those about the given path and are used up."""
+        points = (replace(point, blend_range=None, tolerance=None) for point in self.task.waypoints)
+        return replace(self.task, waypoints=tuple(points))
+
     def __repr__(self) -> str:
         return f"BestPath({self.given_plan.duration:.6g} s → {self.plan.duration:.6g} s)"
 

@@ -89,7 +89,7 @@ def fastest_plan(
     count = sample_count(samples, least=2)
     stretches, looked, time = [], [], task.waypoints[0].dwell
     for done, (path, (first, last)) in enumerate(zip(task.paths, task.stretches, strict=True), 1):
-        name = f"{task.names[first]} to {task.names[last]}"
+        name = f"{task.names[first]} → {task.names[last]}"
         way = way_of(robot, task, path, (first, last), chosen)
         duration = task.waypoints[last].duration
         law: Law

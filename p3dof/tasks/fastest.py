@@ -33,6 +33,8 @@ _ROUNDS, _SETTLED, _NEAR, EXCEEDED = 20, 1e-6, 1e-3, 5e-5
 more points are of use; and by which limits may be exceeded before all is slowed down."""
 SLOWEST = 100.0
 """A path on which limits are kept only this many times more slowly is none that the machine can do."""
+_CREEPING = 1e7
+"""How many times more slowly a motion may be begun with: power allows any force at a small speed."""
 _USELESS, _STUCK = 0.7, 2
 """Share of what exceeded limits before, over which more points were of no use; and how often they may be."""
 _CLOSE = 1e-9
@@ -88,7 +90,7 @@ def _programs(
     require_standing(points, limits)
     before, excess, stuck = np.inf if law is None else law.duration, np.inf, 0
     for _ in range(_ROUNDS):
-        law = _solved(points, nodes, limits, law)
+        law = _next(points, nodes, limits, law)
         moved, before = abs(law.duration - before), law.duration
         near = not curved or moved < _NEAR * before
         if rough:
@@ -106,6 +108,16 @@ def _programs(
             points = Points(nodes, step, share, way)
     assert law is not None  # noqa: S101 - for the type checker
     return law
+
+
+def _next(points: Points, nodes: FloatArray, limits: AxisLimits, law: SpeedLaw | None) -> SpeedLaw:
+    """Return the solution of a program at a known law, or at one so slow that it keeps the limits."""
+    try:
+        return _solved(points, nodes, limits, law)
+    except TaskError:
+        if law is None:
+            raise
+    return _solved(points, nodes, limits, slowed(law, points, limits, _CREEPING))
 
 
 def with_worst(
@@ -155,7 +167,8 @@ def _solved(points: Points, nodes: FloatArray, limits: AxisLimits, known: SpeedL
     gain = (np.append(size, 0) + np.append(0, size)) / 2
     cost = -np.append(gain, 2 / 3 * size) / nodes[-1]
     step = np.arange(count)
-    found = solved(cost, rows, np.column_stack([step, step + 1, count + 1 + step]), box)
+    unit = 1.0 if known is None else min(1.0, float(known.squares.max()))
+    found = solved(cost, rows, np.column_stack([step, step + 1, count + 1 + step]), box, unit=unit)
     squares, bulges = np.maximum(found[: count + 1], 0.0), found[count + 1 :]
     return SpeedLaw(nodes, squares, -4 * bulges / size**2)
 

@@ -203,6 +203,7 @@ def solved(
     columns: NDArray[np.intp],
     box: FloatArray,
     joints: Rows | None = None,
+    unit: float = 1.0,
 ) -> FloatArray:
     """Return the unknowns of the least cost.
 
@@ -218,6 +219,8 @@ def solved(
         Least and largest of each unknown.
     joints : Rows, optional
         What must be met exactly.
+    unit : float
+        About how large the unknowns are: tolerances of the solver are absolute.
 
     Returns
     -------
@@ -232,10 +235,13 @@ def solved(
 
     matrix, bounds = rows.scaled(columns, len(cost))
     equal, values = (None, None) if joints is None else joints.scaled(columns, len(cost))
-    found: Any = linprog(cost, A_ub=matrix, b_ub=bounds, A_eq=equal, b_eq=values, bounds=box, method="highs")
+    values = None if values is None else values / unit
+    found: Any = linprog(
+        cost, A_ub=matrix, b_ub=bounds / unit, A_eq=equal, b_eq=values, bounds=box / unit, method="highs"
+    )
     if found.x is None:
         raise TaskError(_HARD)
-    return np.asarray(found.x)
+    return np.asarray(unit * found.x)
 
 
 def require_standing(points: Points, limits: AxisLimits) -> None:
