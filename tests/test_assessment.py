@@ -208,6 +208,32 @@ def test_the_table_has_every_rating_of_machine_task_and_drive(forces):
     assert shares == sorted(shares, reverse=True)
 
 
+@pytest.mark.usefixtures("undrawn")
+def test_limits_of_a_task_count_in_plan_size_and_report(files, capsys):
+    """A task within the limits of the machine, and not within its own."""
+    assert run(capsys, "plan", "task.yaml", "--duration", 2, "--samples", 201)[0] == 0
+    line = ["task.yaml", "--duration", 2, "--samples", 201, "--drives", "drives.yaml"]
+    assert run(capsys, "size", *line)[0] == 0
+    own = "limits: {force: 400 N, speed: 0.2 m/s}\n"
+    (files / "task.yaml").write_text(FILES["task.yaml"] + own, encoding="utf-8")
+    row = re.compile(r"speed B \[m/s\].* 0\.2\b.*task .*\d{3}\.\d ?%")
+    code, out, _ = run(capsys, "plan", "task.yaml", "--duration", 2, "--samples", 201)
+    assert code == 1
+    assert row.search(out), out
+    code, out, _ = run(capsys, "size", *line)
+    assert code == 1
+    assert row.search(out), out
+    assert "exceeds limits" in out
+    code, out, _ = run(capsys, "report", *line, "--out", "r.html", "--no-page")
+    assert code == 1
+    text = re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", (files / "r.html").read_text(encoding="utf-8")))
+    assert row.search(text[text.index("How much of the limits is used") :])
+    assert "the task has limits of its own: force 400 N, speed 0.2 m/s" in text
+    code, out, _ = run(capsys, "fastest", "task.yaml", "--samples", 201, "--nodes", 100)
+    assert code == 0
+    assert re.search(r"speed B \[m/s\].* 0\.2\b.*task .*100\.0%", out), out
+
+
 def test_what_is_just_exceeded_is_told_with_digits_enough(forces):
     most = forces.peak_forces.max()
     limits = p3dof.AxisLimits(force=most / (1 + 2e-5), speed=2.0)

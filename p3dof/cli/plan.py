@@ -19,7 +19,8 @@ from p3dof.errors import InputError
 from p3dof.files import together, write_table
 from p3dof.manipulator import BestPath, Manipulator, best_path, best_path_table, fastest_plan, forces_of_task
 from p3dof.manipulator.fastest import MOST_NODES, NODES, SMOOTH_NODES, limits_of
-from p3dof.manipulator.tasks import limits_table, pieces_table, sizing_table
+from p3dof.manipulator.task_limits import sizing_table, within_limits
+from p3dof.manipulator.tasks import limits_table, pieces_table
 from p3dof.motion import WrenchHistory
 from p3dof.tasks import FastestPlan, Plan, Task, read_task, write_task
 
@@ -89,8 +90,8 @@ def _with_task(command: Callable[..., Plan | BestPath]) -> Callable[..., int]:
 def plan(task: Task, _: Manipulator, samples: int, duration: float | None) -> Plan:
     """Plan the motion of a task file: from stop to stop, with blends, dwells, payloads and loads.
 
-    The tables say what each piece of the way takes, how much of the machine's limits is used, when and where.
-    Exit code 1 when a limit of the machine is exceeded, or it cannot make the motion.
+    The tables say what each piece of the way takes, how much of the limits is used, when and where: the
+    tighter of machine and task. Exit code 1 when one is exceeded, or the machine cannot make the motion.
     """
     return task.plan(duration, samples)
 
@@ -177,8 +178,10 @@ def _told(
             write_task(made.decided, task_out)
             written.append(task_out)
     console = console_beside(out)
-    limits = robot.parameters.limits
-    tables = [pieces_table(found), sizing_table(found, limits)]
+    machine, own = robot.parameters.limits, None
+    if task.limits and not isinstance(planned, FastestPlan):
+        own = limits_of(robot, task)
+    tables = [pieces_table(found), sizing_table(found, machine, own)]
     if isinstance(planned, FastestPlan):
         tables.append(limits_table(planned))
     if isinstance(made, BestPath):
@@ -194,7 +197,7 @@ def _told(
             f"{out} is the motion alone: commands that take it as --motion know nothing of what is carried; "
             "those that take the task do (report, size, balance, reactions --task, bearings --task)",
         )
-    return 0 if all(one.share <= 1 + 1e-9 for one in found.utilisations(limits)) else 1
+    return 0 if within_limits(found, machine, own) else 1
 
 
 def _write_load(load: WrenchHistory, path: Path) -> Path:

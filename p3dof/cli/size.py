@@ -23,7 +23,9 @@ from p3dof.drives import (
     write_ranking,
 )
 from p3dof.drives.sizing import BRAKE_SAFETY
+from p3dof.manipulator.fastest import limits_of
 from p3dof.manipulator.sizing import size_drives
+from p3dof.manipulator.task_limits import sizing_table, within_limits
 from p3dof.manipulator.tasks import forces_of_task
 from p3dof.tasks import read_task
 
@@ -83,7 +85,8 @@ def size(
     """Say which drives fit a task, the weakest that does first, and what the first of them is used for.
 
     Every motor of the catalogue is tried with every gear and every screw or belt, the same on all three axes.
-    Exit code 1 when none fits, or the machine cannot do the task.
+    Exit code 1 when none fits, the machine cannot do the task, or a limit of the machine or the task is
+    exceeded.
     """
     from p3dof import plots
 
@@ -111,6 +114,11 @@ def size(
     )
     show(console, ranking_table(ranked, top), notes=True)
     show(console, axes_table(best), ratings_table(best, lambda time: found.piece_at(time).name), notes=True)
+    machine, own = robot.parameters.limits, limits_of(robot, task) if task.limits else None
+    show(console, sizing_table(found, machine, own), notes=True)
+    within = within_limits(found, machine, own)
+    if not within:
+        print_plain(console, "the task exceeds limits of the machine or its own, with any drive")
     if catalogue_file is None:
         print_plain(console, "generic sizes, for a first look only: give the makers' numbers with --drives")
     written = write_results(
@@ -121,4 +129,4 @@ def size(
     )
     for path in written:
         print_plain(console, f"wrote {path}")
-    return 0 if best.fits else 1
+    return 0 if best.fits and within else 1

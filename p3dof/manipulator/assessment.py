@@ -16,6 +16,7 @@ from p3dof.drives.sizing import BRAKE_SAFETY
 from p3dof.errors import InputError
 from p3dof.manipulator.facade import Manipulator
 from p3dof.manipulator.sizing import size_drives
+from p3dof.manipulator.task_limits import unseen_limits, uses_of_task
 from p3dof.manipulator.task_loads import joined, reactions_under
 from p3dof.manipulator.tasks import TaskForces
 from p3dof.methods import InverseDynamics
@@ -27,8 +28,6 @@ from p3dof.tasks import AxisLimits, FastestPlan
 
 _TOLD = 4
 """Exceeded ratings that are told in words; the tables have all."""
-_UNSEEN = ("jerk", "nut_force")
-"""Limits of tasks that samples are not held against."""
 _WHOLE = "over the cycle"
 _FITS = 1 + 1e-9
 """Shares up to this one are within a limit: the fastest motion uses all of it."""
@@ -205,10 +204,8 @@ class Assessment(ShownInNotebook):
         else:
             told += [words for words in self.found.warnings if "limit" not in words or not told]
         if self.limits is not None and self._fastest is None:
-            unseen = [name for name in _UNSEEN if np.isfinite(getattr(self.limits, name)).any()]
-            if unseen:
-                words = ", ".join(name.replace("_", " ") for name in unseen)
-                told.append(f"limits of the task that only the fastest motion is held to: {words}")
+            unseen = unseen_limits(self.limits)
+            told += [unseen] if unseen else []
         if self.drives is not None:
             told += _of_brakes(self.drives)
         return (*told, *(() if self.bearings is None else self.bearings.warnings))
@@ -256,28 +253,11 @@ class Assessment(ShownInNotebook):
 
     def _of_task(self) -> list[RatingUse]:
         """Return what is used of the limits of the task: densely of the fastest motion, else by samples."""
-        found = self.found
-        if self._fastest is not None:
-            return [
-                RatingUse("task", use.quantity, use.leg, use.value, use.limit, use.unit, use.time, use.way)
-                for use in self._fastest.uses
-            ]
-        if self.limits is None:
-            return []
-        force = found.forces + self.limits.reflected_mass * found.slider_accelerations
-        columns = {
-            "force": (np.abs(force), self.limits.force, "N"),
-            "speed": (np.abs(found.slider_velocities), self.limits.speed, "m/s"),
-            "power": (force * found.slider_velocities, self.limits.power, "W"),
-        }
-        uses = []
-        for name, (values, allowed, unit) in columns.items():
-            for k, row in enumerate(values.argmax(axis=0)):
-                if np.isfinite(allowed[k]):
-                    time, value = float(found.time[row]), max(float(values[row, k]), 0.0)
-                    limit = float(allowed[k])
-                    uses.append(RatingUse("task", name, LEGS[k], value, limit, unit, time, self.place(time)))
-        return uses
+        uses = uses_of_task(self.found, self.limits, self.robot.parameters.limits)
+        return [
+            RatingUse("task", use.quantity, use.leg, use.value, use.limit, use.unit, use.time, use.way)
+            for use in uses
+        ]
 
     def _of_drives(self) -> list[RatingUse]:
         if self.drives is None:

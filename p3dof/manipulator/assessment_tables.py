@@ -12,6 +12,7 @@ from p3dof.manipulator.assessment import Assessment, RatingUse
 from p3dof.manipulator.tasks import TaskForces
 from p3dof.parameters import LEGS
 from p3dof.tables import NONE, Cell, Table, html_of, notebook_html, number, percent, table_of
+from p3dof.tasks import FastestPlan
 
 _LEADS = (5.0, 10.0, 16.0, 20.0, 32.0)
 """Of screws for which torques of motors are told [mm a turn]."""
@@ -166,7 +167,7 @@ def assumptions(found: Assessment) -> dict[str, str]:
     told = {
         "limits": f"force ({limits.force:g} N) holds at the actuator, which is the nut without armature; "
         f"speed ({limits.speed:g} m/s) and travel at the slider; torque, speed and heat of motors at their "
-        "shafts, buckling at the nut",
+        "shafts, buckling at the nut" + _of_the_task(found),
         "parallelogram": f"half width b = {1e3 * parameters.geometry.b:g} mm: it stands in no paper, decides "
         "no actuator force, but the loads of rods and bearings",
         "friction": _friction(found),
@@ -194,6 +195,28 @@ def assumptions(found: Assessment) -> dict[str, str]:
     gravity = ", ".join(f"{value:g}" for value in parameters.gravity)
     told["gravity"] = f"({gravity}) m/s²"
     return told
+
+
+def _of_the_task(found: Assessment) -> str:
+    """Return what the task allows besides the machine, in words."""
+    plan = found.found.plan if isinstance(found.found, TaskForces) else None
+    fastest = isinstance(plan, FastestPlan)
+    limits = plan.limits if isinstance(plan, FastestPlan) else found.limits
+    if limits is None:
+        return ""
+    units = {"force": "N", "speed": "m/s", "power": "W", "jerk": "m/s³", "nut_force": "N"}
+    words = []
+    for name, unit in units.items():
+        values, own = getattr(limits, name), getattr(found.robot.parameters.limits, name, math.inf)
+        if (values != own).any():
+            each = values[:1] if (values == values[0]).all() else values
+            text = ", ".join(f"{value:.6g}" if math.isfinite(value) else "any" for value in each)
+            words.append(f"{name.replace('_', ' ')} {text} {unit}")
+    if not words:
+        return ""
+    told = f"; {'the fastest motion' if fastest else 'the task'} has limits of its own: {', '.join(words)}"
+    masses = ", ".join(f"{mass:g}" for mass in limits.reflected_mass)
+    return told + (f", with {masses} kg of drives in its force" if limits.reflected_mass.any() else "")
 
 
 def _friction(found: Assessment) -> str:

@@ -273,34 +273,6 @@ def pieces_table(found: TaskForces) -> Table:
     return Table(f"Task {found.plan.name}".strip(), header, tuple(rows), note)
 
 
-def sizing_table(found: TaskForces, limits: Limits) -> Table:
-    """Return how much of each limit a task uses, when and where.
-
-    Parameters
-    ----------
-    found : TaskForces
-        The forces over the task.
-    limits : Limits
-        What the actuators can do.
-
-    Returns
-    -------
-    Table
-    """
-    rows = {
-        f"{one.quantity} {one.leg} [{one.unit}]": (
-            number(one.value),
-            number(one.time),
-            found.piece_at(one.time).name,
-            number(one.limit),
-            NONE if np.isnan(one.share) else f"{one.share:.1%}",
-        )
-        for one in found.utilisations(limits)
-    }
-    header = ("limit of", "peak", "at t [s]", "on the way", "limit", "used")
-    return table_of("How much of the limits is used", header, rows)
-
-
 def limits_table(plan: FastestPlan) -> Table:
     """Return how much of each of its limits the fastest plan uses, between the samples too, when and where.
 

@@ -20,8 +20,9 @@ from p3dof.files import suffix_of, write_atomic
 from p3dof.manipulator import Manipulator, forces_of_task
 from p3dof.manipulator.assessment import Assessment, as_result, short
 from p3dof.manipulator.assessment_tables import assumptions, loads_table, needs_table, share, uses_table
+from p3dof.manipulator.task_limits import sizing_table
 from p3dof.manipulator.task_loads import without_jumps
-from p3dof.manipulator.tasks import TaskForces, pieces_table, sizing_table
+from p3dof.manipulator.tasks import TaskForces, pieces_table
 from p3dof.methods import limits_table
 from p3dof.motion import motion_table
 from p3dof.parameters import parameter_tables, payload_table
@@ -187,6 +188,7 @@ def _answer(found: Assessment) -> dict[str, Any]:
             "energy a cycle": f"{short(given)} J",
             "mean power": f"{short(given / found.cycle_time)} W",
         },
+        "owner": "task" if one.kind == "task" else "machine",
         "warnings": found.warnings,
         "uses": uses_table(found, 12),
     }
@@ -211,7 +213,7 @@ def _content(found: Assessment) -> dict[str, Any]:
         "pictures": _pictures(found),
         "loads": loads_table(found),
         "limits": (
-            sizing_table(forces, parameters.limits)
+            sizing_table(forces, parameters.limits, found.limits)
             if isinstance(forces, TaskForces)
             else limits_table(forces, parameters.limits)
         ),

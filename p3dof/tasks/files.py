@@ -8,7 +8,7 @@ The form::
     smoothness: 2                        # or 3, of the path at the ends of blends
     turning_length: 100 mm               # what a turn of 1 rad counts as
     carrying: {mass: 200 g, com: [0, 0, 0], inertia: [0, 0, 0]}           # at the beginning
-    limits: {force: 300 N, jerk: [500, 500, 300 m/s^3]}   # of the fastest motion
+    limits: {force: 300 N, jerk: [500, 500, 300 m/s^3]}   # besides the machine's
     waypoints:
       - {name: home, pose: [0, 0, 0 deg]}
       - name: pick
