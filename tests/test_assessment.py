@@ -14,7 +14,7 @@ import pytest
 from browser import find_chromium
 
 import p3dof
-from p3dof import report
+from p3dof import plots, report
 from p3dof.bearings import Bearing, Bearings, Guide, bearing_life
 from p3dof.cli import main
 from p3dof.drives import Catalogue, Motor, Screw, cycle_of, size_of
@@ -508,3 +508,14 @@ def test_tables_and_notebooks(found):
     assert [row[0] for row in uses_table(found, 1).rows] == ["brake of A"]
     assert found.verdict in found._repr_html_().replace("&gt;", ">")
     assert found.verdict in repr(found)
+
+
+def test_labels_of_bars_stand_off_the_line_of_the_limit(forces):
+    limits = p3dof.AxisLimits(force=forces.peak_forces.max() * 1.03, speed=2.0)
+    figure = plots.utilisation_figure(p3dof.assess(ROBOT, forces, limits=limits))
+    figure.canvas.draw()
+    (axis,) = figure.axes
+    line = axis.transData.transform((1.0, 0.0))[0]
+    spans = [text.get_window_extent() for text in axis.texts]
+    assert any(text.get_text() == "97%" for text in axis.texts)
+    assert not any(span.x0 <= line <= span.x1 for span in spans)

@@ -22,6 +22,8 @@ _MOST, _MOST_NAMES = 10, 14
 _WIDEST = 1.5
 """Bars of larger shares end here, and tell their share."""
 _BAR = 0.26
+_CLOSE = 0.93
+"""Labels of bars that end from here to the limit stand behind its line."""
 
 
 def utilisation_figure(found: Assessment) -> Figure:
@@ -63,8 +65,11 @@ def utilisation_figure(found: Assessment) -> Figure:
         text = f"{most:.0%}" if most < math.inf else "beyond"
         axis.annotate(
             text,
-            (min(most, _WIDEST), row),
-            xytext=(4, 0),
+            (
+                1.0 if _CLOSE < most < 1 else min(most, _WIDEST),
+                row,
+            ),  # beside the line of the limit, not on it
+            xytext=(5, 0),
             textcoords="offset points",
             va="center",
             fontsize=9,
