@@ -292,3 +292,14 @@ def test_the_fastest_motion_can_be_read_from_its_own_file(robot, tmp_path, waits
     waiting = np.all(motion.velocity == 0, axis=1) & (motion.time > 0) & (motion.time < motion.time[-1])
     if waits:
         assert np.sum(np.all(motion.acceleration[waiting] == 0, axis=1)) >= 2
+
+
+@pytest.mark.parametrize("dwells", [True, False])
+@pytest.mark.parametrize(("force", "speed", "power"), [(250, 1.0, 120), (200, 2.0, 300), (250, 0.5, np.inf)])
+def test_a_motion_with_many_jumps_can_be_read_from_its_own_file(robot, tmp_path, force, speed, power, dwells):
+    """Between two jumps of the acceleration are samples enough to tell it from either side."""
+    points = [point if dwells else replace(point, dwell=0.0) for point in PICK_AND_PLACE.waypoints]
+    task = replace(PICK_AND_PLACE, waypoints=tuple(points))
+    motion = fastest_plan(robot, task, AxisLimits(force, speed, power=power)).motion
+    read = p3dof.Motion.from_csv(motion.to_csv(tmp_path / "motion.csv"))
+    np.testing.assert_array_equal(read.acceleration, motion.acceleration)

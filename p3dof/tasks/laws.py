@@ -16,6 +16,9 @@ from p3dof.tasks.profiles import CORNERS, Profile, eased
 _SMALL = 1e-4
 """Below this, series of two terms are exact to the last bit."""
 
+_JUMP, _STEEP = 1e-3, 0.05
+"""Shares of the largest acceleration from which on a change at once is a jump, and in a step steep."""
+
 
 class Law(Protocol):
     """How the parameter of a path goes from 0 to its end, from rest to rest."""
@@ -27,6 +30,10 @@ class Law(Protocol):
     @property
     def kinks(self) -> FloatArray:
         """Times at which the acceleration or its rate may jump, (K,) [s]."""
+
+    @property
+    def jumps(self) -> FloatArray:
+        """Those of them at which the acceleration jumps in a way that samples on one side do not tell [s]."""
 
     def at(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the parameter and its first two derivatives by time, at times (N,) [s]."""
@@ -62,6 +69,7 @@ class ProfileLaw:
     def __init__(self, profile: Profile, length: float, duration: float) -> None:
         self._profile, self._length, self.duration = profile, length, duration
         self.kinks: FloatArray = duration * CORNERS.get(profile, np.zeros(0))
+        self.jumps: FloatArray = np.zeros(0)
 
     def at(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the parameter and its first two derivatives by time, at times (N,) [s]."""
@@ -120,6 +128,15 @@ class SpeedLaw:
         """How long it takes [s]."""
         return float(self.kinks[-1])
 
+    @property
+    def jumps(self) -> FloatArray:
+        """Times at which the acceleration jumps, or begins or ends to change much in a step [s]."""
+        change, most = self.slopes * np.diff(self.nodes), np.abs(self.starts).max()
+        steep = np.abs(change) > _STEEP * most
+        jump = np.abs(self.starts[1:] - (self.starts + change)[:-1]) > _JUMP * most
+        inside = jump | steep[1:] | steep[:-1]
+        return np.asarray(self.kinks[np.concatenate([[True], inside, [True]])])
+
     def slowed(self, factor: float) -> SpeedLaw:
         """Return the same with every time so many times longer."""
         return SpeedLaw(self.nodes, self.squares / factor**2, self.slopes / factor**2)
@@ -177,6 +194,7 @@ class SmoothLaw:
     ) -> None:
         self.nodes, self.squares, self.changes, self.bulges = nodes, squares, changes, bulges
         self.length, count = length, len(nodes) - 1
+        self.jumps: FloatArray = np.zeros(0)
         times = self._times(np.arange(count), np.ones(count))
         self.kinks: FloatArray = np.append(0.0, np.cumsum(times))
 

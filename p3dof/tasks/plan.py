@@ -21,6 +21,8 @@ JUMP = 1e-9
 _PARTS = 7
 """Every part of a way has so many times fewer samples than all ways are asked to have, at least; and a wait
 so many times fewer again."""
+_BETWEEN = 5
+"""Least number of samples between a jump of an acceleration and the next."""
 _CLOSE = 1e-9
 """Share of the time that all ways take within which two samples are one."""
 
@@ -232,7 +234,21 @@ def sampled(spans: Sequence[Span], begun: Sequence[tuple[float, Stretch]], sampl
                 count = math.ceil(least / _PARTS)
             count = min(count, max(1, int((end - start) / close)))
             found.append(start + (end - start) * np.arange(count) / count)
+    beside = _between_jumps(begun)
+    known = np.append(known, _apart([beside], known, close)) if len(beside) else known
     return np.asarray(np.sort(np.append(known, _apart(found, known, close))))
+
+
+def _between_jumps(begun: Sequence[tuple[float, Stretch]]) -> FloatArray:
+    """Return times between each jump of an acceleration and the next.
+
+    A derivative from one side takes four samples, so that with these every one has it.
+    """
+    found: list[FloatArray] = [np.zeros(0)]
+    for begin, stretch in begun:
+        for start, end in pairwise((begin + stretch.law.jumps).tolist()):
+            found.append(np.linspace(start, end, _BETWEEN + 2, dtype=np.float64)[1:-1])
+    return np.concatenate(found)
 
 
 def _apart(times: Sequence[FloatArray], known: FloatArray, close: float) -> FloatArray:
