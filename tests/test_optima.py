@@ -122,7 +122,9 @@ def test_moving_the_motion_is_checked_by_pinocchio_too() -> None:
 
 
 def test_constraints_that_no_design_keeps_are_named_with_what_is_missing() -> None:
-    with pytest.raises(OptimisationError, match=r"^no design keeps all .* misses width ≤ 0.2 m by 0.1 m$"):
+    with pytest.raises(
+        OptimisationError, match=r"^no design keeps all .* misses width ≤ 0.2 m by 0.1 m( and |$)"
+    ):
         paper_problem().minimise("peak_force", {"width": 0.2}, starts=2)
     both = "misses R >= r \\+ 0.03 by 0.01 m and R <= r \\+ 0.01 by 0.01 m$"
     opposed = paper_problem(constraints=["R >= r + 0.03", "R <= r + 0.01"])
@@ -208,3 +210,36 @@ def test_balance_may_be_a_free_choice(kept: dict[str, float], expected: float) -
     assert found.value == pytest.approx(expected, abs=1e-3)
     assert found.check.difference < 1e-10 * found.check.largest
     assert found.check.largest == pytest.approx(found.value, rel=1e-10)
+
+
+def test_an_optimum_for_a_motion_that_was_moved_says_so():
+    problem = p3dof.DesignProblem(
+        variables={"L": (0.4, 0.5), "offset.y": ("-20 mm", "20 mm")},
+        motion=p3dof.paper_motion(51),
+        objectives=["peak_power"],
+    )
+    found = problem.minimise(starts=2)
+    told = [note for note in found.notes if "for the motion moved in y by" in note]
+    assert told
+    assert f"{found.design[1]:.6g} m" in told[0]
+
+
+def test_all_constraints_that_are_missed_are_told():
+    problem = p3dof.DesignProblem(
+        variables={"R": (0.2, 0.4)},
+        motion=p3dof.paper_motion(51),
+        objectives=["peak_force"],
+        constraints={"peak_force": {"max": 20}, "width": {"max": 0.45}},
+    )
+    with pytest.raises(p3dof.P3dofError, match=r"misses peak_force ≤ 20 N by .* and width ≤ 0.45 m by"):
+        problem.minimise(starts=2)
+
+
+def test_bounds_that_exclude_each_other_are_refused():
+    with pytest.raises(p3dof.InputError, match="peak_force: expected min below max, got 100 N and 50 N"):
+        p3dof.DesignProblem(
+            variables={"R": (0.2, 0.4)},
+            motion=p3dof.paper_motion(51),
+            objectives=["width"],
+            constraints={"peak_force": {"min": 100, "max": 50}},
+        )

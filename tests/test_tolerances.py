@@ -268,7 +268,7 @@ def test_one_leg_alone_and_all_legs_with_an_exception():
         ({"robot": 3}, "robot: expected a Manipulator or Parameters"),
         ({"motion": None, "pose": [0, 0, 0], "sigma": {"rod": 1e-4}}, "parallelogram and tilted guides"),
         ({"motion": None, "pose": [0, 0, 0], "sigma": {"encoder": "2 %"}}, "of a number that is 0"),
-        ({"sigma": {"L": "5 m"}, "method": "montecarlo", "samples": 2, "seed": 1}, "samples: only"),
+        ({"sigma": {"L": "390 mm"}, "method": "montecarlo", "samples": 2, "seed": 1}, "samples: only"),
     ],
 )
 def test_bad_arguments_are_told(changes, told):
@@ -290,3 +290,9 @@ def test_draws_of_another_machine_are_not_mixed(tmp_path):
     p3dof.tolerance(PAPER, p3dof.paper_motion(5), **ask)
     with pytest.raises(SweepError):
         p3dof.tolerance(SOLIDS, p3dof.paper_motion(5), resume=True, **ask)
+
+
+@pytest.mark.parametrize("where", [{"pose": [0, 0, 0]}, {"motion": p3dof.paper_motion(11)}])
+def test_a_length_that_varies_by_more_than_it_is_lacks_a_unit(where):
+    with pytest.raises(p3dof.InputError, match=r"expected less than the number itself, 0\.25 m, got 50 m"):
+        p3dof.tolerance(p3dof.load(), sigma={"R": 50}, **where)

@@ -9,7 +9,7 @@ import numpy as np
 
 from p3dof.checks import shown
 from p3dof.errors import InputError, P3dofError
-from p3dof.optimisation.constraints import Constraint, relation
+from p3dof.optimisation.constraints import Constraint, amount, relation
 from p3dof.optimisation.measure import Measure
 from p3dof.optimisation.measures import measure_of
 from p3dof.parameters.quantities import ANGLE, FORCE, LENGTH, MASS, SPEED
@@ -61,6 +61,13 @@ def _bounds(name: str, bounds: Any) -> list[Constraint]:
         if number.shape != () or number.dtype.kind not in "fiu" or not np.isfinite(number):
             raise InputError(f"constraints: {name}: {side}: expected a finite number, got {shown(value)}")
         found.append(Constraint(measure, float(number), at_least=side == "min"))
+    least = max((one.bound for one in found if one.at_least), default=-np.inf)
+    most = min((one.bound for one in found if not one.at_least), default=np.inf)
+    if least > most:
+        unit = measure.unit
+        raise InputError(
+            f"constraints: {name}: expected min below max, got {amount(least, unit)} and {amount(most, unit)}"
+        )
     return found
 
 

@@ -17,8 +17,8 @@ from p3dof.optimisation.population import Population
 from p3dof.optimisation.statement import Statement
 
 _MISSED, _STARTS = 1e-9, 4
-_TOGETHER = 0.02
-"""Constraints that are missed by as much as the worst, within this share, are named with it."""
+_TOLD = 1e-3
+"""Constraints that are missed by more than this share of the worst are named."""
 
 
 @dataclass(frozen=True)
@@ -84,9 +84,9 @@ def _told(problem: Statement, design: FloatArray) -> str:
     found = problem.evaluate(design)
     scales = np.array([item.scale for item in problem.constraints])
     shares = -found.margins[0] / scales
-    worst = np.flatnonzero(shares > (1 - _TOGETHER) * shares.max())
+    missed = np.flatnonzero(shares > _TOLD * shares.max())
     told = []
-    for index in worst:
+    for index in missed[np.argsort(-shares[missed], kind="stable")]:
         item, margin = problem.constraints[index], -found.margins[0, index]
         told.append(f"{item.name} by {amount(margin, item.measure.unit, 4)}")
     pairs = zip(problem.variables.labels, design, strict=True)

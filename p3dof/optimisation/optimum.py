@@ -11,6 +11,7 @@ import numpy as np
 
 from p3dof.checks import FloatArray
 from p3dof.optimisation.checking import Check, checked
+from p3dof.optimisation.constraints import amount
 from p3dof.optimisation.epigraph import Local
 from p3dof.optimisation.evaluated import Evaluated
 from p3dof.optimisation.statement import Statement
@@ -107,6 +108,16 @@ class Optimum:
         notes = []
         if self.check.violation > _MISSED:
             notes.append(f"on a finer grid of poses and samples: {self.check.reason}")
+        variables = self.problem.variables
+        moved = [
+            f"{label.removeprefix('offset.')} by {amount(float(value), unit)}"
+            for label, value, unit in zip(
+                variables.labels, self.design.tolist(), variables.units, strict=True
+            )
+            if label.startswith("offset.")
+        ]
+        if moved:
+            notes.append(f"for the motion moved in {', '.join(moved)}, which no machine file holds")
         if self.check.difference > 1e-6 * self.check.largest:
             notes.append(f"the two ways to the forces differ by {self.check.difference:.2g} N")
         sign = 1.0 if self.problem.objectives[0].better == "small" else -1.0

@@ -275,6 +275,30 @@ def amount_of(value: Any, nominal: float, quantity: Quantity, where: str) -> flo
     return positive(where, number, InputError)
 
 
+def require_smaller(sigma: float, nominal: float, unit: str, where: str) -> None:
+    """Raise where a length or mass of a machine would vary by as much as it is: a unit is missing.
+
+    Parameters
+    ----------
+    sigma, nominal : float
+        The standard deviation, and the number that varies.
+    unit : str
+        Their SI unit.
+    where : str
+        What to call it in an error.
+
+    Raises
+    ------
+    InputError
+        If the deviation is not the smaller one.
+    """
+    if nominal and sigma >= abs(nominal):
+        raise InputError(
+            f"{where}: expected less than the number itself, {nominal:g} {unit}, got {sigma:g} {unit}; "
+            "numbers without a unit are in SI units"
+        )
+
+
 def _share(text: str, where: str) -> float:
     try:
         share = float(text.strip().removesuffix("%")) / 100

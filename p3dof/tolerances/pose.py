@@ -20,7 +20,7 @@ from p3dof.checks import FloatArray, batch_of, shown
 from p3dof.errors import InputError
 from p3dof.parameters import Geometry
 from p3dof.parameters.quantities import LENGTH
-from p3dof.tolerances.directions import amount_of
+from p3dof.tolerances.directions import amount_of, require_smaller
 
 KINDS = ("R", "r", "L", "encoder")
 NAMES = tuple(f"{kind}.{leg}" for leg in "abc" for kind in KINDS)
@@ -64,6 +64,8 @@ def sigmas_of(given: Mapping[str, Any], geometry: Geometry) -> tuple[tuple[str, 
                 "unequal rods of the parallelogram and tilted guides are outside of this model"
             )
         amount = amount_of(given[name], getattr(geometry, kind, 0.0), LENGTH, f"sigma of {plain}")
+        if kind != "encoder":
+            require_smaller(amount, getattr(geometry, kind), "m", f"sigma of {plain}")
         found |= {f"{kind}.{each}": amount for each in (leg.lower() or "abc")}
     names = tuple(name for name in NAMES if name in found)
     return names, np.array([found[name] for name in names])

@@ -17,7 +17,14 @@ from p3dof.errors import InputError
 from p3dof.motion import Motion
 from p3dof.motion.wrenches import WrenchOverTime
 from p3dof.parameters import Parameters
-from p3dof.tolerances.directions import AnyMachine, amount_of, directions_of, fixed_of, parameters_of
+from p3dof.tolerances.directions import (
+    AnyMachine,
+    amount_of,
+    directions_of,
+    fixed_of,
+    parameters_of,
+    require_smaller,
+)
 from p3dof.tolerances.draws import Draws, Spread, drawn_forces, drawn_poses, first_order_pose
 from p3dof.tolerances.forces import ForceCase, first_order, require_possible
 from p3dof.tolerances.pose import checked_pose, sigmas_of
@@ -151,4 +158,7 @@ def _force_case(
         amount_of(value, direction.nominal, QUANTITIES[direction.name], f"sigma of {direction.name}")
         for direction, value in pairs
     ]
+    for direction, size in zip(directions, sizes, strict=True):
+        if direction.name.startswith("geometry.") or direction.name.endswith(".mass"):
+            require_smaller(size, direction.nominal, direction.unit, f"sigma of {direction.name}")
     return ForceCase(machine, motion, directions, np.array(sizes), bodies, wrench, worst, numbers)
