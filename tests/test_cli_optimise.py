@@ -155,7 +155,7 @@ def test_no_machine_is_exit_code_one_and_a_line(file: Path, capsys: pytest.Captu
     assert main(["optimise", file.name, "--out", "better.yaml"]) == 1
     told = capsys.readouterr().err
     assert "no design keeps all constraints: the nearest one (" in told
-    assert told.endswith("misses width ≤ 0.2 m by 0.1 m\n")
+    assert "misses width ≤ 0.2 m by 0.1 m" in told
     assert told.count("\n") == 1
     assert not Path("better.yaml").exists()
     for bad in ("width", "width=wide", "=3"):
