@@ -219,7 +219,7 @@ def test_parquet_without_pyarrow_has_one_clear_error(table, tmp_path, capsys, mo
 
 def test_a_bad_cell_is_an_error_of_the_input_also_where_results_are_written(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "bad.csv").write_text("geometry.R [in]\n10\n", encoding="utf-8")
+    (tmp_path / "bad.csv").write_text("geometry.R [furlong]\n10\n", encoding="utf-8")
     assert main(["designs", "bad.csv", "--out", "found.csv"]) == 2
     told = capsys.readouterr().err
     assert told.startswith("p3dof: error: bad.csv, column 1: ")

@@ -155,9 +155,7 @@ def test_armature_and_balance_of_the_machine_are_of_the_actuator(robot):
 @pytest.mark.parametrize("jerk", [np.inf, 500.0])
 def test_friction_that_leaves_no_room_is_told_where_and_of_which(robot, jerk):
     machine = p3dof.load(replace(robot.parameters, friction=p3dof.Friction(coulomb={"slide_b": 300})))
-    with pytest.raises(
-        TaskError, match=r"\Awaypoint 1 to waypoint 2: force: B needs \d+.* to move, friction"
-    ):
+    with pytest.raises(TaskError, match=r"\Awaypoint 1 → waypoint 2: force: B needs \d+.* to move, friction"):
         fastest_plan(machine, LINE, AxisLimits(250, 1, jerk=jerk), nodes=60)
 
 
@@ -178,7 +176,7 @@ waypoints:
             leg = "ABC".index(one.leg)
             k = int(np.abs(found.forces[:, leg]).argmax())
             assert one.value == pytest.approx(abs(found.forces[k, leg]), rel=1e-3)
-            assert one.way == "b to c"
+            assert one.way == "b → c"
             assert one.time == pytest.approx(found.time[k], abs=2e-3)
     assert max(one.share for one in plan.uses) > 1  # the given duration is too short, and that is told
 
@@ -196,10 +194,8 @@ BAD = {
     "nut_force: expected": lambda _: AxisLimits(1, 1, nut_force=np.nan),
     "limits: unknown limit": lambda _: p3dof.Task(LINE.waypoints, limits={"snap": 1}),
     "limits: expected limits by name": lambda _: p3dof.Task(LINE.waypoints, limits=5),
-    "waypoint 1 to waypoint 2: force: ": lambda r: fastest_plan(r, LINE, AxisLimits(30, 1, jerk=500)),
-    "waypoint 1 to waypoint 2: nut_force: ": lambda r: fastest_plan(
-        r, LINE, AxisLimits(300, 1, nut_force=30)
-    ),
+    "waypoint 1 → waypoint 2: force: ": lambda r: fastest_plan(r, LINE, AxisLimits(30, 1, jerk=500)),
+    "waypoint 1 → waypoint 2: nut_force: ": lambda r: fastest_plan(r, LINE, AxisLimits(300, 1, nut_force=30)),
 }
 
 
