@@ -86,7 +86,8 @@ def _told(problem: Statement, design: FloatArray) -> str:
     shares = -found.margins[0] / scales
     missed = np.flatnonzero(shares > _TOLD * shares.max())
     told = []
-    for index in missed[np.argsort(-shares[missed], kind="stable")]:
+    order = np.argsort(-np.round(shares[missed] / shares.max(), 3), kind="stable")  # ties as they were given
+    for index in missed[order]:
         item, margin = problem.constraints[index], -found.margins[0, index]
         told.append(f"{item.name} by {amount(margin, item.measure.unit, 4)}")
     pairs = zip(problem.variables.labels, design, strict=True)
