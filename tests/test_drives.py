@@ -21,6 +21,7 @@ from p3dof.drives import (
     cycle_of,
     read_catalogue,
     size_of,
+    verdict,
 )
 from p3dof.errors import DriveError, InputError
 from p3dof.tasks.files import parse
@@ -202,12 +203,35 @@ def test_ratings_name_what_is_exceeded_and_when(paper):
     torque = {rating.name: rating for rating in found.axes[2].ratings}["peak torque"]
     own = weak.torque(paper.force[:, 2], paper.speed[:, 2], paper.acceleration[:, 2])
     speed = weak.ratio * paper.speed[:, 2]
-    assert torque.allowed == 0  # it turns faster than the motor can
+    within = np.abs(speed) <= 6000 * RPM  # elsewhere it turns faster than the motor can
+    curve = np.interp(np.abs(speed), [0, 3000 * RPM, 6000 * RPM], [0.9, 0.9, 0.3])
+    assert torque.share == pytest.approx((np.abs(own) / curve)[within].max())
     speeding = {rating.name: rating for rating in found.axes[2].ratings}["speed"]
     assert speeding.required == pytest.approx(np.abs(speed).max() / RPM)
     assert speeding.share > 1
     assert np.abs(speed[np.searchsorted(paper.time, speeding.time)]) == np.abs(speed).max()
     assert np.abs(own).max() > 0.9
+
+
+def test_too_fast_a_motor_breaks_its_speed_and_no_torque():
+    """A has 111 % of the speed and little torque, B too much torque and 105 %, C is always too fast."""
+    motor = Motor(1.0, 2.0, 5000 * RPM, 0.0, time_constant=10.0)
+    drive = Drive(motor, Screw(0.01, 1.0, 1.0, inertia=0.0))
+    time = np.linspace(0, 1, 1001)
+    swing = 1 - np.abs(2 * time - 1)
+    speed = np.column_stack([5550 * swing, 5250 * swing, np.full(1001, 5500.0)]) * RPM / drive.ratio
+    force = np.tile(drive.ratio * np.array([0.6, 2.6, 0.5]), (1001, 1))
+    sizing = size_of(Cycle(time, force, speed, np.zeros((1001, 3))), drive)
+    shares = [{rating.name: rating.share for rating in axis.ratings} for axis in sizing.axes]
+    assert shares[0] == pytest.approx({"peak torque": 0.3, "rms torque": 0.6, "speed": 1.11, "heating": 0.36})
+    assert shares[2] == pytest.approx({"rms torque": 0.5, "speed": 1.1, "heating": 0.25})
+    order = [(leg, rating.name) for leg, rating in sizing.exceeded]
+    beyond = [("B", "heating"), ("B", "rms torque"), ("B", "peak torque")]
+    assert order == [*beyond, ("A", "speed"), ("C", "speed"), ("B", "speed")]
+    assert [rating.share for _, rating in sizing.exceeded] == pytest.approx([6.76, 2.6, 1.3, 1.11, 1.1, 1.05])
+    assert sizing.worst == sizing.exceeded[0]
+    assert verdict(sizing).count(" is used to ") == 6
+    assert "beyond" not in verdict(sizing)
 
 
 def test_the_usual_torque_curve():
@@ -381,6 +405,24 @@ def test_the_command_says_that_nothing_fits(capsys, tmp_path, monkeypatch):
     code, out, _ = run(capsys, "size", "task.yaml", "--duration", 0.7)
     assert code == 1
     assert "does not fit" in out.splitlines()[0]
+
+
+def test_the_command_names_the_rating_that_is_broken(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "task.yaml").write_text(PICK_AND_PLACE, encoding="utf-8")
+    (tmp_path / "drives.yaml").write_text(
+        "motors: [{name: M, rated_torque: 1.3, peak_torque: 3.8, max_speed: 5000 rpm, inertia: 3e-5}]\n"
+        "screws: [{name: S, lead: 5 mm, inertia: 0}]\n",
+        encoding="utf-8",
+    )
+    code, out, _ = run(capsys, "size", "task.yaml", "--duration", 2, "--drives", "drives.yaml")
+    assert code == 1
+    first = out.splitlines()[0]
+    assert first.startswith("M + S comes nearest, but does not fit: speed of A is used to 140%, at t = ")
+    assert "torque" not in first
+    code, out, _ = run(capsys, "report", "task.yaml", "--duration", 2, "--drives", "drives.yaml")
+    assert "speed of A is used to 140%" in out
+    assert "torque of" not in out
 
 
 def test_a_bad_catalogue_is_one_line(capsys, tmp_path, monkeypatch):

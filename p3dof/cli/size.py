@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import click
@@ -20,6 +19,7 @@ from p3dof.drives import (
     ranking_table,
     ratings_table,
     read_catalogue,
+    verdict,
     write_ranking,
 )
 from p3dof.drives.sizing import BRAKE_SAFETY
@@ -104,14 +104,9 @@ def size(
         ranked = size_drives(robot, found, catalogue, rest=rest, brake_safety=brake_safety, progress=progress)
     console = console_beside(out)
     best = ranked[0]
-    leg, rating = best.worst
-    verdict = "fits" if best.fits else "comes nearest, but does not fit"
-    when = "over the cycle" if math.isnan(rating.time) else found.piece_at(rating.time).name
-    share = f"{rating.share:.0%}" if rating.share < math.inf else "beyond its end"
-    print_plain(
-        console,
-        f"{best.drives[0].name} {verdict}: {rating.name} of {leg} is used to {share}, {when}",
-    )
+    nearest = "" if best.fits else "comes nearest, but "
+    told = verdict(best, lambda time: found.piece_at(time).name)
+    print_plain(console, f"{best.drives[0].name} {nearest}{told}")
     show(console, ranking_table(ranked, top), notes=True)
     show(console, axes_table(best), ratings_table(best, lambda time: found.piece_at(time).name), notes=True)
     machine, own = robot.parameters.limits, limits_of(robot, task) if task.limits else None

@@ -5,7 +5,7 @@ from p3dof.drives.cycle import Cycle, cycle_of
 from p3dof.drives.drive import Drive
 from p3dof.drives.motor import Motor
 from p3dof.drives.sizing import AxisLoads, Rating, Sizing, size_of
-from p3dof.drives.tables import axes_table, ranking_table, ratings_table, write_ranking
+from p3dof.drives.tables import axes_table, ranking_table, ratings_table, verdict, write_ranking
 from p3dof.drives.transmission import Belt, Gear, Screw
 from p3dof.drives.winding import Winding
 
@@ -28,5 +28,6 @@ __all__ = [
     "ratings_table",
     "read_catalogue",
     "size_of",
+    "verdict",
     "write_ranking",
 ]

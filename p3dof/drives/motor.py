@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray, frozen_array, shown
 from p3dof.drives.checked import above_zero, from_zero, text
@@ -122,12 +123,16 @@ class Motor:
         """Return what it gives for a moment at speeds (...) [rad/s], in (...) [N m]; zero if too fast."""
         return self._at(speed, 2)
 
+    def too_fast(self, speed: FloatArray) -> NDArray[np.bool_]:
+        """Return whether speeds (...) [rad/s] are above the fastest, but for rounding."""
+        return np.asarray(np.abs(speed) > self.max_speed * (1 + 1e-12))
+
     def _at(self, speed: FloatArray, column: int) -> FloatArray:
         points = np.asarray(self.curve)
         found = np.interp(np.abs(speed), points[:, 0], points[:, column])
         if self.winding is not None:
             found = np.minimum(found, self.winding.torque(speed))
-        return np.where(np.abs(speed) > self.max_speed * (1 + 1e-12), 0.0, found)
+        return np.where(self.too_fast(speed), 0.0, found)
 
     def _points(self, where: str) -> FloatArray:
         if self.curve is not None:

@@ -4,6 +4,9 @@ References
 ----------
 Root mean square over the cycle, dwells included, is held against the continuous torque at the rms speed: that
 is stricter than at the mean speed. Heating is that of one body: τ ẋ + x = (T / T_c(n))².
+
+A speed above the motor's fastest is a matter of the speed alone: the peak torque is judged at the other
+samples, rms torque and heating by the continuous torque at the fastest speed.
 """
 
 from __future__ import annotations
@@ -156,8 +159,17 @@ class Sizing:
     @property
     def worst(self) -> tuple[str, Rating]:
         """The axis and the rating that is used most."""
-        leg = max(range(3), key=lambda k: self.axes[k].worst.share)
-        return LEGS[leg], self.axes[leg].worst
+        return self._by_share()[0]
+
+    @property
+    def exceeded(self) -> tuple[tuple[str, Rating], ...]:
+        """Axes and ratings that are exceeded, the farthest first."""
+        return tuple((leg, rating) for leg, rating in self._by_share() if rating.share > 1)
+
+    def _by_share(self) -> list[tuple[str, Rating]]:
+        pairs = zip(LEGS, self.axes, strict=True)
+        each = [(leg, rating) for leg, axis in pairs for rating in axis.ratings]
+        return sorted(each, key=lambda one: -round(one[1].share, 9))  # equal but for rounding: the first axis
 
 
 def size_of(
@@ -315,7 +327,7 @@ class _Axis:
 
     def _heating(self, constant: float) -> tuple[float, float]:
         """Return the largest heating in steady state, and when; NaN in the rest after the cycle."""
-        allowed = self._drive.motor.continuous(self._turning)
+        allowed = self._continuous(self._turning)
         with np.errstate(divide="ignore"):
             loads = (self._torque / allowed) ** 2
         if not np.isfinite(loads).all():
@@ -335,6 +347,11 @@ class _Axis:
         hottest = int(np.argmax(found))
         return found[hottest], float(np.append(self._time, math.nan)[hottest])
 
+    def _continuous(self, speed: FloatArray) -> FloatArray:
+        """Return the continuous torque at speeds, at the fastest where they are above it."""
+        motor = self._drive.motor
+        return motor.continuous(np.minimum(np.abs(speed), motor.max_speed))
+
     def _of_motor(self, heating: float, hottest: float, inertia: list[float]) -> list[Rating]:
         """Return what is used of the motor's heat and of the load's inertia that it may have."""
         allowed, found = self._drive.motor.max_inertia_ratio, []
@@ -346,21 +363,12 @@ class _Axis:
 
     def _ratings(self, rms: float, rms_speed: float) -> list[Rating]:
         motor, slow, gear = self._drive.motor, self._drive.transmission, self._drive.gear
-        allowed = motor.peak(self._turning)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            used = np.where(self._torque == 0, 0.0, np.abs(self._torque) / allowed)
-        worst, fastest = int(np.argmax(used)), int(np.argmax(np.abs(self._turning)))
+        fastest = int(np.argmax(np.abs(self._turning)))
         hardest = int(np.argmax(np.abs(self._force)))
         speed, when = _RPM * float(np.abs(self._turning[fastest])), float(self._time[fastest])
         found = [
-            Rating(
-                "peak torque",
-                float(np.abs(self._torque[worst])),
-                float(allowed[worst]),
-                "N m",
-                float(self._time[worst]),
-            ),
-            Rating("rms torque", rms, float(motor.continuous(np.array([rms_speed]))[0]), "N m"),
+            *self._peak_torque(),
+            Rating("rms torque", rms, float(self._continuous(np.array([rms_speed]))[0]), "N m"),
             Rating("speed", speed, _RPM * min(motor.max_speed, gear.max_speed), "rpm", when),
         ]
         for name, power, limit in (
@@ -382,3 +390,15 @@ class _Axis:
             torque = float(np.abs(self._screw_torque[most]))
             found.append(Rating("gear torque", torque, gear.max_torque, "N m", float(self._time[most])))
         return found
+
+    def _peak_torque(self) -> list[Rating]:
+        """Return what is used of the peak torque where the motor is not too fast; nothing if it always is."""
+        motor = self._drive.motor
+        rows = np.flatnonzero(~motor.too_fast(self._turning))
+        if not len(rows):
+            return []
+        torque, allowed = np.abs(self._torque[rows]), motor.peak(self._turning[rows])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            worst = int(np.argmax(np.where(torque == 0, 0.0, torque / allowed)))
+        time = float(self._time[rows[worst]])
+        return [Rating("peak torque", float(torque[worst]), float(allowed[worst]), "N m", time)]

@@ -9,10 +9,10 @@ import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from p3dof.drives.sizing import Sizing
+from p3dof.drives.sizing import Rating, Sizing
 from p3dof.files import suffix_of, write_atomic
 from p3dof.parameters import LEGS
-from p3dof.tables import NONE, Table, html_of, notebook_html, number, table_of
+from p3dof.tables import NONE, Table, html_of, notebook_html, number, percent, table_of
 
 _RPM = 30 / math.pi
 
@@ -34,7 +34,7 @@ def ranking_table(found: Sequence[Sizing], most: int = 10) -> Table:
     rows: list[tuple[str, ...]] = []
     for sizing in found[:most]:
         leg, rating = sizing.worst
-        axes = [_share(axis.worst.share) for axis in sizing.axes]
+        axes = [percent(axis.worst.share, 0) for axis in sizing.axes]
         fits = "yes" if sizing.fits else "no"
         name = sizing.drives[0].name
         rows.append((name, fits, f"{rating.name} of {leg}", *axes, number(sizing.bus_peak_power)))
@@ -100,25 +100,46 @@ def ratings_table(sizing: Sizing, where: Callable[[float], str] | None = None) -
             whole = math.isnan(rating.time)
             place = "over the cycle" if whole else ("" if where is None else where(rating.time))
             name = f"{leg}: {rating.name}" + (f" [{rating.unit}]" if rating.unit else "")
-            share = _share(rating.share, 1)
+            share = percent(rating.share)
             values = number(rating.required), number(rating.allowed)
             rows[name] = (*values, share, NONE if whole else number(rating.time), place)
     header = ("rating", "required", "allowed", "used", "at t [s]", "on the way")
     return table_of("How much of the ratings is used", header, rows)
 
 
+def verdict(sizing: Sizing, where: Callable[[float], str] | None = None) -> str:
+    """Return whether drives fit, and which rating is used most; all that are exceeded, the farthest first.
+
+    Parameters
+    ----------
+    sizing : Sizing
+        Of one drive on each axis.
+    where : callable, optional
+        Time to the name of a part of the cycle.
+
+    Returns
+    -------
+    str
+    """
+    named = [_words(leg, rating, where) for leg, rating in sizing.exceeded or (sizing.worst,)]
+    return f"{'fits' if sizing.fits else 'does not fit'}: {'; '.join(named)}"
+
+
+def _words(leg: str, rating: Rating, where: Callable[[float], str] | None) -> str:
+    if rating.share == math.inf:
+        much = f"takes {number(rating.required)} {rating.unit} where none is allowed"
+    else:
+        much = f"is used to {percent(rating.share, 0)}"
+    if math.isnan(rating.time):
+        return f"{rating.name} of {leg} {much}, over the cycle"
+    place = f", {where(rating.time)}" if where is not None else ""
+    return f"{rating.name} of {leg} {much}, at t = {number(rating.time)} s{place}"
+
+
 @html_of.register(Sizing)
 def sizing_html(sizing: Sizing) -> str:
     """Return how a notebook shows drives on their axes, as HTML."""
-    leg, rating = sizing.worst
-    fit = "fits" if sizing.fits else "does not fit"
-    facts = f"{fit}: {rating.name} of {leg} is used to {rating.share:.0%}"
-    return notebook_html("Drives", facts, [axes_table(sizing), ratings_table(sizing)])
-
-
-def _share(share: float, decimals: int = 0) -> str:
-    """Return a share in percent; a word where nothing is allowed, as a torque at too high a speed."""
-    return f"{share:.{decimals}%}" if share < math.inf else "beyond"
+    return notebook_html("Drives", verdict(sizing), [axes_table(sizing), ratings_table(sizing)])
 
 
 def _lead(lead: float) -> str:

@@ -156,12 +156,9 @@ class Assessment(ShownInNotebook):
 
     @cached_property
     def ratings(self) -> tuple[RatingUse, ...]:
-        """All ratings that are known, those that are used most first.
-
-        Torques at speeds that allow none come after all that are exceeded: the speed says by how much.
-        """
+        """All ratings that are known, those that are used most first."""
         found = [*self._of_machine(), *self._of_task(), *self._of_drives(), *self._of_bearings()]
-        return tuple(sorted(found, key=lambda one: -one.share if one.share < math.inf else -_FITS))
+        return tuple(sorted(found, key=lambda one: -one.share))
 
     @property
     def worst(self) -> RatingUse:
@@ -184,10 +181,10 @@ class Assessment(ShownInNotebook):
         one = self.worst
         words = f"{one.name} of {one.part}"
         if one.share == math.inf:
-            much = "is beyond what there is"
+            much = f"takes {one.amounts}"
         else:
             much = f"is used to {percent(one.share, 0)}, {one.amounts}"
-        left = f"; {1 - one.share:.0%} is left" if self.fits else f"; {_beyond(one.share)}"
+        left = f"; {1 - one.share:.0%} is left" if self.fits else _beyond(one.share)
         return f"{words} {much} {one.when}{left}"
 
     @cached_property
@@ -405,8 +402,8 @@ def short(value: float, digits: int = 4) -> str:
 
 def _beyond(share: float) -> str:
     if share == math.inf:
-        return "no speed or torque like it is allowed"
-    return f"{share - 1:.0%} too much" if share >= 1.005 else f"{100 * (share - 1):.1g}% too much"
+        return ""
+    return f"; {share - 1:.0%} too much" if share >= 1.005 else f"; {100 * (share - 1):.1g}% too much"
 
 
 def _works(power: FloatArray, time: FloatArray) -> tuple[float, float]:

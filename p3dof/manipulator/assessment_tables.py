@@ -42,12 +42,7 @@ def uses_table(found: Assessment, most: int | None = None) -> Table:
 
 def _use(one: RatingUse) -> tuple[str, ...]:
     values = (f"{figure} {one.unit}".strip() for figure in one.figures)
-    return (f"{one.name} of {one.part}", one.kind, *values, share(one.share), *_when(one.time, one.place))
-
-
-def share(value: float) -> str:
-    """Return how much is used, in percent; a word where nothing is allowed."""
-    return percent(value) if value < math.inf else "beyond"
+    return (f"{one.name} of {one.part}", one.kind, *values, percent(one.share), *_when(one.time, one.place))
 
 
 def _when(time: float, place: str) -> tuple[str, str]:

@@ -24,7 +24,6 @@ from p3dof.errors import InputError, SampleError
 from p3dof.files import suffix_of, write_atomic
 from p3dof.load_friction import LoadFriction
 from p3dof.manipulator.assessment import Assessment, as_result, assess
-from p3dof.manipulator.assessment_tables import share
 from p3dof.manipulator.facade import Manipulator
 from p3dof.manipulator.fastest import fastest_plan, limits_of
 from p3dof.manipulator.tasks import TaskForces, forces_of_task
@@ -33,7 +32,7 @@ from p3dof.methods.registry import Method
 from p3dof.motion import Motion, paper_motion
 from p3dof.parameters import LEGS, Parameters
 from p3dof.reactions import JOINTS, Stiffness
-from p3dof.tables import NONE, ShownInNotebook, Table, html_of, notebook_html, number, table_of
+from p3dof.tables import NONE, ShownInNotebook, Table, html_of, notebook_html, number, percent, table_of
 from p3dof.tasks import AxisLimits, Task
 
 Better = Literal["lower", "higher", ""]
@@ -449,7 +448,7 @@ def verdicts_table(found: DesignComparison) -> Table:
     for one in found.assessments:
         worst = one.worst
         drive = [] if one.drives is None else [_drive(one) or ""]
-        words = "yes" if one.fits else "no", f"{worst.name} of {worst.part}", share(worst.share), worst.when
+        words = "yes" if one.fits else "no", f"{worst.name} of {worst.part}", percent(worst.share), worst.when
         rows[one.name] = [*words, *drive]
     header = ["design", "fits", "most used", "used", "when"]
     drives = any(one.drives is not None for one in found.assessments)

@@ -13,6 +13,7 @@ from p3dof.manipulator.assessment import Assessment
 from p3dof.manipulator.tasks import TaskForces
 from p3dof.parameters import LEGS
 from p3dof.plots.common import COLOURS, new_figure, tidy
+from p3dof.tables import percent
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,9 +63,8 @@ def utilisation_figure(found: Assessment) -> Figure:
             colour = COLOURS[k] if len(shares[name]) > 1 else "0.45"
             axis.barh(place, min(share, _WIDEST), height=_BAR * 0.9, color=colour)
         most = float(np.nanmax(shares[name]))
-        text = f"{most:.0%}" if most < math.inf else "beyond"
         axis.annotate(
-            text,
+            percent(most, 0),
             (
                 1.0 if _CLOSE < most < 1 else min(most, _WIDEST),
                 row,

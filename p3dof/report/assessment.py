@@ -19,7 +19,7 @@ from p3dof.errors import InputError
 from p3dof.files import suffix_of, write_atomic
 from p3dof.manipulator import Manipulator, forces_of_task
 from p3dof.manipulator.assessment import Assessment, as_result, short
-from p3dof.manipulator.assessment_tables import assumptions, loads_table, needs_table, share, uses_table
+from p3dof.manipulator.assessment_tables import assumptions, loads_table, needs_table, uses_table
 from p3dof.manipulator.task_limits import sizing_table
 from p3dof.manipulator.task_loads import without_jumps
 from p3dof.manipulator.tasks import TaskForces, pieces_table
@@ -30,7 +30,7 @@ from p3dof.plots.mechanism import mechanism_figure
 from p3dof.reactions import how_chosen, names_table, reactions_table
 from p3dof.report.figures import Picture, picture
 from p3dof.report.templates import data_uri, dated, rendered, template, texts, versions
-from p3dof.tables import number
+from p3dof.tables import number, percent
 
 _ALTERNATIVES = 8
 
@@ -181,7 +181,7 @@ def _answer(found: Assessment) -> dict[str, Any]:
         "chosen": None if found.drives is None else found.drives.drives[0].name,
         "energy": f"{short(given)} J given, {short(back)} J taken back {where}",
         "key": {
-            "used most": f"{one.name} of {one.part}: {share(one.share)}",
+            "used most": f"{one.name} of {one.part}: {percent(one.share)}",
             "when": one.when,
             "cycle": f"{number(found.cycle_time)} s",
             "cycles an hour": f"{3600 / found.cycle_time:.0f}",

@@ -83,8 +83,9 @@ def percent(share: float, decimals: int = 1) -> str:
     Returns
     -------
     str
+        ``"beyond"`` for infinity: where nothing is allowed.
     """
-    return f"{share:.{decimals + _more(share, decimals)}%}"
+    return f"{share:.{decimals + _more(share, decimals)}%}" if share < math.inf else "beyond"
 
 
 def _more(share: float, decimals: int) -> int:
