@@ -58,6 +58,21 @@ def _must_run(report: pytest.TestReport | pytest.CollectReport) -> None:
 
 
 @pytest.hookimpl(wrapper=True)
+def pytest_pyfunc_call(pyfuncitem: pytest.Function):
+    """Hold what a test claims by `@shows` against what it compared."""
+    claims = [name for mark in pyfuncitem.iter_markers("shows") for name in mark.args]
+    if not claims:
+        return (yield)
+    import table_numbers  # it imports p3dof, which not every test does
+
+    table_numbers.begin()
+    done = yield
+    missing = table_numbers.not_compared(claims)
+    assert not missing, f"claimed by @shows, but not compared: {missing}"
+    return done
+
+
+@pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport():
     report = yield
     _must_run(report)
