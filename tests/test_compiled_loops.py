@@ -558,25 +558,6 @@ def test_without_a_compiler_a_line_says_so(monkeypatch):
 
 
 @needs_compiler
-def test_what_was_compiled_is_kept_and_code_of_others_is_not_run(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    gallery("four_bar").compile().bind()
-    folder = tmp_path / "p3dof" / "loops"
-    (kept,) = folder.iterdir()
-    before = kept.stat().st_mtime_ns
-    started = []
-    start = build._start
-    monkeypatch.setattr(build, "_start", lambda *args: started.append(args) or start(*args))
-    gallery("four_bar").compile().bind()
-    assert not started
-    assert kept.stat().st_mtime_ns == before
-    folder.chmod(0o777)  # anybody could put a library there
-    gallery("four_bar").compile().bind()
-    assert started
-    assert list(folder.iterdir()) == [kept]
-
-
-@needs_compiler
 def test_a_compiler_that_fails_is_told(monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     broken = tmp_path / "cc"

@@ -18,6 +18,8 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+from p3dof.errors import FileError
+
 if sys.platform != "win32":
     import fcntl
 
@@ -65,10 +67,18 @@ def scratch_folder() -> Iterator[Path]:
     Yields
     ------
     Path
+
+    Raises
+    ------
+    FileError
+        If there is no such place, or it is full.
     """
-    parent = Path(tempfile.gettempdir())
-    sweep_once(parent)
-    path, descriptor = _new_folder(parent)
+    try:
+        parent = Path(tempfile.gettempdir())
+        sweep_once(parent)
+        path, descriptor = _new_folder(parent)
+    except OSError as error:
+        raise FileError(f"no folder for temporary files ({error.strerror or error})") from error
     try:
         yield path
     finally:

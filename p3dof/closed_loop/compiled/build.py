@@ -1,22 +1,28 @@
-"""From C to a function that Python can call: a compiler, and a cache by content."""
+"""From C to a function that Python can call: a compiler, and a cache by content.
+
+A library that is kept has two hashes in its name: of what it was made from, by which it is looked for, and of
+its own bytes, which it must have before it is loaded: what is cut off would end the process. The folder, and
+all above it, are this user's or the system's, and nobody else can write there.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import hashlib
 import os
 import platform
-import shlex
 import shutil
 import stat
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 
 from p3dof.errors import MissingExtraError, ModelError
+from p3dof.files import reason, scratch_folder, write_atomic
 
 LEVELS = {
     "auto": ("-march=native",),
@@ -35,7 +41,7 @@ _SECONDS = 300.0
 def compiler() -> str | None:
     """Return the path of a C compiler that knows vector types, None if there is none."""
     wanted = os.environ.get("CC", "")
-    for name in (*shlex.split(wanted)[:1], "gcc", "clang", "cc"):
+    for name in (*wanted.split()[:1], "gcc", "clang", "cc"):
         found = shutil.which(name)
         if found and sys.platform != "win32":
             return found
@@ -44,7 +50,10 @@ def compiler() -> str | None:
 
 @cache
 def _version(program: str) -> str:
-    done = subprocess.run([program, "--version"], capture_output=True, text=True, check=False, timeout=60)  # noqa: S603 - found on the path
+    try:
+        done = subprocess.run([program, "--version"], capture_output=True, text=True, check=False, timeout=60)  # noqa: S603 - found on the path
+    except (OSError, subprocess.SubprocessError):
+        return program
     return done.stdout.splitlines()[0] if done.stdout else program
 
 
@@ -78,19 +87,21 @@ def libraries(sources: Sequence[str], level: str = "auto") -> list[ctypes.CDLL]:
         If there is no C compiler.
     ModelError
         If it fails, or takes longer than five minutes.
+    FileError
+        If there is no place for temporary files.
     """
     program = compiler()
     if program is None:
         raise MissingExtraError("compiling needs a C compiler, gcc or clang, on the path")
     command = [program, *_FLAGS, *_CONTRACT, *LEVELS[level]]
-    with tempfile.TemporaryDirectory(prefix="p3dof-") as scratch:
-        folder = _cache() or Path(scratch)
-        paths = [folder / f"{_key(command, source)}.so" for source in sources]
-        pending = [(s, p) for s, p in zip(sources, paths, strict=True) if not p.exists()]
-        running = [_start(command, source, Path(scratch) / f"{i}") for i, (source, _) in enumerate(pending)]
-        for job, (_, path) in zip(running, pending, strict=True):
-            _finish(job, path)
-        return [ctypes.CDLL(str(path)) for path in paths]
+    keys = [_key(command, source) for source in sources]
+    known = {key: kept for key in keys if (kept := _kept(key)) is not None}
+    pending = {key: source for key, source in zip(keys, sources, strict=True) if key not in known}
+    if pending:
+        with scratch_folder() as scratch:
+            made = _compiled(command, {scratch / f"{key}.so": source for key, source in pending.items()})
+            known |= {path.stem: _keep(path) for path in made}
+    return [known[key] for key in keys]
 
 
 def _key(command: Sequence[str], source: str) -> str:
@@ -98,45 +109,93 @@ def _key(command: Sequence[str], source: str) -> str:
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
 
 
-def _start(command: Sequence[str], source: str, base: Path) -> tuple[subprocess.Popen[str], Path]:
-    text, made = base.with_suffix(".c"), base.with_suffix(".so")
+def _compiled(command: Sequence[str], sources: dict[Path, str]) -> list[Path]:
+    """Compile texts side by side to the files that they are given for."""
+    jobs: list[subprocess.Popen[str]] = []
+    try:
+        jobs += (_start(command, source, path) for path, source in sources.items())
+        for job in jobs:
+            _finish(job)
+    except OSError as error:
+        raise ModelError(f"the C compiler cannot be run ({reason(error)})") from error
+    finally:
+        for job in jobs:
+            if job.poll() is None:
+                job.kill()
+                job.communicate()
+    return list(sources)
+
+
+def _start(command: Sequence[str], source: str, made: Path) -> subprocess.Popen[str]:
+    text = made.with_suffix(".c")
     text.write_text(source, encoding="ascii")
     call = [*command, "-o", str(made), str(text), "-lm"]
-    job = subprocess.Popen(call, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)  # noqa: S603 - a compiler with our own text
-    return job, made
+    return subprocess.Popen(call, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)  # noqa: S603 - a compiler with our own text
 
 
-def _finish(running: tuple[subprocess.Popen[str], Path], path: Path) -> None:
-    job, made = running
+def _finish(job: subprocess.Popen[str]) -> None:
     try:
         _, told = job.communicate(timeout=_SECONDS)
     except subprocess.TimeoutExpired:
-        job.kill()
-        job.communicate()
         raise ModelError(f"the C compiler took longer than {_SECONDS:g} s") from None
-    except BaseException:
-        job.kill()
-        job.communicate()
-        raise
     if job.returncode:
         raise ModelError(f"the C compiler failed: {told.strip()[:300]}")
-    if path.parent == made.parent:
-        made.replace(path)
-        return
-    beside = path.with_name(f"{path.stem}.{os.getpid()}.tmp")
-    shutil.copy(made, beside)
-    beside.replace(path)  # whole or not at all
 
 
-def _cache() -> Path | None:
-    """Return the folder of what was compiled before; None if others can put code into it."""
-    base = os.environ.get("XDG_CACHE_HOME", "")
-    folder = (Path(base) if base else Path.home() / ".cache") / "p3dof" / "loops"
+def _kept(key: str) -> ctypes.CDLL | None:
+    """Return a library that was compiled before; one that is not what was kept is removed."""
+    for folder in _folders():
+        for path in folder.glob(f"{key}-*.so"):
+            with contextlib.suppress(OSError):  # it cannot be read, or not be loaded from here
+                ours = path.lstat().st_uid == _user()  # the folder may have been open to others before
+                if ours and path.stem == f"{key}-{hashlib.sha256(path.read_bytes()).hexdigest()}":
+                    return ctypes.CDLL(str(path))
+                path.unlink()
+    return None
+
+
+def _keep(made: Path) -> ctypes.CDLL:
+    """Load what was compiled, from the first folder that takes it; if none does, from where it is."""
     try:
-        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        told = folder.stat()
-    except OSError:
-        return None
-    ours = not hasattr(os, "getuid") or told.st_uid == os.getuid()
-    writable = told.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
-    return folder if ours and not writable and os.access(folder, os.W_OK) else None
+        data = made.read_bytes()
+        for folder in _folders(make=True):
+            with contextlib.suppress(OSError):  # FileError too: a full disk, or one to run nothing from
+                kept = folder / f"{made.stem}-{hashlib.sha256(data).hexdigest()}.so"
+                return ctypes.CDLL(str(write_atomic(kept, data)))
+        return ctypes.CDLL(str(made))
+    except OSError as error:
+        raise ModelError(f"what the C compiler made cannot be loaded ({reason(error)})") from error
+
+
+def _folders(make: bool = False) -> Iterator[Path]:
+    """Yield the folders for what is compiled into which nobody else can put code; make those missing."""
+    places = []
+    base, home = os.environ.get("XDG_CACHE_HOME", ""), os.path.expanduser("~")  # noqa: PTH111 - Path.home raises
+    if os.path.isabs(base):  # noqa: PTH117 - another one is to be ignored, its specification says
+        places.append(Path(base, "p3dof"))
+    elif os.path.isabs(home):  # noqa: PTH117 - it stays "~" for a user whom nobody knows
+        places.append(Path(home, ".cache", "p3dof"))
+    with contextlib.suppress(OSError):  # there is none
+        places.append(Path(tempfile.gettempdir(), f"p3dof-{_user()}"))
+    for place in places:
+        folder = place / "loops"
+        with contextlib.suppress(OSError, RuntimeError):
+            for part in (place, folder) if make else ():
+                part.mkdir(parents=True, exist_ok=True, mode=0o700)
+            folder = folder.resolve()
+            if _private(folder) and os.access(folder, os.R_OK | os.W_OK):
+                yield folder
+
+
+def _user() -> int:
+    return os.getuid() if hasattr(os, "getuid") else 0
+
+
+def _private(folder: Path) -> bool:
+    """Return whether a folder is this user's, and nobody else can change what is in it or above it."""
+    for part in (folder, *folder.parents):
+        told = part.stat()
+        shared = told.st_mode & (stat.S_IWGRP | stat.S_IWOTH) and not told.st_mode & stat.S_ISVTX
+        if shared or told.st_uid not in {_user(), *(() if part == folder else (0,))}:
+            return False
+    return not folder.stat().st_mode & (stat.S_IWGRP | stat.S_IWOTH)
