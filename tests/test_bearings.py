@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from lagrange import BODIES, LagrangeModel
 
 import p3dof
 from p3dof.bearings import (
@@ -137,6 +138,38 @@ def test_rods(report):
     for rod in rods.values():
         assert rod.buckling == pytest.approx(101739, rel=1e-5)
         assert rod.frequency == pytest.approx(254.69, rel=5e-5)
+
+
+ENDS = {
+    "leg_a": ("hinge_a", "loop_a"),
+    "leg_b": ("hinge_b", "loop_b"),
+    "rod_left": ("hinge_left", "hinge_lower"),
+    "rod_right": ("hinge_right", "loop_c"),
+}
+
+
+@pytest.mark.parametrize(("up", "side", "end"), [(-1, 1, 1), (-1, -1, 1), (1, 1, 0)])
+def test_rods_bear_along_themselves_at_both_ends(up, side, end):
+    """Both rods in compression, whichever end decides: with the paper's motion, mirrored, gravity upward."""
+    machine, papers = replace(PAPER, gravity=[0.6, -0.4, up * 9.81]), paper_motion(101)
+    mirror = [np.array(part) * [side, 1, 1] for part in (papers.pose, papers.velocity, papers.acceleration)]
+    reactions = p3dof.load(machine).reactions(Motion(papers.time, *mirror), "elastic")
+    axes = LagrangeModel(machine).orientations(mirror[0])[..., 0]  # of each body, from above to below
+    forces, _ = reactions.in_base()
+    found = {rod.rod: rod for rod in bearing_life(machine, reactions, Bearings(BALL)).rods}
+    assert found.keys() == ENDS.keys()
+    for name, rod in found.items():
+        ends = [forces[:, reactions.joints.index(end)] for end in ENDS[name]]
+        thrust = np.array([(end * axes[:, BODIES.index(name)]).sum(axis=1) for end in ends])
+        most, at = np.unravel_index(thrust.argmax(), thrust.shape)
+        assert rod.compression == pytest.approx(max(thrust.max(), 0), rel=1e-12)
+        assert rod.tension == pytest.approx(max(-thrust.min(), 0), rel=1e-12)
+        if thrust.max() > 0:
+            assert rod.compression_time == papers.time[at]
+            assert rod.buckling_safety == pytest.approx(rod.buckling / thrust.max(), rel=1e-12)
+        if name.startswith("rod"):
+            assert rod.compression > 0
+            assert most == end
 
 
 def test_a_constant_load_lives_as_the_standard_says():

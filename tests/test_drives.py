@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from test_cli import run
 from test_tasks import PICK_AND_PLACE
 
@@ -143,6 +144,71 @@ def test_a_screw_whirls_and_buckles_as_a_beam():
     beam = math.pi**2 / 0.5**2 * math.sqrt(2.1e11 * second / (7850 * area))
     assert screw.critical_speed == pytest.approx(beam, rel=1e-14)
     assert Screw(0.01, diameter=0.016, length=0.5).inertia == pytest.approx(2.5253e-5, rel=1e-4)
+
+
+def ends_of_a_beam():
+    """λ² of the first bending vibration and π² k of buckling, from the characteristic equations of beams."""
+
+    def root(equation, low, high):
+        return brentq(equation, low, high, xtol=1e-15)
+
+    clamped = root(lambda x: math.cos(x) * math.cosh(x) - 1, 4.5, 5)
+    free = root(lambda x: math.cos(x) * math.cosh(x) + 1, 1.5, 2.5)
+    propped = root(lambda x: math.tan(x) - math.tanh(x), 3.6, 4.2)
+    return {
+        "supported-supported": (math.pi**2, math.pi**2),
+        "fixed-supported": (propped**2, root(lambda x: math.tan(x) - x, 4.4, 4.6) ** 2),
+        "fixed-fixed": (clamped**2, (2 * math.pi) ** 2),
+        "fixed-free": (free**2, (math.pi / 2) ** 2),
+    }
+
+
+@pytest.mark.parametrize(("ends", "factors"), ends_of_a_beam().items())
+def test_every_way_to_hold_a_screw_is_that_of_an_exact_beam(ends, factors):
+    given = {} if ends == "fixed-supported" else {"ends": ends}  # that is what a file without a word gets
+    screw = Screw(0.01, diameter=0.0137, length=0.61, **given)
+    area, second = math.pi * 0.0137**2 / 4, math.pi * 0.0137**4 / 64
+    whirl = factors[0] / 0.61**2 * math.sqrt(2.1e11 * second / (7850 * area))
+    assert screw.critical_speed == pytest.approx(whirl, rel=1e-10)
+    assert screw.buckling_force == pytest.approx(factors[1] * 2.1e11 * second / 0.61**2, rel=1e-10)
+
+
+def ratings_of(drive, force=100.0, speed=0.1):
+    still = np.tile([[force], [force]], 3), np.full((2, 3), speed), np.zeros((2, 3))
+    return {rating.name: rating for rating in size_of(Cycle([0.0, 1.0], *still), drive).axes[0].ratings}
+
+
+def test_screws_may_turn_and_bear_what_their_makers_print():
+    """THK: .8 of the critical speed and half of the Euler load of the KR of 1300 mm, with E 2.06e11."""
+    for ends, printed in (
+        ("fixed-free", 3.4),
+        ("supported-supported", 9.7),
+        ("fixed-supported", 15.1),
+        ("fixed-fixed", 21.9),
+    ):
+        screw = Screw(0.01, diameter=0.0127, length=0.7, ends=ends)
+        rating = ratings_of(Drive(Motor(1, 3, 1e4, 1e-4), screw))["screw speed"]
+        maker = printed * 1e7 * 12.7 / 700**2 * math.sqrt(2.1 / 2.06)
+        assert rating.allowed == pytest.approx(maker, rel=0.05 / printed + 1e-3)  # printed to a tenth
+    screw = Screw(0.01, diameter=0.0175, length=1.3, ends="fixed-fixed")
+    allowed = ratings_of(Drive(Motor(1, 3, 1e4, 1e-4), screw))["buckling"].allowed
+    assert allowed == pytest.approx(11000 * 2.1 / 2.06, rel=0.03)  # printed to a thousand
+
+
+def test_behind_a_gear_each_rating_holds_at_its_own_shaft():
+    """A gear of 2.5: the motor turns 2.5 times as fast as the screw, and gives less than its torque."""
+    screw = Screw(0.02, 0.9, 0.85, diameter=0.014, length=0.5, max_speed=400 * RPM)
+    drive = Drive(Motor(2, 6, 1000, 1e-4), screw, Gear(2.5, 0.95, max_speed=3000 * RPM, max_torque=0.7))
+    found = ratings_of(drive, force=100.0, speed=0.1)
+    turns = 0.1 / 0.02 * 60  # of the screw [rpm]
+    assert found["screw speed"].required == pytest.approx(turns, rel=1e-14)
+    assert found["screw speed"].allowed == pytest.approx(400, rel=1e-14)
+    assert found["speed"].required == pytest.approx(2.5 * turns, rel=1e-14)
+    assert found["speed"].allowed == pytest.approx(3000, rel=1e-14)
+    behind = 100 * 0.02 / (2 * math.pi) / 0.9  # at the screw
+    assert found["gear torque"].required == pytest.approx(behind, rel=1e-14)
+    assert found["peak torque"].required == pytest.approx(behind / 2.5 / 0.95, rel=1e-14)
+    assert found["buckling"].required == 100
 
 
 # --- laws ---------------------------------------------------------------------------------------------------

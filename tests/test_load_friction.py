@@ -30,7 +30,7 @@ from p3dof.methods import pinocchio_friction, virtual_power
 from p3dof.motion import Motion, paper_motion, states_over
 from p3dof.parameters import PAPER, PASSIVE, SLIDES, Actuators, Body, Friction
 from p3dof.plots import forces_figure
-from p3dof.reactions import Stiffness, of_result
+from p3dof.reactions import JOINTS, Stiffness, of_result
 
 PLAIN = HingeContact(mu=0.1, radius=8e-3)
 REFERENCE = LoadFriction(
@@ -251,6 +251,40 @@ def test_losses_add_up(effect):
     html = effect._repr_html_()
     assert "hinge_platform" in html
     assert "126.14" in html
+
+
+def rates_of(machine, motion):
+    """How fast each contact slides or turns, (N, axes), signs apart, from Lagrange's rates and spins."""
+    model = LagrangeModel(machine)
+    spins = model.angular_velocities(motion.pose, motion.velocity)
+    sliders = model.slider_velocities(motion.pose, motion.velocity)
+    found = {name: sliders[:, [k]] for k, name in enumerate(SLIDES)}
+    for name in PASSIVE:
+        joint = next(joint for joint in JOINTS if joint.name == CUTS.get(name, name))
+        one, other = (spins[:, BODIES.index(link)] for link in (joint.predecessor, joint.successor))
+        turn = other - one
+        # The leg turns about x0 against its slider, the platform about y0: an axis of the joint each.
+        found[name] = turn[:, :2] if name.startswith("uni") else np.linalg.norm(turn, axis=1)[:, None]
+    return found
+
+
+def losses(machine, effect):
+    """Friction of each contact and the work it takes, from the rule of contacts and Lagrange's rates."""
+    rates = rates_of(machine, effect.result.motion)
+    limits = expected_limits(effect.friction, effect.reactions, effect.result.nut_forces)
+    power = {
+        name: (limit * np.tanh(rates[name] / effect.friction.smoothing) * rates[name]).sum(axis=1)
+        for name, limit in limits.items()
+    }
+    return limits, {name: np.trapezoid(lost, effect.result.time) for name, lost in power.items()}
+
+
+def test_every_contact_loses_the_work_of_all_its_axes(robot):
+    effect = robot.load_friction(paper_motion(41), ALL, stiffness=S1)
+    _, expected = losses(PAPER, effect)
+    assert effect.lost_work.keys() == expected.keys() == {*SLIDES, *PASSIVE}
+    for name, work in expected.items():
+        assert effect.lost_work[name] == pytest.approx(work, rel=1e-9), name
 
 
 def test_friction_that_grows_with_itself_is_told(robot):

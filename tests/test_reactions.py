@@ -33,6 +33,7 @@ from p3dof.reactions import (
     reactions_table,
 )
 from p3dof.reactions.joints import cuts
+from p3dof.reactions.one_joint import JointReaction, loads_of
 
 KINDS = ("paper", "points")
 WAYS = ("elastic", *KINDS)
@@ -199,6 +200,42 @@ def test_every_body_obeys_newton_and_euler(name, kind):
     assert np.all(largest(euler) <= 1e-10 * np.maximum(moment, arm))
     errors = np.maximum(largest(newton), largest(euler))
     assert np.all(np.abs(result.residual - errors) <= 1e-11 * np.maximum(force, np.maximum(moment, arm)))
+
+
+MORE = np.array([[0.3, 0.05, 0.02], [0.05, 0.5, -0.04], [0.02, -0.04, 0.4]])
+WRONG = {
+    "mass": (1.5, np.zeros(3), 0 * MORE),
+    "centre": (0, [0.02, -0.03, 0.05], 0 * MORE),
+    "inertia": (0, np.zeros(3), MORE),
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+@pytest.mark.parametrize("way", [*WAYS, "all"])
+def test_the_residual_is_the_error_that_was_put_in(way, wrong):
+    """Of the platform's equations, with another mass, mass centre or inertia than the forces are for."""
+    robot, motion, own = p3dof.load(), paper_motion(8), PAPER.bodies.platform
+    mass, away, inertia = WRONG[wrong]
+    body = Body(own.mass + mass, own.com + away, own.inertia + inertia)
+    other = replace(PAPER, bodies=replace(PAPER.bodies, platform=body))
+    found = of_result(robot.loop, other, robot.inverse_dynamics(motion), way)
+    expected = []
+    for (*_, theta), (*_, rate), (*along, change) in zip(
+        motion.pose, motion.velocity, motion.acceleration, strict=True
+    ):
+        c, s = np.cos(theta), np.sin(theta)
+        turn = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])  # about y0
+        arms = turn @ np.column_stack([own.com, body.com])
+        bent = change * np.cross(Y, arms.T) + rate**2 * np.cross(Y, np.cross(Y, arms.T))
+        right, left = (
+            one.mass * (np.array([0, *along]) + part - PAPER.gravity)
+            for one, part in zip((own, body), bent, strict=True)
+        )
+        more = turn @ inertia @ turn.T @ Y
+        euler = change * more + rate**2 * np.cross(Y, more) + np.cross(turn @ away, right)
+        expected.append(max(np.abs(left - right).max(), np.abs(euler).max()))
+    assert min(expected) > 0.1
+    np.testing.assert_allclose(found.residual, expected, rtol=1e-9)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -524,6 +561,31 @@ def test_peaks_are_those_of_what_is_determined():
 
 
 LOADS = ("force", "axial", "radial", "rms_force", "moment", "across", "rms_moment")
+
+
+def test_the_loads_of_a_joint_by_hand():
+    """3, 4, 12 is 13 long; of two directions of misfit both count; a sample that is left out does not."""
+    known = np.ones((3, 3), bool)
+    known[1, 0] = False
+    one = JointReaction(
+        JOINTS[1],
+        Y,
+        np.array([[3.0, -4, 12], [0, 1, 0], [99, 99, 99]]),
+        np.array([[2.0, -3, 6], [0, 0, 1], [99, 99, 99]]),
+        known,
+        np.ones((3, 3), bool),
+        np.array([[[2.0, 3, 6], [1, 4, 8]], [[0, 1, 0], [0, 0, 1]], [[99, 99, 99]] * 2]),
+    )
+    found = loads_of(one, np.array([0.0, 0.5, 2]), np.array([True, True, False]))
+    expected = {
+        "force": (13, True), "axial": (4, False), "radial": (np.hypot(3, 12), True),
+        "moment": (7, False), "across": (np.hypot(2, 6), False),
+        "rms_force": (np.sqrt((169 + 1) / 2), True), "rms_moment": (np.sqrt((49 + 1) / 2), False),
+        "fit_force": (7, False), "fit_moment": (9, False),
+    }  # fmt: skip
+    assert found.keys() == expected.keys()
+    for name, (value, open_) in expected.items():
+        assert (found[name].value, found[name].undetermined) == (pytest.approx(value, rel=1e-14), open_), name
 
 
 def test_elastic_joints_and_both_idealisations_side_by_side():

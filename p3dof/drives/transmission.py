@@ -22,7 +22,7 @@ STEEL, YOUNG = 7850.0, 2.1e11
 _BENDING: Mapping[str, tuple[float, float]] = MappingProxyType(
     {
         "supported-supported": (math.pi**2, 1.0),
-        "fixed-supported": (15.41820571698, 2.0457),
+        "fixed-supported": (15.41820571698, 2.04574851594),
         "fixed-fixed": (22.37328544806, 4.0),
         "fixed-free": (3.51601526850, 0.25),
     }
