@@ -12,6 +12,7 @@ import pinocchio as pin
 import pytest
 from lagrange import BODIES
 from machines import random_machine, random_states, virtual_power_forces
+from table_numbers import check_evidence, check_table, shows
 
 import p3dof
 from p3dof import description, kinematics
@@ -25,7 +26,11 @@ from p3dof.motion import Motion, paper_motion, states_over
 from p3dof.parameters import PAPER, PASSIVE, SLIDES, SOLIDS, Bodies, Body, Friction, Parameters
 from p3dof.reactions import (
     JOINTS,
+    Misfit,
+    ReactionsComparison,
+    Stiffness,
     how_chosen,
+    names_table,
     of_result,
     of_solution,
     open_tables,
@@ -210,15 +215,13 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("wrong", WRONG)
-@pytest.mark.parametrize("way", [*WAYS, "all"])
-def test_the_residual_is_the_error_that_was_put_in(way, wrong):
-    """Of the platform's equations, with another mass, mass centre or inertia than the forces are for."""
-    robot, motion, own = p3dof.load(), paper_motion(8), PAPER.bodies.platform
+def with_an_error(way, wrong, motion, stiffness=None):
+    """Reactions whose equations miss by the weight of another mass, centre or inertia; and by how much."""
+    robot, own = p3dof.load(), PAPER.bodies.platform
     mass, away, inertia = WRONG[wrong]
     body = Body(own.mass + mass, own.com + away, own.inertia + inertia)
     other = replace(PAPER, bodies=replace(PAPER.bodies, platform=body))
-    found = of_result(robot.loop, other, robot.inverse_dynamics(motion), way)
+    found = of_result(robot.loop, other, robot.inverse_dynamics(motion), way, stiffness=stiffness)
     expected = []
     for (*_, theta), (*_, rate), (*along, change) in zip(
         motion.pose, motion.velocity, motion.acceleration, strict=True
@@ -234,8 +237,114 @@ def test_the_residual_is_the_error_that_was_put_in(way, wrong):
         more = turn @ inertia @ turn.T @ Y
         euler = change * more + rate**2 * np.cross(Y, more) + np.cross(turn @ away, right)
         expected.append(max(np.abs(left - right).max(), np.abs(euler).max()))
-    assert min(expected) > 0.1
-    np.testing.assert_allclose(found.residual, expected, rtol=1e-9)
+    return found, np.array(expected)
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+@shows(
+    "p3dof.reactions.results.Reactions.residual", "p3dof.reactions.comparison.ReactionsComparison.residual"
+)
+def test_the_residual_is_the_error_that_was_put_in(wrong):
+    for way in (*WAYS, "all"):
+        found, expected = with_an_error(way, wrong, paper_motion(8))
+        assert min(expected) > 0.1
+        check_evidence(found, "residual", expected, rtol=1e-9)
+    parts = [replace(one, residual=(k + 1) * expected) for k, one in enumerate(found.each)]
+    check_evidence(ReactionsComparison(*parts), "residual", 3 * expected, rtol=1e-9)
+
+
+FORCES, MOMENTS = ("force", "axial", "radial", "rms_force"), ("moment", "across", "rms_moment")
+
+
+def loads_by_hand(result, joint):
+    """The loads of `LOADS` of a joint, and which have an open component, sample by sample."""
+    i, one = result.joints.index(joint), result[joint]
+    axis = 2 if joint.startswith("slide") else 1
+    others = [k for k in range(3) if k != axis]
+    step = np.diff(result.time)
+
+    def mean(squares):
+        return np.sqrt((step * (squares[1:] + squares[:-1]) / 2).sum() / step.sum())
+
+    force, moment = ((part**2).sum(axis=1) for part in (one.forces, one.moments))
+    values = {
+        "force": np.sqrt(force.max()),
+        "axial": max(abs(one.forces[:, axis])),
+        "radial": np.sqrt((one.forces[:, others] ** 2).sum(axis=1).max()),
+        "rms_force": mean(force),
+        "moment": np.sqrt(moment.max()),
+        "across": np.sqrt((one.moments[:, others] ** 2).sum(axis=1).max()),
+        "rms_moment": mean(moment),
+    }
+    if result.cuts == "points" and joint.startswith("loop"):
+        values |= dict.fromkeys(("axial", "radial", "across"), np.nan)  # a ball has no axis
+    seen = {"axial": [axis], "radial": others, "across": others}
+    known = {"f": result.determined_forces[:, i], "m": result.determined_moments[:, i]}
+    marked = {
+        name
+        for name, value in values.items()
+        if not np.isnan(value)
+        and not known["f" if name in FORCES else "m"][:, seen.get(name, [0, 1, 2])].all()
+    }
+    fits = [np.sqrt((result.fit[:, 0, i, k] ** 2).sum(axis=1).max()) for k in (0, 1)]
+    return values, marked, fits
+
+
+ROWS, PART = [0, 7, 11, 23, 24, 40], paper_motion(41)
+UNEVEN = Motion(PART.time[ROWS], PART.pose[ROWS], PART.velocity[ROWS], PART.acceleration[ROWS], check=False)
+ORDER = ("force", "axial", "radial", "rms_force", "moment", "across", "rms_moment")
+NAMED = {joint.name: f"{joint.name} ({joint.label})" for joint in JOINTS}
+
+
+@pytest.mark.parametrize("way", [*WAYS, "all"])
+@shows("p3dof.reactions.tables.reactions_table")
+def test_every_number_of_the_table_of_reactions(way):
+    """Uneven times, misfits, and forces that miss the equations, so that no number of it is zero."""
+    motion, stiffness = UNEVEN, Stiffness(misfit=Misfit(2e-5, 3e-4))
+    result, errors = with_an_error(way, "mass", motion, stiffness)
+    sized = result.elastic if way == "all" else result
+    rows = {}
+    for joint in result.joints:
+        values, marked, fits = loads_by_hand(sized, joint)
+        if way == "all":
+            marked = set.union(*(loads_by_hand(one, joint)[1] for one in result.each))
+        open_ = ("~",) if sized.way == "elastic" else ()
+        cells = [
+            values[name] if name not in marked else (*open_, values[name]) if open_ else "open"
+            for name in ORDER
+        ]
+        rows[NAMED[joint]] = [*cells, *(fits if open_ else ())]
+    check_table(reactions_table(result), rows, note=[errors.max()], atol=1e-9)
+
+
+@shows("p3dof.reactions.tables.open_tables")
+def test_every_number_of_the_tables_of_open_loads():
+    result = robot_reactions(UNEVEN)
+    found = {joint: [loads_by_hand(one, joint) for one in result.each] for joint in result.joints}
+    for table, names in zip(open_tables(result), (FORCES, MOMENTS), strict=True):
+        rows = {}
+        for joint, each in found.items():
+            marked = set.union(*(marked for _, marked, _ in each)) & {*names}
+            cells = (
+                [values[name] for values, _, _ in each] if name in marked else [""] * 3 for name in names
+            )
+            if marked:
+                rows[NAMED[joint]] = [cell for three in cells for cell in three]
+        check_table(table, rows, atol=1e-9)
+        assert len(rows) > 3
+
+
+@shows("p3dof.reactions.tables.names_table")
+def test_the_key_of_the_joints_names_has_no_numbers():
+    """Labels of the paper's drawing; what each is stands in words."""
+    legs = {"A": ("slide_a", "hinge_a", "loop_a"), "B": ("slide_b", "hinge_b", "loop_b")}
+    legs["C"] = ("slide_c", "hinge_c", "hinge_left", "hinge_lower", "hinge_platform", "hinge_right", "loop_c")
+    rows = [
+        (f"{leg}{k}", name, ("platform" if "loop" in name and leg < "C" else "",))
+        for leg, names in legs.items()
+        for k, name in enumerate(names, 1)
+    ]
+    check_table(names_table(), rows)
 
 
 @pytest.mark.parametrize("kind", KINDS)
