@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import re
+import signal
 import sys
+import threading
 
 import durations
 import pytest
@@ -28,6 +30,19 @@ EXCEPTIONS = {
     "(mujoco|usd-core|rerun|Newton|viser) not installed": sys.version_info < (3, 11),  # no wheels before
 }
 """Reasons to skip that are no failed installation, and where they hold."""
+
+
+@pytest.fixture
+def ctrl_c():
+    """What Ctrl-C is in a terminal, here and in processes that the test starts.
+
+    What a script starts in the background ignores it, and so do its children.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        pytest.skip("needs the main thread")
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

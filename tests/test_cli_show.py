@@ -23,6 +23,7 @@ import p3dof
 pytest.importorskip("meshcat", reason="meshcat is not installed")
 
 from p3dof.cli import main, show  # noqa: F401 - it adds its command
+from p3dof.cli.serving import until_signalled
 from p3dof.page.encoding import decoded
 
 ROOT = Path(__file__).parents[1]
@@ -75,6 +76,7 @@ def one_line(code, err):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.usefixtures("ctrl_c")
 def test_it_serves_until_it_is_told_to_end(number):
     port = free_port()
     with running("--port", port) as (process, url, found):
@@ -96,6 +98,7 @@ def test_it_serves_until_it_is_told_to_end(number):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="shells of Unix close standard input like this")
+@pytest.mark.usefixtures("ctrl_c")
 def test_without_standard_input():
     with running("--port", 0, stdin=None, preexec_fn=lambda: os.close(0)) as (process, url, _):
         with urllib.request.urlopen(url, timeout=10) as answer:  # noqa: S310 - http
@@ -120,6 +123,7 @@ def test_it_finds_a_free_port():
         assert first != second
 
 
+@pytest.mark.usefixtures("ctrl_c")
 def test_options_reach_the_page():
     with running("--port", 0, "--speed", 0.25, "--paused", "--at", 0.5) as (process, url, port):
         document = document_of(url)
@@ -130,6 +134,7 @@ def test_options_reach_the_page():
     assert document["runs"][0]["time"]["shape"] == [201]
 
 
+@pytest.mark.usefixtures("ctrl_c")
 def test_the_plain_page_of_meshcat():
     with running("--port", 0, "--meshcat") as (process, url, _):
         with urllib.request.urlopen(url, timeout=10) as answer:  # noqa: S310 - http
@@ -241,6 +246,25 @@ def test_signals_are_given_back(capsys):
     assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
 
 
+@pytest.mark.skipif(os.name != "posix", reason="shells of Unix start in the background like this")
+@pytest.mark.parametrize("name", ["SIGINT", "SIGHUP"])
+def test_what_it_was_started_to_ignore_does_not_end_it(name):
+    """In the background of a script, or by nohup; SIGTERM does."""
+    number = getattr(signal, name)
+    before = signal.signal(number, signal.SIG_IGN)
+    try:
+        with until_signalled() as wait:
+            assert signal.getsignal(number) == signal.SIG_IGN
+            signal.raise_signal(number)
+            looks = []
+            wait(lambda _: looks.append(0) or len(looks) == 3)
+            assert len(looks) == 3
+            signal.raise_signal(signal.SIGTERM)
+            wait(lambda _: pytest.fail("it goes on"))
+    finally:
+        signal.signal(number, before)
+
+
 GALLERY = ROOT / "docs/_static/gallery"
 
 
@@ -271,6 +295,7 @@ def running_loop(*arguments):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.usefixtures("ctrl_c")
 def test_any_robot_is_served_until_it_is_told_to_end(number):
     with running_loop(GALLERY / "gripper.urdf", "--set", "left_drive=0.5", "--closure-forces") as (
         process,

@@ -4,7 +4,6 @@ import csv
 import re
 import signal
 import sys
-import threading
 import time
 
 import numpy as np
@@ -435,10 +434,9 @@ def test_the_page_explains_every_reason():
 
 
 @compiled
+@pytest.mark.usefixtures("ctrl_c")
 def test_an_interrupt_returns_what_is_done():
     """Somebody presses Ctrl-C when some runs are done and others are not."""
-    if threading.current_thread() is not threading.main_thread():
-        pytest.skip("needs the main thread")
     seen = []
 
     def progress(done, _total):

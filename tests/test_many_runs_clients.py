@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -115,9 +114,8 @@ def test_runs_that_kill_every_worker_are_given_up(monkeypatch):
 
 
 @compiled
+@pytest.mark.usefixtures("ctrl_c")
 def test_an_interrupt_returns_what_the_workers_made(workers, monkeypatch):
-    if threading.current_thread() is not threading.main_thread():
-        pytest.skip("needs the main thread")
     monkeypatch.setattr(clients, "_NUMBERS", 3000)
 
     def progress(done, _):

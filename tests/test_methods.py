@@ -64,11 +64,12 @@ def test_the_doors_for_poses_by_pinocchio_take_batches_of_any_shape(shape):
     robot = p3dof.load()
     count = int(np.prod(shape))
     pose = random_states(PAPER, 5, max(count, 1)).pose[:count].reshape(*shape, 3)
+    allowed = 1e-12 * conditioning(PAPER.geometry, pose)
     for door in (robot.jacobian, robot.mass_matrix):
         found, expected = door(pose, method="pinocchio"), door(pose, method="virtual-power")
         assert found.shape == expected.shape == (*shape, 3, 3)
         assert np.isfinite(found).all()
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11)
+        assert (np.abs(found - expected).max((-2, -1)) <= allowed * np.abs(expected).max((-2, -1))).all()
 
 
 def test_mass_matrix_and_forces_of_one_way_belong_together():

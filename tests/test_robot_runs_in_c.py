@@ -33,6 +33,8 @@ from p3dof.simulation.robot_movers import runs_of
 
 pytestmark = pytest.mark.skipif(build.compiler() is None, reason="no C compiler here")
 EXACT = Integration(rtol=1e-12, atol=1e-14)
+ABOVE_ROUNDING = Integration(rtol=1e-8, atol=1e-10)
+"""Where the error of a step, from which the next follows, is not rounding, which differs by processor."""
 
 
 def steps(step=1e-3):
@@ -521,12 +523,13 @@ def test_adaptive_steps_are_those_of_scipy(in_c, monkeypatch, name):
         "stop_at": (),
         "external": {tip: [0, 0.5, -1.0, 0, 0, 0]} if name == "standing" else None,
         "method": "compiled" if name == "standing" else compiled,
+        "integration": ABOVE_ROUNDING,
     }
     found = simulate_robot(loop, 0.25, start.q, start.v, **options)
     python = by_scipy(monkeypatch, loop, 0.25, start.q, start.v, **options)
     assert in_c == [True]
     assert len(found) == len(python) == 34
-    assert abs(found.evaluations - python.evaluations) <= 0.03 * python.evaluations
+    assert found.evaluations == python.evaluations
     for attribute, allowed in (("q", 1e-10), ("v", 1e-9), ("a", 1e-6), ("forces", 1e-8), ("gap", 1e-10)):
         mine, theirs = getattr(found, attribute), getattr(python, attribute)
         size = max(1.0, np.abs(theirs).max())
@@ -560,11 +563,12 @@ def test_any_closed_tree_falls_as_by_scipy(in_c, monkeypatch, seed):
     loop = trees.random_robot(seed, joints=4 + seed % 3, loops=1 + seed % 2, several=0.3 * (seed % 2))
     moving = trees.motions(loop, 1, seed)
     options = {"stop_at": (), "samples": 5, "method": loop.compile(around=moving.q[0])}
+    options["integration"] = ABOVE_ROUNDING
     found = simulate_robot(loop, 0.03, moving.q[0], moving.v[0], **options)
     python = by_scipy(monkeypatch, loop, 0.03, moving.q[0], moving.v[0], **options)
     assert in_c == [True]
     np.testing.assert_allclose(found.q, python.q, rtol=0, atol=1e-9)
-    assert abs(found.evaluations - python.evaluations) <= 0.03 * python.evaluations
+    assert found.evaluations == python.evaluations
 
 
 @pytest.mark.parametrize("stop_at", [(), ("singular closures",)])
@@ -574,7 +578,7 @@ def test_the_robot_itself_gives_rates_near_a_singular_partition(in_c, monkeypatc
     q = loop.assemble().q
     asked, own = [], Setting.decided
     monkeypatch.setattr(Setting, "decided", lambda *given: asked.append(given) or own(*given))
-    options = {"samples": 13, "stop_at": stop_at, "method": "compiled"}
+    options = {"samples": 13, "stop_at": stop_at, "method": "compiled", "integration": ABOVE_ROUNDING}
     found = simulate_robot(loop, 0.6, q, **options)
     python = by_scipy(monkeypatch, loop, 0.6, q, **options)
     assert in_c == [True]

@@ -20,7 +20,7 @@ from p3dof.compiled import levels, runs
 from p3dof.compiled.lanes import lane_kernel
 from p3dof.compiled.reduced.friction import friction_numbers
 from p3dof.errors import ControllerError, DynamicsError, InputError, ReachError
-from p3dof.simulation import Noise
+from p3dof.simulation import InitialState, Noise
 from p3dof.simulation.compiled_machine import pace
 from p3dof.simulation.limits import Limiter
 from p3dof.simulation.simulate import task_of
@@ -44,19 +44,19 @@ def test_random_runs_are_those_of_the_integrator_in_python(seed):
 
 @pytest.mark.parametrize("seed", range(12))
 def test_evaluations_are_those_of_the_integrator_in_python(seed):
-    """Within 3 %, at tolerances where the error of a step, from which the next follows, is not rounding.
+    """The middle of four tolerances where the error of a step, from which the next follows, is not rounding.
 
-    At one of them a step may just be refused by one and not by the other, and another course follow.
+    At a single one a step may just be refused by one and not by the other, and another course follow: starts
+    that are moved by 1e-15 change single counts by up to 4 %, the middle by less than 1 %. A tolerance wrong
+    by a factor of 2 changes it by 2^(1/8), 9 %.
     """
     machine, duration, run = random_run(seed)
-    counts = np.zeros(2)
+    ratios = []
     for rtol in (3e-8, 1.1e-8, 1e-8, 0.9e-8):
         run["integration"] = Integration(rtol=rtol, atol=rtol / 100)
-        counts += (
-            machine.simulate(duration, method="compiled", **run).evaluations,
-            in_python(machine, duration, **run).evaluations,
-        )
-    assert counts[0] == pytest.approx(counts[1], rel=0.03)
+        found = machine.simulate(duration, method="compiled", **run)
+        ratios.append(found.evaluations / in_python(machine, duration, **run).evaluations)
+    assert np.median(ratios) == pytest.approx(1, rel=0.03)
 
 
 @pytest.mark.fuzz
@@ -99,23 +99,41 @@ def test_a_wrong_friction_is_noticed(monkeypatch):
     assert any(difference(*both(seed)) for seed in range(12))
 
 
-@pytest.mark.parametrize("level", levels()[1:])
-def test_every_level_falls_alike(level, monkeypatch):
-    monkeypatch.setenv("P3DOF_LEVEL", level)
-    robot = p3dof.load()
-    assert robot.kernels.level == level
-    run = robot.simulate(0.5, start=[0, 0, 0.3], stop_at=[], method="compiled", samples=51)
-    other = in_python(robot, 0.5, start=[0, 0, 0.3], stop_at=[], samples=51)
-    assert difference(run, other) == ""
-    assert run.evaluations == pytest.approx(other.evaluations, rel=0.03)
+@pytest.fixture(params=levels()[1:])
+def at_level(request, monkeypatch):
+    """The machine at a level of the processor, and on NumPy alone."""
+    machines = []
+    for level in (request.param, "numpy"):
+        monkeypatch.setenv("P3DOF_LEVEL", level)
+        machines.append(p3dof.load())
+        assert machines[-1].kernels.level == level
+    return machines
 
 
-def test_a_free_fall_is_exact():
-    robot = p3dof.load()
-    how = {"start": [0, 0, 0.3], "stop_at": [], "samples": 51, "method": "compiled"}
-    run = robot.simulate(0.5, **how)
-    exact = robot.simulate(0.5, integration=Integration(rtol=1e-12, atol=1e-15), **how)
-    assert np.abs(run.pose - exact.pose).max() < 5e-12
+def test_a_free_fall_is_exact_at_every_level(at_level):
+    """Not in as many evaluations: under a constant acceleration every step is exact.
+
+    So the error of a step is rounding, which differs by level (a fused multiply-add rounds once, not twice),
+    and the next step follows from it. Rounding of the accelerations, some 1e-14 of g, moves it by less still.
+    """
+    for run in (
+        at_level[0].simulate(0.5, start=[0, 0, 0.3], stop_at=[], method="compiled", samples=51),
+        in_python(at_level[1], 0.5, start=[0, 0, 0.3], stop_at=[], samples=51),
+    ):
+        nothing = np.zeros(51)
+        fallen = np.stack([nothing, -9.806 * run.time**2 / 2, nothing + 0.3], axis=1)
+        np.testing.assert_allclose(run.pose, fallen, rtol=0, atol=1e-12)
+
+
+def test_every_level_swings_alike_in_as_many_evaluations(at_level):
+    start = InitialState([0, 0, 0.3], [0.2, -0.1, 1.0])
+    springs = Springs(2000, damping=5)
+    for rtol in (3e-8, 3e-9):  # far above rounding
+        how = {"start": start, "controller": springs, "stop_at": [], "samples": 51}
+        how["integration"] = Integration(rtol=rtol, atol=rtol / 100)
+        run, other = at_level[0].simulate(0.5, method="compiled", **how), in_python(at_level[1], 0.5, **how)
+        assert difference(run, other) == ""
+        assert run.evaluations == other.evaluations > 300
 
 
 def test_what_has_no_compiled_form_is_done_in_python(monkeypatch):
@@ -287,6 +305,7 @@ def ending(run, *arguments, **how):
     return ended.stop.kind, len(ended) > 0
 
 
+@pytest.mark.usefixtures("ctrl_c")
 def test_an_interrupt_ends_a_run_in_c():
     """The main thread is deep in C when the signal comes."""
     robot = p3dof.load()
@@ -301,7 +320,6 @@ def test_an_interrupt_ends_a_run_in_c():
         going.wait(60)
         signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
 
-    usual = signal.signal(signal.SIGINT, signal.default_int_handler)  # a process for tests may ignore it
     thread = threading.Thread(target=interrupt)
     thread.start()
     try:
@@ -315,7 +333,6 @@ def test_an_interrupt_ends_a_run_in_c():
                 progress=progress,
             )
     finally:
-        signal.signal(signal.SIGINT, usual)
         thread.join()
 
 

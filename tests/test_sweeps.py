@@ -429,6 +429,7 @@ def test_a_cluster_that_is_not_there_is_told_in_one_line_at_once(address, tmp_pa
     assert time.monotonic() - begun < 20  # Dask alone would take thirty seconds
 
 
+@pytest.mark.usefixtures("ctrl_c")
 def test_ctrl_c_on_the_command_line_ends_in_one_line_and_goes_on_with_workers(tmp_path):
     data = changed("count", 400_000, changed("block_size", 500, changed("keep", ["peak_force"])))
     written(tmp_path, data)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import signal
@@ -186,12 +187,12 @@ def test_no_memory_is_one_line(monkeypatch, capsys):
 
 
 SLOW_IMPORT = """
-import sys, time
+import sys
 class Finder:
     def find_spec(self, name, path=None, target=None):
         if name == {module!r}:
             print("importing", flush=True)
-            time.sleep(60)
+            sys.stdin.readline()
 sys.meta_path.insert(0, Finder())
 sys.argv = ["p3dof", "forces", "--samples", "5", "--figure", {figure!r}]
 import runpy
@@ -201,24 +202,34 @@ runpy.run_module("p3dof", run_name="__main__")
 
 @pytest.mark.skipif(sys.platform.startswith("win"), reason="POSIX signals")
 @pytest.mark.parametrize("module", ["p3dof.cli", "pinocchio", "click", "rich.table", "p3dof.plots"])
+@pytest.mark.usefixtures("ctrl_c")
 def test_an_interrupt_during_start_up_is_one_line(tmp_path, module):
-    # As from a terminal: what a shell starts in the background ignores Ctrl-C, and so do its children.
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        _interrupt_start_up(tmp_path, module)
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-def _interrupt_start_up(tmp_path, module):
-    code = SLOW_IMPORT.format(module=module, figure=str(tmp_path / "f.png"))
-    with subprocess.Popen(
-        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
-        assert process.stdout.readline() == "importing\n"
+    with starting(tmp_path, module) as process:
         process.send_signal(signal.SIGINT)
         assert process.stderr.read() == "p3dof: error: interrupted\n"
         assert process.wait(60) == 130
+
+
+@contextlib.contextmanager
+def starting(folder, module, *before):
+    """The program, while it imports a module: it goes on when it is told a line."""
+    code = SLOW_IMPORT.format(module=module, figure=str(folder / "f.png"))
+    pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+    with subprocess.Popen([*before, sys.executable, "-c", code], **pipes, text=True) as process:
+        assert process.stdout.readline() == "importing\n"
+        yield process
+
+
+@pytest.mark.skipif(sys.platform.startswith("win"), reason="POSIX signals")
+@pytest.mark.parametrize("module", ["p3dof.cli", "p3dof.plots"])
+def test_in_the_background_of_a_script_ctrl_c_is_for_others(tmp_path, module):
+    """A shell lets what it starts with & ignore Ctrl-C, and so does nohup: it ends what is in front."""
+    script = 'trap "" INT; exec "$0" "$@"'
+    with starting(tmp_path, module, "sh", "-c", script) as process:
+        process.send_signal(signal.SIGINT)
+        _, error = process.communicate("go on\n", timeout=60)
+    assert (process.returncode, error) == (0, "")
+    assert (tmp_path / "f.png").exists()
 
 
 def test_the_program_is_what_watches_for_interrupts():

@@ -92,8 +92,8 @@ def until_signalled() -> Iterator[Callable[[Callable[[float], bool]], None]]:
 
     main = threading.current_thread() is threading.main_thread()
     numbers = [getattr(signal, name) for name in _ENDING if main and hasattr(signal, name)]
-    if not sys.platform.startswith("win"):
-        numbers = [n for n in numbers if n != signal.SIGHUP or signal.getsignal(n) != signal.SIG_IGN]  # nohup
+    # What nohup, or a script that starts this in its background, lets it ignore is meant for others.
+    numbers = [number for number in numbers if signal.getsignal(number) != signal.SIG_IGN]
     before = [signal.signal(number, end) or signal.SIG_DFL for number in numbers]
     try:
         yield wait
