@@ -39,8 +39,10 @@ _PINGS = (1, 60)
 """Likewise pings, which the pages do not send."""
 _GRACE = 0.25
 """How long a page that is closed has to take the reason [s]."""
-_TOO_MUCH, _TOO_SLOW = 1008, 1013
-"""Why a connection is closed (RFC 6455): a rule is broken; try again later."""
+_WRONG, _TOO_MUCH, _TOO_SLOW = 1002, 1008, 1013
+"""Why a connection is closed (RFC 6455): the protocol or a rule is broken; try again later."""
+_MASKED = 0x80
+"""In the second byte of a frame."""
 _ORIGINS = ("Origin", "Sec-WebSocket-Origin", "WebSocket-Origin")
 """Where a browser says whose page asks: the last two in old drafts of the protocol."""
 _LOCAL = re.compile(r"(127\.0\.0\.1|localhost)(:\d{1,5})?")
@@ -122,6 +124,9 @@ class LocalHandler(RequestHandler):
             self.send_error(403, reason="Only pages of this machine")
         elif not secrets.compare_digest(given.encode(), self.settings["token"].encode()):
             self.send_error(403, reason=_UNKNOWN)
+        else:
+            connection: Any = self.request.connection
+            self.settings["entrance"].know(connection.stream)
 
     def write_error(self, status_code: int, **kwargs: Any) -> None:
         """Say why a request is refused; a page that was loaded again finds its way back with its token."""
@@ -228,6 +233,15 @@ class PageHandler(WebSocketHandler, LocalHandler):
         await asyncio.sleep(0)
         if not self._frames.take():
             self._end(_TOO_MUCH, f"too many messages: at most {RATE} a second")
+        await self._require_open()
+
+    async def require_mask(self, begin: bytes) -> None:
+        """Close the connection of what sends frames that no browser would (RFC 6455, 5.1)."""
+        if not begin[1] & _MASKED:
+            self._end(_WRONG, "frames of a page are masked")
+        await self._require_open()
+
+    async def _require_open(self) -> None:
         if self._ending:
             await asyncio.sleep(_GRACE)  # nothing is read meanwhile, and so nothing is kept
             raise StreamClosedError
@@ -286,7 +300,16 @@ class _Paced(WebSocketProtocol13):
     """The protocol, with a pause before every frame: also of pings, and of parts of a message."""
 
     handler: PageHandler
+    _begins = False
 
     async def _receive_frame(self) -> None:
         await self.handler.pace()
+        self._begins = True
         await super()._receive_frame()
+
+    async def _read_bytes(self, n: int) -> bytes:
+        data = await super()._read_bytes(n)
+        if self._begins:
+            self._begins = False
+            await self.handler.require_mask(data)
+        return data

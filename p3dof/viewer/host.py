@@ -28,6 +28,8 @@ PORT = 7000
 _GATHERING = 0.003
 """How long to gather the messages of one frame, to send them at once [s]."""
 _PORTS_TRIED = 100
+_PATIENCE = 10.0
+"""How long a connection has for each request, or without one [s]."""
 
 
 class Host:
@@ -149,6 +151,8 @@ class Host:
         from tornado.httpserver import HTTPServer
         from tornado.web import Application
 
+        from p3dof.viewer.entrance import Entrance
+
         files = [(path, FileHandler, {"source": source}) for path, source in self._files.items()]
         sockets = [(path, PageHandler, {"channel": channel}) for path, channel in self._channels.items()]
         application = Application(
@@ -162,12 +166,12 @@ class Host:
             application,
             max_header_size=1 << 16,
             max_body_size=self._max_message,
-            max_buffer_size=1 << 20,
-            idle_connection_timeout=60,
+            idle_connection_timeout=_PATIENCE,
+            body_timeout=_PATIENCE,
         )
-        server.add_socket(self._socket)
+        entrance = application.settings["entrance"] = Entrance(self._socket, server)
         await self._ended.wait()
-        server.stop()
+        entrance.close()
         await self._dismiss()
         await server.close_all_connections()
 
