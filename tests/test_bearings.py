@@ -24,7 +24,7 @@ from p3dof.cli import main
 from p3dof.errors import InputError, ParameterError, SampleError
 from p3dof.motion import Motion, paper_motion
 from p3dof.parameters import PAPER, Body
-from p3dof.reactions import Misfit, Stiffness
+from p3dof.reactions import Misfit, RodSection, Stiffness
 
 BALL = Bearing(dynamic=3000.0, static=2400.0, name="6001")
 GUIDE = Guide(dynamic=10e3, basis=50e3, moments=(120.0, 120.0, 150.0), static=16e3)
@@ -170,6 +170,21 @@ def test_rods_bear_along_themselves_at_both_ends(up, side, end):
         if name.startswith("rod"):
             assert rod.compression > 0
             assert most == end
+
+
+def test_rods_bend_with_the_section_of_the_file_and_the_mass_of_the_leg(elastic):
+    """A tube, say: of other mass than a solid steel rod of its diameter."""
+    light = replace(PAPER.bodies.leg_a, mass=0.4)
+    machine = replace(PAPER, bodies=replace(PAPER.bodies, leg_a=light))
+    section = RodSection(diameter=0.03, young=70e9)
+    rods = bearing_life(machine, elastic, Bearings(hinges=BALL), stiffness=Stiffness(rods=section))
+    stiff, length = 70e9 * math.pi * 0.03**4 / 64, PAPER.geometry.L
+    for name, mass in (("leg_a", 0.4), ("leg_b", PAPER.bodies.leg_b.mass)):
+        (rod,) = (one for one in rods.rods if one.rod == name)
+        omega = (math.pi / length) ** 2 * math.sqrt(stiff / (mass / length))  # of a hinged beam, m per length
+        assert rod.frequency == pytest.approx(omega / (2 * math.pi), rel=1e-14)
+        assert rod.buckling == pytest.approx(math.pi**2 * stiff / length**2, rel=1e-14)
+    assert "the mass as the parameters have it" in rods_table(rods).note
 
 
 def test_a_constant_load_lives_as_the_standard_says():

@@ -16,7 +16,7 @@ from p3dof.closed_loop import ReactionSolver
 from p3dof.closed_loop.compliance import JointCompliance, beam
 from p3dof.errors import InputError, ModelError, ParameterError
 from p3dof.motion import Motion, paper_motion
-from p3dof.parameters import PAPER, Body
+from p3dof.parameters import PAPER, Body, Friction
 from p3dof.reactions import (
     JOINTS,
     HingeStiffness,
@@ -128,7 +128,7 @@ class Springs:
     """The machine at one sample as bodies between springs; it shares parameters and closed forms only."""
 
     def __init__(self, parameters, book, i, stiffness, kind="paper"):
-        self.blocks = {}
+        self.blocks, self.bend = {}, {}
         self.size = 6 * len(BODIES)
         K = np.zeros((self.size, self.size))
         for joint, compliance in zip(book.ends, stiffness.compliances(parameters), strict=True):
@@ -149,7 +149,7 @@ class Springs:
                     D[:3, at : at + 3] = sign * R.T
                     D[:3, at + 3 : at + 6] = sign * R.T @ np.cross(np.eye(3), arm).T
                     D[3:, at + 3 : at + 6] = sign * R.T
-            self.blocks[joint] = k, D
+            self.blocks[joint], self.bend[joint] = (k, D), np.eye(6) - k @ C
             K += D.T @ k @ D
         self.scale = 1 / np.sqrt(np.diagonal(K))
         self.K = K * np.outer(self.scale, self.scale)
@@ -157,10 +157,18 @@ class Springs:
     def solve(self, load):
         return self.scale[:, None] * np.linalg.solve(self.K, self.scale[:, None] * load)
 
-    def wrenches(self, load):
-        """What predecessors exert on successors, (13, 6), under loads on the bodies (60,)."""
-        u = self.solve(load[:, None])
-        return np.array([-(k @ D @ u)[:, 0] for k, D in self.blocks.values()])
+    def wrenches(self, load, own=None):
+        """What predecessors exert on successors, (13, 6), under loads on the bodies (60,).
+
+        What joints exert along their freedoms, as friction (13, 6), bends what is in series with them: with
+        y the strains that the rest of the wrench T y needs, Tᵀ D u = Tᵀ C (T y + own).
+        """
+        given = np.zeros((13, 6)) if own is None else own
+        fixed = [bend @ one for bend, one in zip(self.bend.values(), given, strict=True)]
+        carried = sum(D.T @ one for (_, D), one in zip(self.blocks.values(), fixed, strict=True))
+        u = self.solve((load + carried)[:, None])
+        pairs = zip(self.blocks.values(), fixed, strict=True)
+        return np.array([one - (k @ D @ u)[:, 0] for (k, D), one in pairs])
 
     def influence(self):
         """What a unit of misfit adds to each component, (78, 78)."""
@@ -191,6 +199,32 @@ def test_they_are_those_of_springs_between_bodies(seed):
         H, each = springs.influence(), stiffness.misfits().ravel()
         np.testing.assert_allclose(fit[0, i].ravel(), np.abs(H) @ each, rtol=1e-6, atol=1e-8)
         np.testing.assert_allclose(fit[1, i].ravel() ** 2, H**2 @ each**2, rtol=1e-6, atol=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(200, 204))
+def test_friction_in_joints_bends_the_rods_too(seed):
+    """In the tree and where the loops were cut alike; of guides it is along their actuators."""
+    friction = Friction({}, {"joints": 4.0, "slide_a": 5.0}, smoothing=0.3)
+    parameters = replace(random_machine(seed), friction=friction)
+    states = random_states(parameters, seed, 2, drop=0.2, angle=0.2, side=(1, -1)[seed % 2])
+    stiffness, motion = random_stiffness(np.random.default_rng(seed)), motion_of(states)
+    result = p3dof.load(parameters).reactions(motion, "elastic", wrench=states.wrench, stiffness=stiffness)
+    book, wrenches = Bookkeeping(parameters, motion, states.wrench), components(result)
+    scale = max(1.0, np.abs(wrenches).max())
+    for i in range(len(motion)):
+        springs, own = Springs(parameters, book, i, stiffness), np.zeros((13, 6))
+        for row, (joint, (one, other, rotation, _)) in zip(own, book.ends.items(), strict=True):
+            if joint.startswith("slide"):
+                continue
+            spin = rotation[i].T @ (book.moving[other].omega[i] - book.moving[one].omega[i])
+            axes = [np.eye(3)[1]]
+            if joint in ("loop_a", "loop_b"):
+                axes = [rotation[i].T @ axis for axis in np.eye(3)[:2]]  # a leg turns about x, the platform y
+            row[3:] = -4.0 * sum(axis * np.tanh(axis @ spin / 0.3) for axis in axes)
+        load = -np.concatenate([np.concatenate([part[i] for part in book.needs[name]]) for name in BODIES])
+        np.testing.assert_allclose(wrenches[i], springs.wrenches(load, own), atol=1e-8 * scale)
+    assert np.abs(result["loop_a"].moments[:, 1]).max() > 0.1
+    assert result.residual.max() < 1e-10 * scale
 
 
 def exact_wrenches(springs, load):

@@ -1132,3 +1132,21 @@ def test_what_closure_joints_transmit():
     with pytest.raises(ModelError, match="both frames are on the same body"):
         ClosedLoopModel(loop.model, Sidecar((Closure("left_tip", "left_far"),), ()))
     assert state.same_assembly
+
+
+def test_the_axes_of_components_are_as_they_are_told():
+    """Of every frame, at home, as the table and `Joint.frame` say; the lower cross-bar is the exception."""
+    home = Motion(np.zeros(1), np.zeros((1, 3)), np.zeros((1, 3)), np.zeros((1, 3)))
+    found, g = p3dof.load().reactions(home, "elastic"), PAPER.geometry
+    s, c = (g.R - g.r) / g.L, g.h / g.L
+    along = {  # x of the body's own frame: fixed, but down the rods
+        "hinge_a": (0, s, -c), "hinge_b": (0, -s, -c), "hinge_left": (s, 0, -c), "hinge_right": (s, 0, -c),
+        "loop_a": (0, s, -c), "loop_b": (0, -s, -c), "loop_c": (s, 0, -c), "hinge_lower": (s, 0, -c),
+    }  # fmt: skip
+    for i, name in enumerate(found.joints):
+        np.testing.assert_allclose(found.rotations[0, i, :, 0], along.get(name, (1, 0, 0)), atol=1e-14)
+    assert "Those of hinge_lower" in names_table().note
+    forces, _ = found.in_base()
+    i = found.joints.index("hinge_lower")
+    turned = np.array([[s, 0, -c], [c, 0, s]]) @ forces[0, i]  # x and y of the rods
+    np.testing.assert_allclose(found["hinge_lower"].forces[0, :2], turned, atol=1e-13)

@@ -44,7 +44,8 @@ def bearing_life(
     Lives are basic ratings L10: of bearings (C / P_m)^p million revolutions (ISO 281) with the mean P_m of
     P^p over the angle turned; of guides (C / P_m)^p times the way that C holds for (ISO 14728-1), with the
     sizes of both forces across and of all moments, these over their ratings times C, added up. Rods are
-    hinged beams: Euler's load π² E I / L², and first bending frequency π / 2 L² √(E I / ρ A).
+    hinged beams: Euler's load π² E I / L², and first bending frequency π / 2 L² √(E I L / m)
+    with E I of the section in `stiffness` and the mass m that the leg or rod has in `parameters`.
 
     Parameters
     ----------

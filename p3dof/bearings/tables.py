@@ -10,6 +10,11 @@ from p3dof.bearings.results import BearingLife, BearingReport, GuideLife
 from p3dof.tables import NONE, Table, html_of, notebook_html, number, table_of
 
 _LONG = 1e5
+BENDING = (
+    "Bends at: first bending frequency, section and modulus as the stiffness file has them, the mass as the "
+    "parameters have it, spread evenly over the length."
+)
+"""Whose stiffness and whose mass the bending frequency has."""
 WIDTH = (
     "Loads of rods and bearings rest on the stiffness of joints and on the width b of the parallelogram: "
     "it stands in no paper, and decides no force of an actuator."
@@ -117,7 +122,8 @@ def rods_table(report: BearingReport) -> Table:
         "safety",
         "bends at [Hz]",
     )
-    return table_of("Legs and rods, hinged at both ends", header, rows, WIDTH, "wide")
+    note = f"{BENDING} {WIDTH}"
+    return table_of("Legs and rods, hinged at both ends", header, rows, note, "wide")
 
 
 def _hours(hours: float) -> str:

@@ -6,7 +6,8 @@ allow (Castigliano's second theorem, or Menabrea's principle of least work). A m
 joints would have to be forced together, adds H δ with H = G (Gᵀ C G)⁻¹ Gᵀ, where the columns of G are the
 changes of the reactions that rigid bodies leave open.
 
-Compliances along the freedoms of a joint may be anything: no change of the reactions acts along them.
+Compliances along the freedoms of a joint may be anything: no change of the reactions acts along them. What a
+joint exerts along them, its friction, is part of w all the same: it bends the links before the joint.
 
 References
 ----------

@@ -79,6 +79,9 @@ class Loads:
         Singular values below this share of the largest are zero.
     scale : (N,) array
         Largest of the given forces.
+    own : (N, c, 6) array
+        What the joints of closures exert themselves on their `frame2`, such as friction, at its origin in
+        world axes; it is part of the loads already, and counted in the reactions.
     """
 
     missing: FloatArray
@@ -90,6 +93,7 @@ class Loads:
     rank: IndexArray
     tolerance: FloatArray
     scale: FloatArray
+    own: FloatArray
 
     def __len__(self) -> int:
         return len(self.missing)
@@ -202,6 +206,13 @@ class _Places:
         turn[:, 3:, 3:] = turn[:, :3, :3]
         return turn
 
+    def own(self) -> FloatArray:
+        """Return what the joints of closures exert themselves, as their wrenches are given, (N, 6 c)."""
+        force, moment = self.loads.own[..., :3], self.loads.own[..., 3:]
+        moment = moment + np.cross(self.p2 - self.p1, force)
+        turned = [apply(np.swapaxes(self.R1, -1, -2), part) for part in (force, moment)]
+        return np.concatenate(turned, axis=-1).reshape(len(self.loads), -1)
+
     def free(self, c: int) -> tuple[FloatArray, FloatArray]:
         """Return singular values and right singular vectors of a closure's free axes, in those of frame 1."""
         joint, count = self.structure.joints[c], len(self.loads)
@@ -278,7 +289,7 @@ def _solve_alike(place: _Places, where: IndexArray, result: Solved) -> None:
     """Solve samples whose closures transmit alike, and enter them into a result."""
     structure, loads = place.structure, place.loads
     wrenched = 6 * len(structure.ends)
-    A, T = place.jacobian_transposed(), place.to_joints()
+    A, T, own = place.jacobian_transposed(), place.to_joints(), place.own()
     E, is_force = place.transmitted()
     E = E * np.where(is_force > 0, 1.0, structure.size)
     turns = np.linalg.norm(loads.J[:, 3:], axis=1) > 0
@@ -292,13 +303,14 @@ def _solve_alike(place: _Places, where: IndexArray, result: Solved) -> None:
         null = E[alike] @ np.swapaxes(open_, -1, -2)
         tree = loads.tree[alike].reshape(len(alike), -1)
         change = np.concatenate([T[alike] @ null, null[:, :wrenched]], axis=1)
-        all_ = np.concatenate([tree + apply(T[alike], some), some[:, :wrenched]], axis=1)
+        all_ = np.concatenate([tree + apply(T[alike], some), some[:, :wrenched] + own[alike]], axis=1)
         weighted = place.weighted(alike)
         coupled = wrenched < some.shape[1]
         steps = steps_to_least(weighted(all_[..., None])[..., 0], weighted(change), coupled)
         wrenches = some - apply(null, steps)
         at = where[alike]
-        total = np.concatenate([tree + apply(T[alike], wrenches), wrenches[:, :wrenched]], axis=1)
+        closures = wrenches[:, :wrenched] + own[alike]
+        total = np.concatenate([tree + apply(T[alike], wrenches), closures], axis=1)
         if structure.measure.misfit is not None:
             result.fit[:, at] = fit_of(structure.measure.misfit, change, weighted(change))
         result.wrenches[at] = total.reshape(len(alike), -1, 6)

@@ -70,6 +70,7 @@ class State:
     rank: int
     tolerance: float
     scale: float
+    own: FloatArray
 
     def __iter__(self) -> Iterator[FloatArray | float]:
         return (getattr(self, name) for name in self.__dataclass_fields__)

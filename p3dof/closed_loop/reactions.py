@@ -51,6 +51,8 @@ __all__ = ["BoolArray", "ClosureJoint", "JointReactions", "ReactionSolver", "loo
 
 _ACCURACY = 1e-9
 """Largest error of (1), relative to the forces in it."""
+_NOTHING = np.zeros(6)
+"""The wrench of a closure whose joint exerts none itself."""
 _UNIQUE = 1e-7
 """Share of an undetermined change that a component must take part in to be undetermined."""
 LENGTH_SHARE = 1 / 20
@@ -211,8 +213,13 @@ class ReactionSolver:
         tau: ArrayLike,
         external: External | None = None,
         joint_forces: ArrayLike | None = None,
+        within: Mapping[str, FloatArray] | None = None,
     ) -> State:
-        """Return what the algebra needs of one state of motion; arguments and errors are those of `solve`."""
+        """Return what the algebra needs of one state of motion; arguments and errors are those of `solve`.
+
+        `within` has those of `external`, by frame, that the joint of the closure with this `frame2` exerts
+        itself.
+        """
         model = self.loop.model
         v, a = frozen_array("v", v, (model.nv,)), frozen_array("a", a, (model.nv,))
         given = np.zeros(model.nv)
@@ -234,6 +241,9 @@ class ReactionSolver:
             point.svd.rank,
             point.rank_tolerance,
             max_abs(given),
+            np.array([(within or {}).get(c.frame2, _NOTHING) for c in self.loop.sidecar.closures]).reshape(
+                -1, 6
+            ),
         )
 
     def solve_all(self, states: Sequence[State]) -> Solved:
@@ -245,9 +255,9 @@ class ReactionSolver:
             If the closures' joints block a free motion of the loops, or leave one that the loops block.
         """
         stacks = [np.array(column) for column in zip(*states, strict=True)]
-        missing, tree, J, placements, coupled, rank, tolerance, scale = stacks
+        missing, tree, J, placements, coupled, rank, tolerance, scale, own = stacks
         R, p = placed(placements)
-        found = solve(self._structure, Loads(missing, tree, J, R, p, coupled, rank, tolerance, scale))
+        found = solve(self._structure, Loads(missing, tree, J, R, p, coupled, rank, tolerance, scale, own))
         for wrong in np.flatnonzero(found.rank != rank).tolist():
             free = missing.shape[1] - np.array([found.rank[wrong], rank[wrong]])
             raise ModelError(f"joints: they leave {free[0]} free motions, the loops have {free[1]}")

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from p3dof.checks import FloatArray, as_floats
-from p3dof.closed_loop.batch.linear import apply, blocks
+from p3dof.closed_loop.batch.linear import blocks
 from p3dof.closed_loop.reaction_algebra import IndexArray, Solved
 from p3dof.closed_loop.reactions import BoolArray, ReactionSolver
 from p3dof.errors import DynamicsError, InputError
@@ -111,7 +111,7 @@ def reactions_batch(
         What acts in the joints besides the actuators.
     within : mapping of str to (6,) or (N, 6) array, optional
         Those of `external` on a closure's `frame2` that its joint exerts itself, such as friction: they are
-        counted in its reaction.
+        counted in its reaction, and in the energy of elastic joints.
 
     Returns
     -------
@@ -159,25 +159,13 @@ def reactions_by_each(
                 forces[i],
                 {name: load[i] for name, load in loads.items()},
                 acting[i],
+                {name: load[i] for name, load in own.items()},
             )
             for i in block.tolist()
         ]
         for one, result in zip(solvers, results, strict=True):
             result.put(one, block, one.solve_all(states))
-    for one, result in zip(solvers, results, strict=True):
-        for name, load in own.items():
-            _add_own(one, result, name, load)
     return results
-
-
-def _add_own(solver: ReactionSolver, result: BatchReactions, frame: str, load: FloatArray) -> None:
-    """Count in the reactions of closures what their joints exert themselves on a frame."""
-    closures = solver.loop.sidecar.closures
-    for c, closure in enumerate(closures, len(solver.names) - len(closures)):
-        if closure.frame2 == frame:
-            axes = np.swapaxes(result.rotations[:, c], -1, -2)
-            result.forces[:, c] += apply(axes, load[:, :3])
-            result.moments[:, c] += apply(axes, load[:, 3:])
 
 
 def _nothing(names: tuple[str, ...], count: int) -> BatchReactions:

@@ -42,7 +42,9 @@ class Joint:
     predecessor, successor : str
         Links that it joins; the reaction is what the predecessor exerts on the successor.
     frame : str
-        Link or marker at whose origin and in whose axes the reaction is given.
+        Link or marker of the URDF at whose origin and in whose axes the reaction is given. All but one are
+        parallel to the frame of a `Body`: the link ``crossbar_lower`` (of ``hinge_lower``) has the axes of
+        its rods at home, its `Body` those of the fixed frame there.
     axis : str
         Which of these axes is the joint's: ``"y"``, or ``"z"`` for the slides. Of a universal joint it is
         the leg's; a ball joint has none.

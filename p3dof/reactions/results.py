@@ -36,8 +36,8 @@ class Reactions(ShownInNotebook):
         The motion of the platform.
     forces, moments : ndarray, shape (N, 13, 3)
         What the predecessor of each of `JOINTS` exerts on the successor, at the origin and in the axes of
-        the joint's frame [N, N m]; NaN where a sample is invalid. Along a joint's freedoms lie the force of
-        its actuator and its friction.
+        the joint's frame (`Joint.frame`; `in_base` turns them) [N, N m]; NaN where a sample is invalid. Along
+        a joint's freedoms lie the force of its actuator and its friction.
     determined_forces, determined_moments : ndarray of bool, shape (N, 13, 3)
         Which components rigid bodies determine; False where a sample is invalid.
     rotations : ndarray, shape (N, 13, 3, 3)
@@ -184,8 +184,8 @@ class Reactions(ShownInNotebook):
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write time, all reactions and the residual to a CSV file, 17 significant digits.
 
-        A component that is not determined in every sample is followed by a column that says where it is
-        (1) and where not (0).
+        Components are in the axes of the joints' frames (`Joint.frame`). One that is not determined in every
+        sample is followed by a column that says where it is (1) and where not (0).
 
         Parameters
         ----------

@@ -14,6 +14,14 @@ _NOTHING = 1e-9
 """Reactions that are rounding, of a joint that bears none [N, N m]."""
 
 
+AXES = (
+    "Components in files are in the axes of the body after the joint; of loop_a, loop_b and loop_c, of the "
+    "leg or rod before it. Those of hinge_lower are the lower cross-bar's, as a link of the URDF: at home "
+    "those of its rods, not the fixed ones in which its mass centre and inertia are given."
+)
+"""In which axes the components of reactions are."""
+
+
 def names_table() -> Table:
     """Return the key that ties the names in the drawing to those in tables, files and the parameter file.
 
@@ -22,7 +30,7 @@ def names_table() -> Table:
     Table
     """
     rows = tuple((joint.label, joint.name, joint.meaning) for joint in sorted(JOINTS, key=_by_label))
-    note = "The labels are the paper's, but for C7, which the paper does not name."
+    note = f"The labels are the paper's, but for C7, which the paper does not name. {AXES}"
     return Table(
         "Names of the joints", ("in the drawing", "in tables and files", "what it is"), rows, note, "words"
     )
