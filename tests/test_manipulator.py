@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -23,11 +25,14 @@ from p3dof.errors import (
 )
 from p3dof.manipulator import JointStates
 from p3dof.motion import states_of
-from p3dof.parameters import PAPER, SOLIDS, Limits
+from p3dof.parameters import PAPER, SOLIDS, Body, Limits
 from p3dof.samples import ACTUATION_TOLERANCE
 
 HOME = np.zeros(3)
 METHODS = ("pinocchio", "virtual-power")
+CLAIMED = 1e-12
+"""What README and documentation say of random machines: of the largest force, times the conditioning."""
+ROOT = Path(__file__).parents[1]
 
 
 @pytest.fixture(scope="module")
@@ -86,8 +91,31 @@ def test_methods_agree_on_random_machines(seed):
         machine.forces(s.pose, s.velocity, s.acceleration, method=method, wrench=s.wrench)
         for method in METHODS
     ]
-    allowed = 1e-12 * conditioning(machine.parameters.geometry, s.pose) * np.abs(results[1]).max(axis=-1)
+    allowed = CLAIMED * conditioning(machine.parameters.geometry, s.pose) * np.abs(results[1]).max(axis=-1)
     assert np.all(np.abs(results[0] - results[1]).max(axis=-1) <= allowed)
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/explanation/two-ways.md"])
+def test_what_is_claimed_of_random_machines_is_what_is_tested(page):
+    text = " ".join((ROOT / page).read_text(encoding="utf-8").split())
+    claims = re.findall(r"differ by less than (\S+) of the largest force times the conditioning", text)
+    assert [float(claim) for claim in claims] == [CLAIMED]
+
+
+def test_what_is_said_of_the_inertia_of_rods_is_so():
+    """Of a cylinder 20 mm thick and of a thin rod, of the printed mass, against the printed inertia."""
+    text = " ".join((ROOT / "docs/explanation/assumptions.md").read_text(encoding="utf-8").split())
+    (told,) = re.findall(r"by at most (\S+) N \(a cylinder 20 mm thick\) or (\S+) N \(a thin rod\)", text)
+    motion, length = p3dof.paper_motion(101), PAPER.geometry.L
+    printed = p3dof.load().inverse_dynamics(motion, method="virtual-power").forces
+    for claim, radius in zip(told, (0.01, 0.0), strict=True):
+        leg = PAPER.bodies.leg_a
+        across = leg.mass * (length**2 / 12 + radius**2 / 4)
+        rod = Body(leg.mass, leg.com, [leg.mass * radius**2 / 2, across, across])
+        rods = dict.fromkeys(("leg_a", "leg_b", "rod_left", "rod_right"), rod)
+        machine = p3dof.load(replace(PAPER, bodies=replace(PAPER.bodies, **rods)))
+        changed = machine.inverse_dynamics(motion, method="virtual-power").forces - printed
+        assert f"{np.abs(changed).max():.3f}" == claim
 
 
 @settings(max_examples=40)
@@ -97,7 +125,7 @@ def test_methods_agree_near_singular_poses(seed):
     near = {"drop": 0.1, "angle": 0.01}
     s = random_states(machine.parameters, seed, 4, drop=0.01, angle=1e-4, near=near)
     results = [machine.forces(s.pose, s.velocity, s.acceleration, method=method) for method in METHODS]
-    allowed = 1e-12 * conditioning(machine.parameters.geometry, s.pose) * np.abs(results[1]).max(axis=-1)
+    allowed = CLAIMED * conditioning(machine.parameters.geometry, s.pose) * np.abs(results[1]).max(axis=-1)
     assert np.all(np.abs(results[0] - results[1]).max(axis=-1) <= allowed)
 
 
