@@ -6,12 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from lagrange import LagrangeModel
 from machines import random_machine
+from scipy.optimize import minimize_scalar
+from table_numbers import check_table, shows
 from test_tasks import PICK_AND_PLACE, run
 
 import p3dof
 from p3dof import Motion, best_balance, forces_of_task
 from p3dof.errors import InputError, SampleError
+from p3dof.manipulator.balance import balance_table
 from p3dof.parameters import PAPER, SLIDES, Actuators, Friction
 from p3dof.tasks.files import parse
 
@@ -55,6 +59,64 @@ def test_counterweights(robot, found):
     best = best_balance(robot, found, "counterweight")
     assert best.values["counterweight"][0] == pytest.approx(4.90, abs=5e-3)
     assert best.rms_after[0] == pytest.approx(26.2, abs=0.05)
+
+
+OWN = Actuators({"slide_b": 4.0}, {"slide_a": 20.0}, {"slide_c": 60.0}, {"slide_b": 1.0})
+
+
+def by_hand(force, shapes, weights, objective, least):
+    """Shares of one or two shapes that leave the least of a force: sums, or a search of its lowest peak."""
+    if objective == "rms":
+        matrix = [[(weights * one * other).sum() for other in shapes] for one in shapes]
+        share = np.linalg.solve(matrix, [-(weights * one * force).sum() for one in shapes])
+        return np.maximum(share, least)
+
+    def peak(value, whole=False):
+        rest = force + value * shapes[-1]
+        middle = -(rest.max() + rest.min()) / 2 if len(shapes) > 1 else 0.0
+        return middle if whole else np.abs(rest + middle).max()
+
+    if (shapes[0] == 1).all() and len(shapes) == 1:
+        return [-(force.max() + force.min()) / 2]
+    found = minimize_scalar(peak, bounds=(max(least, -2e3), 2e3), method="bounded", options={"xatol": 1e-11})
+    return [found.x] if len(shapes) == 1 else [peak(found.x, whole=True), found.x]
+
+
+@pytest.mark.parametrize("objective", ["rms", "peak"])
+@pytest.mark.parametrize("kind", KINDS)
+@shows("p3dof.manipulator.balance.balance_table")
+def test_every_number_of_the_table_of_balances(kind, objective):
+    """From Lagrange's forces of a machine whose balance of another kind, and whose rotor, stay."""
+    rows, papers = [0, 3, 4, 9, 15, 16, 22, 30, 40], p3dof.paper_motion(41)
+    states = [np.array(part)[rows] for part in (papers.pose, papers.velocity, papers.acceleration)]
+    motion = Motion(papers.time[rows], *states, check=False)
+    model = LagrangeModel(PAPER)
+    lift = model.slider_accelerations(*states) + PAPER.gravity[2]
+    slider, step = model.sliders(states[0]), np.diff(motion.time)
+    weights = (np.r_[step, 0] + np.r_[0, step]) / 2
+    kept = {
+        "counterbalance": np.outer(np.ones(9), [-20.0, 0, 0]),
+        "spring": slider * [0, 0, 60.0],
+        "counterweight": lift * [0, 1.0, 0],
+    }
+    numbers = {"constant": ["counterbalance"], "spring": ["counterbalance", "spring"]}.get(kind, [kind])
+    force = model.forces(*states) + model.slider_accelerations(*states) * [0, 4.0, 0]
+    force += sum(part for name, part in kept.items() if name not in numbers)
+    expected, negative = {}, []
+    for k, leg in enumerate("ABC"):
+        ones = np.ones(9)
+        shapes = {"constant": [ones], "spring": [ones, slider[:, k]]}.get(kind, [lift[:, k]])
+        least = 0.0 if kind == "counterweight" else -np.inf
+        share = np.array(by_hand(force[:, k], shapes, weights, objective, least))
+        after = force[:, k] + share @ shapes
+        told = share * [-1, 1][: len(share)] if kind != "counterweight" else share
+        both = [(weights @ part**2 / weights.sum()) ** 0.5 for part in (force[:, k], after)]
+        both += [abs(part).max() for part in (force[:, k], after)]
+        expected[leg] = [value if value else np.nan for value in told] + both
+        negative += [told[1]] if kind == "spring" and told[1] < 0 else []
+    machine = p3dof.load(replace(PAPER, actuators=OWN))
+    found = best_balance(machine, machine.inverse_dynamics(motion), kind, objective)
+    check_table(balance_table(found), expected, note=negative)
 
 
 # --- what is optimal ----------------------------------------------------------------------------------------

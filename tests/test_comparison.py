@@ -6,10 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from table_numbers import check_evidence, check_table, shows
 
 import p3dof
 from p3dof.errors import InputError, ReachError
 from p3dof.manipulator import Opinion
+from p3dof.manipulator.tables import agreement_table, opinions_table
 from p3dof.methods import virtual_power
 from p3dof.methods.virtual_power import VirtualPowerMethod
 
@@ -54,6 +56,40 @@ def test_a_method_that_is_wrong_by_a_billionth_is_noticed(robot, monkeypatch, fa
     assert not found.passed
     assert "DISAGREE" in found.verdict
     np.testing.assert_allclose(found.share, 1e-9, rtol=1e-3)
+
+
+@shows(
+    "p3dof.manipulator.tables.agreement_table",
+    "p3dof.manipulator.tables.opinions_table",
+    "p3dof.manipulator.comparison.Comparison.difference",
+    "p3dof.manipulator.comparison.Comparison.largest_difference",
+)
+def test_every_number_of_a_comparison(found):
+    """Errors put in on purpose, the largest of each actuator in samples of their own; one invalid."""
+    errors = np.zeros((31, 3))
+    errors[7], errors[12] = [2e-3, -5e-4, 1e-3], [-1e-3, 4e-4, -3e-3]
+    known = found.second.forces
+    wrong = known + errors
+    wrong[20] = np.nan
+    others = [known + part for part in (3 * errors, -0.5 * errors)]
+    one = replace(
+        found,
+        first=replace(found.first, forces=wrong),
+        compiled=Opinion("compiled", others[0], 31 * 2.5e-6),
+        engines=(Opinion("other", others[1], 31 * 0.004),),
+    )
+    errors[20] = np.nan
+    check_evidence(one, "difference", np.abs(errors), atol=1e-13)
+    check_evidence(one, "largest_difference", 3e-3, rtol=1e-9)
+    peaks = [max(abs(value) for value in column) for column in known.T.tolist()]
+    squares = (found.second.time[1:] - found.second.time[:-1]) @ (known[1:] ** 2 + known[:-1] ** 2) / 2
+    rows = {
+        leg: (peaks[k], squares[k] ** 0.5, (most,), (most / peaks[k],))
+        for k, (leg, most) in enumerate(zip("ABC", (2e-3, 5e-4, 3e-3), strict=True))
+    }
+    check_table(agreement_table(one), rows)
+    shares = [(9e-3, 9e-3 / max(peaks), "2.5 µs"), (1.5e-3, 1.5e-3 / max(peaks), "4 ms")]
+    check_table(opinions_table(one), dict(zip(("compiled", "other"), shares, strict=True)))
 
 
 def test_an_opinion_that_is_off_or_missing_does_not_confirm(found):

@@ -13,16 +13,18 @@ from hypothesis import given, settings
 from lagrange import BODIES, LagrangeModel
 from machines import SEEDS, derivative, random_machine, random_states
 from scipy.integrate import simpson
+from table_numbers import check_table, shows
 
 import p3dof
 import p3dof.cli.energy
 from p3dof import kinematics
 from p3dof.cli import main
 from p3dof.energy import energy_of, kinetic_energy, momentum, potential_energy
+from p3dof.energy import tables as energy_tables
 from p3dof.energy.work import integral
 from p3dof.errors import InputError, MissingExtraError, ReachError
 from p3dof.motion import Motion
-from p3dof.parameters import LINKS, PAPER, SOLIDS, Friction
+from p3dof.parameters import LINKS, PAPER, SOLIDS, Actuators, Friction
 from p3dof.plots import save
 from p3dof.plots.energy import energy_figure
 
@@ -215,6 +217,59 @@ def test_drive_loads(paper):
     np.testing.assert_allclose(drives.mean_power, simpson(fine.power, dx=dt, axis=0), rtol=1e-12)
     np.testing.assert_allclose(drives.positive_work + drives.negative_work, found.work[-1], rtol=1e-13)
     assert repr(found).startswith("Energy(1001 samples, actuators give 23.1287 J and take 16.3568 J")
+
+
+@shows(
+    "p3dof.energy.tables.drives_table",
+    "p3dof.energy.tables.bodies_table",
+    "p3dof.energy.tables.balance_table",
+)
+def test_every_number_of_the_tables_of_energy():
+    """From Lagrange's energies and forces, with rotors, and a force too much of A that the balance shows."""
+    masses, more = np.array([3.0, 0.0, 5.0]), np.array([1.5, 0, 0])
+    machine = replace(PAPER, actuators=Actuators({"slide_a": 3.0, "slide_c": 5.0}))
+    _, result = solved(machine, samples=101)
+    found = energy_of(machine, replace(result, forces=result.forces + more))
+    model = LagrangeModel(PAPER)
+
+    def motion_at(samples):
+        motion = p3dof.paper_motion(samples)
+        states = motion.pose, motion.velocity, motion.acceleration
+        speed = model.slider_velocities(*states[:2])
+        force = model.forces(*states) + masses * model.slider_accelerations(*states) + more
+        return motion, speed, force
+
+    (motion, speed, force), (fine, *product) = motion_at(101), motion_at(10001)
+    dt, power = fine.time[1], product[0] * product[1]
+    given, taken, net = (simpson(part, dx=dt, axis=0) for part in (power.clip(0), power.clip(None, 0), power))
+    squares = (force[1:] ** 2 + force[:-1] ** 2).sum(axis=0) / 2 / 100
+    rows = {
+        "peak force [N]": abs(force).max(axis=0),
+        "RMS force [N]": squares**0.5,
+        "peak speed [m/s]": abs(speed).max(axis=0),
+        "peak power [W]": (force * speed).max(axis=0),
+        "peak braking power [W]": -(force * speed).min(axis=0),
+        "mean power [W]": net / 1.0,
+        "work given [J]": given,
+        "work taken back [J]": taken,
+    }
+    check_table(energy_tables.drives_table(found), rows)
+    kinetic = model.body_kinetic_energies(motion.pose, motion.velocity)
+    kinetic = np.column_stack([kinetic, masses * speed**2 / 2])
+    total = kinetic.sum(axis=1)
+    at = total.argmax()
+    rows = {
+        name: (kinetic[:, k].max(), (kinetic[at, k] / total[at],))
+        for k, name in enumerate([*BODIES, "actuator_a", "actuator_b", "actuator_c"])
+    }
+    check_table(energy_tables.bodies_table(found), rows, header=[motion.time[at]], note=[total[at]])
+    energy = total + model.potential_energy(motion.pose)
+    too_much = more[0] * (model.sliders(motion.pose) - model.sliders(motion.pose[0]))[:, 0]
+    done = energy[-1] - energy[0] + too_much[-1]
+    scale = max(total.max(), energy.max() - energy.min())
+    check_table(
+        energy_tables.balance_table(found), {"over the motion": (done, (abs(too_much).max(),), scale)}
+    )
 
 
 def test_lifting_straight_up_takes_the_weight_times_the_height():
