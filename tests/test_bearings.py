@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from lagrange import BODIES, LagrangeModel
+from table_numbers import check_table, shows
 
 import p3dof
 from p3dof.bearings import (
@@ -24,7 +25,7 @@ from p3dof.cli import main
 from p3dof.errors import InputError, ParameterError, SampleError
 from p3dof.motion import Motion, paper_motion
 from p3dof.parameters import PAPER, Body
-from p3dof.reactions import Misfit, RodSection, Stiffness
+from p3dof.reactions import JOINTS, Misfit, RodSection, Stiffness
 
 BALL = Bearing(dynamic=3000.0, static=2400.0, name="6001")
 GUIDE = Guide(dynamic=10e3, basis=50e3, moments=(120.0, 120.0, 150.0), static=16e3)
@@ -219,6 +220,109 @@ def test_a_rail_that_is_mounted_otherwise(elastic):
     for one, other in zip(replace(uneven, turn=0.3).parts(forces, moments), expected, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-12)
     assert np.abs(expected[1] - uneven.parts(forces, moments)[1]).max() > 10
+
+
+ROLLER = Bearing(180.0, 4100.0, kind="roller", X=0.4, Y=1.6, e=0.3, name="NU 3")
+OFFSET = Guide(240.0, 100e3, (2.7, 2.1, 3.3), static=15e3, centre=(0.01, -0.02, 0.03), turn=0.4, name="HG 15")
+PARTS = Bearings(
+    replace(BALL, Y=1.2, name="6001"), GUIDE, {"hinge_left": ROLLER, "slide_b": OFFSET, "hinge_c": BALL}
+)
+
+
+def rates_by_hand(machine, motion):
+    """How fast each joint turns about its axis, or slides, from Lagrange's spins and axes."""
+    model = LagrangeModel(machine)
+    spins = model.angular_velocities(motion.pose, motion.velocity)
+    axes = model.orientations(motion.pose)[..., 1]
+    axes[:, BODIES.index("crossbar_lower")] = axes[:, BODIES.index("rod_left")]  # where the rods are hinged
+    sliders = model.slider_velocities(motion.pose, motion.velocity)
+    found = {f"slide_{leg}": sliders[:, k] for k, leg in enumerate("abc")}
+    for joint in JOINTS:
+        one, other = (
+            BODIES.index(link) if link in BODIES else -1 for link in (joint.predecessor, joint.successor)
+        )
+        axis = axes[:, one if joint.name.startswith("loop") else other]
+        turning = spins[:, other] - (spins[:, one] if one >= 0 else 0)
+        found.setdefault(joint.name, (turning * axis).sum(axis=1))
+    return found
+
+
+@shows(
+    "p3dof.bearings.tables.bearings_table",
+    "p3dof.bearings.tables.guides_table",
+    "p3dof.bearings.tables.rods_table",
+)
+def test_every_number_of_the_tables_of_bearings(robot):
+    """ISO 281, 76 and 14728-1 and hinged beams, trapezoid by trapezoid, of unlike parts and uneven times."""
+    papers, rows = paper_motion(41), [0, 1, 4, 9, 10, 17, 26, 30, 39, 40]
+    states = [np.array(part)[rows] for part in (papers.pose, papers.velocity, papers.acceleration)]
+    motion = Motion(papers.time[rows], *states, check=False)
+    soft = Stiffness(rods=RodSection(diameter=0.018, young=195e9))
+    reactions = robot.reactions(motion, "elastic", stiffness=soft)
+    report = bearing_life(PAPER, reactions, PARTS, stiffness=soft, rest=0.7)
+    step, rates = np.diff(motion.time), rates_by_hand(PAPER, motion)
+
+    def integral(values):
+        return (step * (values[1:] + values[:-1]) / 2).sum()
+
+    def lives(load, rate, exponent, per):
+        """Mean load, largest load and when, way, and how often it is gone on a rating of 1 for `per`."""
+        way = integral(np.abs(rate))
+        mean = (integral(load**exponent * np.abs(rate)) / way) ** (1 / exponent)
+        cycles = per / way * mean**-exponent
+        return (mean, load.max(), motion.time[load.argmax()]), way, cycles
+
+    bearings, guides = {}, {}
+    for joint in reactions.joints:
+        part, rate = PARTS.of(joint), rates[joint]
+        f, m = reactions[joint].forces, reactions[joint].moments
+        if isinstance(part, Guide):
+            c, s = np.cos(part.turn), np.sin(part.turn)
+            rail = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+            f = f * [1, 1, 0]
+            about = (m - np.cross(part.centre, f)) @ rail.T
+            turning = (np.abs(about) / part.moments).sum(axis=1) * part.dynamic
+            load = np.abs(f @ rail.T).sum(axis=1) + turning
+            loads, way, cycles = lives(load / part.dynamic, rate, 3, part.basis)
+            loads = part.dynamic * loads[0], part.dynamic * loads[1], loads[2]
+            share = integral(turning / load) / motion.time[-1]
+            hours = cycles * 1.7 / 3600
+            life = (cycles * way / 1e3, (hours if hours < 1e5 else (">", 1e5)), part.static / loads[1])
+            guides[joint] = (part.name, *loads, f"near {loads[2]:g}", (share,), way, *life)
+            continue
+        radial, axial = np.hypot(f[:, 0], f[:, 2]), np.abs(f[:, 1])
+        load = np.where(axial > part.e * radial, part.X * radial + part.Y * axial, radial)
+        x0, y0 = (0.6, 0.5) if part.kind == "ball" else (1, 0)
+        static = np.maximum(radial, x0 * radial + y0 * axial)
+        exponent = 3 if part.kind == "ball" else 10 / 3
+        loads, angle, cycles = lives(load / part.dynamic, rate, exponent, 2e6 * np.pi)
+        loads = part.dynamic * loads[0], part.dynamic * loads[1], loads[2]
+        way = np.cumsum(np.r_[0, step * (rate[1:] + rate[:-1]) / 2])
+        hours, turns = cycles * 1.7 / 3600, angle / (2 * np.pi)
+        life = (cycles * turns / 1e6, (hours if hours < 1e5 else (">", 1e5)), part.static / static.max())
+        swing = np.degrees(way.max() - way.min())
+        bearings[joint] = (part.name, *loads, f"near {loads[2]:g}", swing, turns, *life)
+    order = [one.joint for one in report.bearings]
+    place = "near {:g}".format
+    check_table(bearings_table(report, place), {joint: bearings[joint] for joint in order}, note=[1.7, 281])
+    check_table(guides_table(report, place), guides, note=[14728, 1])
+    assert set(bearings) == set(order)
+    rods = {}
+    length = PAPER.geometry.L
+    for name, ends in ENDS.items():
+        axes = LagrangeModel(PAPER).orientations(motion.pose)[:, BODIES.index(name), :, 0]
+        forces = reactions.in_base()[0]
+        thrust = np.array([(forces[:, reactions.joints.index(end)] * axes).sum(axis=1) for end in ends])
+        most, least = thrust.max(), thrust.min()
+        when = motion.time[thrust.argmax() % len(motion)]
+        mass = getattr(PAPER.bodies, name).mass
+        stiff = 195e9 * np.pi * 0.018**4 / 64
+        buckling = np.pi**2 * stiff / length**2
+        hertz = np.pi / 2 / length**2 * np.sqrt(stiff / (mass / length))
+        pushed = (most, when) if most > 0 else ("none", np.nan)
+        safety = buckling / most if most > 0 else "no load"
+        rods[name] = (*pushed, -least if least < 0 else "none", buckling, safety, hertz)
+    check_table(rods_table(report), rods)
 
 
 def test_what_no_paper_tells_stands_beside_the_loads(report):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from lagrange import BODIES, LagrangeModel
 from machines import conditioning, random_machine, random_states
+from table_numbers import check_table, shows
 from test_elastic_reactions import S1, random_stiffness
 from test_friction import friction_forces
 from test_reactions import motion_of
@@ -285,6 +286,49 @@ def test_every_contact_loses_the_work_of_all_its_axes(robot):
     assert effect.lost_work.keys() == expected.keys() == {*SLIDES, *PASSIVE}
     for name, work in expected.items():
         assert effect.lost_work[name] == pytest.approx(work, rel=1e-9), name
+
+
+@shows("p3dof.load_friction.tables.additions_table", "p3dof.load_friction.tables.contacts_table")
+def test_every_number_of_the_tables_of_friction_by_load(robot):
+    papers, rows = paper_motion(41), [0, 5, 6, 14, 21, 33, 40]
+    motion = Motion(papers.time[rows], *(part[rows] for part in motion_arrays(papers)), check=False)
+    effect = robot.load_friction(motion, ALL, stiffness=S1)
+    limits, works = losses(PAPER, effect)
+    rates = rates_of(PAPER, motion)
+    bare = LagrangeModel(PAPER).forces(*motion_arrays(motion))
+    forces, step = effect.result.forces, np.diff(motion.time)[:, None]
+
+    def rms(values):
+        return np.sqrt((step * (values[1:] ** 2 + values[:-1] ** 2)).sum(axis=0) / 2 / step.sum())
+
+    expected = {}
+    for k, (leg, slide) in enumerate(zip("ABC", SLIDES, strict=True)):
+        added = np.abs(forces - bare)[:, k]
+        at = added.argmax()
+        own = limits[slide][at, 0] * abs(np.tanh(rates[slide][at, 0] / 0.02))
+        peaks = abs(bare[:, k]).max(), abs(forces[:, k]).max()
+        share = (added.max() / peaks[0],)
+        means = rms(bare)[k], rms(forces)[k]
+        expected[f"force {leg} [N]"] = (*peaks, *means, added.max(), motion.time[at], own, share)
+    check_table(additions_table(replace(effect, steps=77)), expected, note=[77])
+    loads = {}
+    for name, limit in limits.items():
+        contact = ALL.of(name)
+        if name in SLIDES:
+            screw = contact.screw * abs(effect.result.nut_forces[:, [SLIDES.index(name)]])
+            loads[name] = (limit - contact.drag - screw) / contact.mu
+        else:
+            loads[name] = limit / contact.mu / contact.radius
+    expected = {
+        name: (
+            loads[name].max(),
+            (limit.max(), "N" if name in SLIDES else "N m"),
+            works[name],
+            (works[name] / sum(works.values()),),
+        )
+        for name, limit in limits.items()
+    }
+    check_table(contacts_table(effect), expected)
 
 
 def test_friction_that_grows_with_itself_is_told(robot):

@@ -45,7 +45,7 @@ def additions_table(effect: LoadFrictionEffect) -> Table:
         )
     header = (
         "", "peak without", "peak with", "RMS without", "RMS with", "most added", "at t [s]",
-        "of it own guide", "share of the peak",
+        "of its own guide", "share of the peak",
     )  # fmt: skip
     note = (
         f"Loads and friction settled in {effect.steps} steps. Hinges add what the own guide and screw do not."
