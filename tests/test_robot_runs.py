@@ -6,6 +6,7 @@ import closed_loop_robots as robots
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.linalg import expm
 
 import p3dof
 from p3dof.closed_loop import ClosedLoopModel, Sidecar
@@ -166,6 +167,23 @@ def test_arguments_that_do_not_fit_a_robot():
 
 
 # --- controllers --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("frequency", "damping"), [(2.0, 0.3), (1.5, 1.0), (0.8, 2.0)])
+def test_gains_are_those_of_a_damped_oscillator(frequency, damping):
+    """Its characteristic numbers; and an error that computed torque lets swing freely."""
+    kp, kd = gains(frequency, damping)
+    omega = 2 * np.pi * frequency
+    np.testing.assert_allclose([kp, kd], [omega**2, 2 * damping * omega], rtol=1e-14)
+    loop = ClosedLoopModel.from_urdf(robots.four_bar(*robots.FOUR_BAR), robots.FOUR_BAR_SIDECAR)
+    start, offset = 1.1, 0.05
+    controller = JointComputedTorque(loop, [start + offset], kp, kd)
+    run = simulate_robot(
+        loop, 0.3, robots.four_bar_q(start, *robots.FOUR_BAR), controller=controller, samples=7
+    )
+    matrix = np.array([[0, 1], [-(omega**2), -2 * damping * omega]])
+    expected = [(expm(matrix * t) @ [offset, 0])[0] for t in run.time]
+    np.testing.assert_allclose(run.error[:, 0], expected, rtol=0, atol=1e-7)
 
 
 def test_computed_torque_follows_a_motion_and_pd_lags_behind():

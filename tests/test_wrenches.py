@@ -64,6 +64,32 @@ def test_one_load_serves_both_in_any_order():
             np.testing.assert_allclose(load.over(TIMES[:1]), expected(TIMES[:1]), rtol=0, atol=1e-13)
 
 
+def test_a_history_keeps_its_first_and_its_last_values():
+    """Before the first sample, at it, half-way, at the last, after it; in a single run as well."""
+    first, last = np.arange(1.0, 7), np.arange(-3.0, 3)
+    history = p3dof.WrenchHistory([0.5, 1.5], [first, last])
+    rows = [first, first, (first + last) / 2, last, last]
+    np.testing.assert_array_equal(history([-9.0, 0.5, 1.0, 1.5, 7.0]), rows)
+    np.testing.assert_array_equal(Load(history).over(np.array([0.0, 0.25])), [first, first])
+    robot = p3dof.load()
+    given = {"motion": p3dof.Motion([0, 0.2, 0.4], np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)))}
+    held = [
+        robot.inverse_dynamics(**given, wrench=load).forces for load in (history(given["motion"].time), first)
+    ]
+    np.testing.assert_array_equal(*held)
+    assert np.abs(held[0] - robot.inverse_dynamics(**given).forces).max() > 1
+
+
+@pytest.mark.parametrize("method", ["compiled", "virtual-power"])
+def test_a_run_before_the_first_sample_of_a_history_has_its_first_load(method):
+    """In C and in Python: the same as under that load all the time."""
+    robot, first = p3dof.load(), np.array([0, 30.0, 20, 0, 3, 0])
+    history = p3dof.WrenchHistory([0.5, 1.5], [first, -first])
+    runs = [robot.simulate(0.05, samples=6, method=method, wrench=load) for load in (history, first, None)]
+    np.testing.assert_allclose(runs[0].pose, runs[1].pose, rtol=0, atol=1e-12)
+    assert np.abs(runs[0].pose - runs[2].pose).max() > 1e-3
+
+
 def test_what_stays_and_what_is_given_row_by_row():
     wrench = [1.0, 2, 3, 4, 5, 6]
     for given in (wrench, lambda _: wrench):

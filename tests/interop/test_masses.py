@@ -112,6 +112,26 @@ def with_rods(mass, inertia):
     return replace(PAPER, bodies=replace(PAPER.bodies, rod_left=rod, rod_right=rod))
 
 
+@pytest.mark.parametrize(("mass", "upper"), [(0.24, 0.24 / 40), (0.8, 0.02), (1.0, 0.02)])
+def test_a_cross_bar_takes_twenty_grams_or_a_fortieth_of_a_light_rod(mass, upper):
+    """Half of it from each rod, the lower bar after the upper one; a marker takes a gram or a twentieth."""
+    parameters = with_rods(mass, [1e-3, 2e-3, 2e-3])
+    mechanism = description.with_masses(description.describe(parameters))
+    masses = {link.name: link.body.mass for link in mechanism.links}
+    lower = min(0.02, (mass - upper / 2) / 40)
+    assert masses["crossbar_upper"] == pytest.approx(upper, rel=1e-12)
+    given = {"rod_left": mass, "rod_right": mass, "crossbar_lower": 0.0}
+    for name in ("rod_left", "rod_right"):
+        given[name] -= (upper + lower) / 2
+    given["crossbar_lower"] += lower
+    for marker, joint in mechanism.markers.items():
+        if joint.parent in given:
+            assert masses[marker] == pytest.approx(min(1e-3, given[joint.parent] / 20), rel=1e-12)
+            given[joint.parent] -= masses[marker]
+    assert {name: masses[name] for name in given} == pytest.approx(given, rel=1e-12)
+    assert difference(parameters, random_states(parameters, 1, 5)) < 1e-12
+
+
 def test_rods_that_cannot_give_mass_at_their_ends_are_refused():
     parameters = with_rods(1.0, [0, 0, 0])
     with pytest.raises(ModelError, match=r"cannot take its mass .*rod_left.*write the exact variant"):
