@@ -57,6 +57,12 @@ ENDINGS = [
     ("plots --out -", "--out': expected a folder: several files do not fit"),
     ("simulate --out -", "--out': expected a folder: several files do not fit"),
     ("codegen --out -", "--out': expected a folder: several files do not fit"),
+    ("urdf --out x.urdf", "--out': expected a folder, got the name of a file, x.urdf (x.urdf/ is one)"),
+    ("export --out x.xml", "expected a folder, got the name of a file"),
+    ("plots --out a.png", "expected a folder, got the name of a file"),
+    ("compare --out a.CSV", "expected a folder, got the name of a file"),
+    ("codegen --out a.c", "expected a folder, got the name of a file"),
+    ("sweep s.yaml --out a.npz", "expected a folder, got the name of a file"),
 ]
 
 
@@ -105,6 +111,70 @@ def test_what_cannot_be_written_is_refused_before_the_work(capsys, tmp_path, mon
     assert err.count("\n") == 1
     assert sorted(tmp_path.rglob("*")) == before
     assert (tmp_path / "file").read_text() == "kept"
+
+
+ROOT = "/p3dof-is-not-here"
+
+
+@pytest.mark.usefixtures("idle")
+@pytest.mark.parametrize(
+    "line",
+    [
+        f"forces --out {ROOT}/a.csv",
+        f"forces --figure {ROOT}/deep/a.png",
+        f"report --out {ROOT}/a.html",
+        f"urdf --out {ROOT}",
+        f"plots --out {ROOT}/deep",
+        f"codegen --out {ROOT}",
+    ],
+)
+def test_no_folder_is_made_at_the_root_of_the_file_system(capsys, line):
+    """Who is root in a container would else write where nothing is mounted, and lose it."""
+    code, out, err = run(capsys, *line.split())
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert f"(there is no folder {ROOT})" in err
+    assert not Path(ROOT).exists()
+
+
+def test_other_folders_are_made_by_every_command(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for line in ("forces --samples 5 --out a/b/f.csv", "urdf --out c/d", "export --format mjcf --out e.x/f"):
+        assert run(capsys, *line.split())[0] == 0
+    assert {path.name for path in tmp_path.rglob("*.*") if path.is_file()} >= {"f.csv", "p3dof.urdf"}
+
+
+@pytest.mark.usefixtures("idle")
+@pytest.mark.parametrize(
+    ("stream", "line", "words"),
+    [
+        ("stdout", "forces --out -", "--out': the standard output is closed"),
+        ("stdout", "urdf --out -", "--out': the standard output is closed"),
+        ("stdout", "indices --json", "--json': the standard output is closed"),
+        ("stdin", "forces --motion -", "--motion': the standard input is closed"),
+        ("stdin", "loop assemble -", "'FILE': the standard input is closed"),
+    ],
+)
+def test_what_would_be_lost_in_a_closed_stream_is_refused(capsys, monkeypatch, stream, line, words):
+    monkeypatch.setattr(sys, stream, None)
+    code = main(line.split())
+    if stream == "stdout":
+        sys.stdout.close()  # what stood for it
+    monkeypatch.undo()
+    err = capsys.readouterr().err
+    assert (code, err.count("\n")) == (2, 1)
+    assert words in err
+
+
+@pytest.mark.usefixtures("idle")
+@pytest.mark.parametrize(
+    ("line", "extra"), [("forces --figure f.png", "plot"), ("report --out r.html", "report")]
+)
+def test_a_library_that_is_missing_is_told_before_the_work(capsys, tmp_path, monkeypatch, line, extra):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    code, out, err = run(capsys, *line.split())
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert f"pip install 'p3dof[{extra}]'" in err
 
 
 @pytest.mark.parametrize("command", COLUMNS)

@@ -279,7 +279,9 @@ def test_poses_say_how_they_begin_and_that_they_look_like_waypoints(files, capsy
     assert re.search(r"starts \(t = 0 s\) with ydot .* m/s, .*ends \(t = 0.5 s\) with .* rad/s", starts)
     (waypoints,) = [line for line in shown.splitlines() if "waypoints" in line]
     assert "6 poses 100 ms apart look like waypoints" in waypoints
-    assert "Motion.through" in waypoints
+    assert waypoints.endswith(
+        "(from rest to rest plan p3dof.Motion.through and, from a task file, p3dof plan)"
+    )
     _, shown, _ = run(capsys, "forces", "--motion", files / "samples.csv", "--method", "compiled")
     assert "waypoints" not in shown
 

@@ -305,6 +305,22 @@ def test_runs_of_a_file_are_those_of_the_command(tmp_path, capsys):
         assert len(np.unique(columns["peak_force_a"])) == 30
 
 
+def test_a_figure_of_nothing_is_refused_before_the_work(tmp_path, monkeypatch, capsys):
+    def work(*_, **__):
+        raise AssertionError("it worked before it looked what to draw")
+
+    monkeypatch.setattr(sweeps.SweepPlan, "run", work)
+    path = written(tmp_path, changed("reductions", [{"top": "peak_force", "count": 5}]))
+    assert main(["sweep", str(path), "--out", str(tmp_path / "o"), "--figure", str(tmp_path / "f.png")]) == 2
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1
+    assert "--figure: expected a Histogram or a ParetoArchive of two columns" in told
+    assert (
+        main(["sweep", str(path), "--out", str(tmp_path / "o"), "--figure", str(path.with_suffix(".jpg"))])
+        == 2
+    )
+
+
 def test_runs_of_a_file_go_to_other_processes(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     made = run(tmp_path, RUNS)

@@ -466,6 +466,14 @@ def test_the_command_says_when_a_limit_is_exceeded(capsys, tmp_path):
     assert "force A" in out
 
 
+def test_a_load_that_is_not_there_is_told_before_the_plan(capsys, tmp_path):
+    lines = [line for line in PICK_AND_PLACE.splitlines() if "wrench" not in line]
+    (tmp_path / "task.yaml").write_text("\n".join(lines), encoding="utf-8")
+    code, _, err = run(capsys, "plan", tmp_path / "task.yaml", "--wrench-out", tmp_path / "w.csv")
+    assert code == 2
+    assert "--wrench-out: there is no external load in this task" in err
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [

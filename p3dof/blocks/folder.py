@@ -14,7 +14,7 @@ from pathlib import Path
 
 from p3dof.blocks.manifest import NAME_OF_FILE, Manifest
 from p3dof.errors import FileError, SweepError
-from p3dof.files import called
+from p3dof.files import called, make_folders
 from p3dof.files.reading import reason
 
 if sys.platform == "win32":
@@ -92,7 +92,7 @@ def locked(folder: Path) -> Iterator[None]:
         If the folder cannot be made or written in.
     """
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        make_folders(folder.resolve())
         path = folder.resolve() / _LOCK
         with _guard:
             if path in _working:

@@ -13,7 +13,7 @@ from rich.console import Console
 
 from p3dof.bearings import read_bearings
 from p3dof.cli.app import app
-from p3dof.cli.files import STREAM, InputFile, OutputFile, protect, source
+from p3dof.cli.files import JSON, STREAM, InputFile, OutputFile, protect, source
 from p3dof.cli.kinds import Whole
 from p3dof.cli.machine import PARAMETERS, any_size, driven, machine_of
 from p3dof.cli.options import FIGURE, STIFFNESS, load_friction_in, stiffness_in
@@ -23,7 +23,8 @@ from p3dof.drives import read_catalogue
 from p3dof.errors import TaskError
 from p3dof.files import called, parse_yaml, read_text, together
 from p3dof.manipulator import Manipulator, compare_designs, comparison_table, verdicts_table
-from p3dof.manipulator.design_comparison import DesignComparison, as_json, write_comparisons
+from p3dof.manipulator.design_comparison import DesignComparison, write_comparisons
+from p3dof.manipulator.design_comparison import as_json as text_of
 from p3dof.parameters import read_parameters
 from p3dof.tasks import Task
 
@@ -43,7 +44,7 @@ from p3dof.tasks import Task
     show_default=True,
     help="Least number of samples of a task.",
 )
-@click.option("--json", "as_text", is_flag=True, help="Print the numbers as JSON, and nothing else.")
+@JSON
 @click.option("--csv", "table", type=OutputFile("table"), help="CSV file to write.")
 @click.option("--out", type=OutputFile("report"), help="Page to write, .html or .pdf (extra 'report').")
 @FIGURE
@@ -53,7 +54,7 @@ def make(
     parameters: Path | None,
     stiffness: Path | None,
     samples: int,
-    as_text: bool,
+    as_json: bool,
     table: Path | None,
     out: Path | None,
     figure: Path | None,
@@ -72,6 +73,8 @@ def make(
     protect((parameters, stiffness, *read), (table, out, figure))
     work.protect(None, (stiffness, parameters, *read), (table, out, figure))
     robots, jobs = _sorted(files, tasks, parameters)
+    if figure is not None and len(jobs) > 1:
+        raise click.UsageError("--figure: one figure for one task; --out has those of all tasks")
     if not jobs:
         work.refuse_plans("the paper's motion takes 1 s; give tasks with --task")
     catalogue = None if work.drives is None else read_catalogue(source(work.drives))
@@ -95,8 +98,8 @@ def make(
             progress=progress,
         )
     written = _written(found, table, out, figure, _command())
-    if as_text:
-        sys.stdout.write(as_json(found) + "\n")
+    if as_json:
+        sys.stdout.write(text_of(found) + "\n")
     else:
         _print(found, written)
     return 0 if all(one.fits for part in found for one in part.assessments) else 1
@@ -126,8 +129,6 @@ def _written(
     if figure is not None:
         from p3dof import plots
 
-        if len(found) > 1:
-            raise click.UsageError("--figure: one figure for one task; --out has those of all tasks")
         writers.append(lambda: plots.save(plots.comparison_figure(found[0]), figure))
     with together():
         return [write() for write in writers]

@@ -13,7 +13,7 @@ import click
 from rich.console import Console
 
 from p3dof.errors import P3dofError
-from p3dof.files import check_writable, scratch_folder, suffix_of, together
+from p3dof.files import SUFFIXES, check_writable, scratch_folder, suffix_of, together
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -32,9 +32,11 @@ class InputFile(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # gen
 
     name = "FILE"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:  # noqa: ARG002
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
         """Return the path."""
         path = Path(value)
+        if str(value) == "-" and sys.stdin is None:
+            self.fail("the standard input is closed", param, ctx)
         return path.absolute() if path == STREAM and str(value) != "-" else path
 
 
@@ -57,11 +59,19 @@ class OutputFile(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # li
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
         """Return the path."""
         if str(value) == "-" and self._stream:
-            return STREAM
+            return _standard_output(param, ctx)
         try:
             suffix_of(value, self._kind)
         except P3dofError as error:
             self.fail(str(error), param, ctx)
+        if self._kind == "figure":
+            from p3dof.plots.common import require_figures
+
+            require_figures()
+        elif self._kind == "report":
+            from p3dof.report.templates import require_reports
+
+            require_reports()
         return Path(value)
 
 
@@ -84,10 +94,37 @@ class OutputFolder(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # 
         if not str(value):
             self.fail("expected a folder, got an empty name", param, ctx)
         if str(value) != "-":
-            return Path(value).absolute() if Path(value) == STREAM else Path(value)
+            path = Path(value)
+            if path.suffix.lower() in _FILES and str(value)[-1] not in "/\\" and not path.is_dir():
+                self.fail(f"expected a folder, got the name of a file, {value} ({value}/ is one)", param, ctx)
+            return path.absolute() if path == STREAM else path
         if not self._stream:
             self.fail("expected a folder: several files do not fit into the standard output", param, ctx)
-        return STREAM
+        return _standard_output(param, ctx)
+
+
+_FILES = {".c", ".h", ".mjs", ".wasm", ".usda", ".json", *(end for ends in SUFFIXES.values() for end in ends)}
+"""How names end that are those of files rather than of folders."""
+
+
+def _standard_output(param: click.Parameter | None, ctx: click.Context | None) -> Path:
+    """Return `STREAM`, unless what is written there would be lost."""
+    if getattr(sys.stdout, "name", None) == os.devnull:  # what stands for a stream that the caller closed
+        raise click.BadParameter("the standard output is closed", ctx, param)
+    return STREAM
+
+
+def _as_json(ctx: click.Context, param: click.Parameter, value: bool) -> bool:
+    return value and bool(_standard_output(param, ctx))
+
+
+JSON = click.option(
+    "--json",
+    "as_json",
+    is_flag=True,
+    callback=_as_json,
+    help="Print the numbers as JSON, in SI units, and nothing else.",
+)
 
 
 def source(path: Path) -> Path | IO[bytes]:

@@ -12,7 +12,7 @@ import numpy as np
 from rich.console import Console
 
 from p3dof.cli.app import app
-from p3dof.cli.files import OutputFile, console_beside, write_results
+from p3dof.cli.files import JSON, OutputFile, console_beside, write_results
 from p3dof.cli.kinds import POSITIVE, Pose
 from p3dof.cli.options import Amount, Case, with_load
 from p3dof.cli.output import show
@@ -52,9 +52,7 @@ from p3dof.reactions.stiffness import RodSection
     type=OutputFile("table", stream=True),
     help="CSV file, - for the standard output, with a row for each pose.",
 )
-@click.option(
-    "--json", "as_json", is_flag=True, help="Print the numbers as JSON, in SI units, and nothing else."
-)
+@JSON
 def indices(
     case: Case,
     poses: tuple[list[float], ...],

@@ -11,12 +11,11 @@ import click
 from rich.console import Console
 
 from p3dof.cli.app import app
-from p3dof.cli.files import InputFile, OutputFile, OutputFolder, protect
+from p3dof.cli.files import JSON, InputFile, OutputFile, OutputFolder, protect
 from p3dof.cli.kinds import Whole
 from p3dof.cli.options import FIGURE
 from p3dof.cli.output import in_options, print_plain, print_warnings, progress_bar, show
 from p3dof.errors import InputError
-from p3dof.files import check_writable
 from p3dof.optimisation import (
     DesignProblem,
     Front,
@@ -47,7 +46,6 @@ _RESUME = click.option(
     type=OutputFolder(),
     help="Folder for what is finished: the same command goes on with it after an interruption.",
 )
-_JSON = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, in SI units.")
 _ANY_SIZE = click.option(
     "--any-size", is_flag=True, help="Take a machine of more than 20 m or less than 1 mm too."
 )
@@ -112,7 +110,7 @@ _BOUNDS = click.option(
 )
 @_RESUME
 @FIGURE
-@_JSON
+@JSON
 @_ANY_SIZE
 def optimise(
     problem: Path,
@@ -136,10 +134,11 @@ def optimise(
     by the other way to the forces. Exit code 1 when no machine keeps all constraints.
     """
     protect((problem,), (out, report, figure))
-    _writable(out, report, figure)
     work = generations if method == "evolution" else starts
     with in_options(_WORDS):
         asked = read_problem(problem, any_size)
+        if report is not None:
+            _require_one_motion(asked)
         with progress_bar("generations" if method == "evolution" else "starts", work) as progress:
             found = asked.minimise(
                 objective,
@@ -191,7 +190,7 @@ def optimise(
 @click.option("--out", type=OutputFile("table"), help="Table of all designs to write (CSV).")
 @_RESUME
 @FIGURE
-@_JSON
+@JSON
 @_ANY_SIZE
 def pareto(
     problem: Path,
@@ -213,7 +212,6 @@ def pareto(
     polished by exact gradients. Exit code 1 when no machine keeps all constraints.
     """
     protect((problem,), (out, figure))
-    _writable(out, figure)
     with in_options(_WORDS):
         asked = read_problem(problem, any_size)
         bounded = _bounded(asked, dict(subject_to))
@@ -241,10 +239,11 @@ def _bounded(problem: DesignProblem, bounds: dict[str, float]) -> DesignProblem:
     return problem.asking(None, bounds_of(problem, bounds))
 
 
-def _writable(*paths: Path | None) -> None:
-    for path in paths:
-        if path is not None:
-            check_writable(path)
+def _require_one_motion(problem: DesignProblem) -> None:
+    """Raise unless the report can compare machines of a problem, before they are looked for."""
+    moved = any(name.startswith("offset.") for name in problem.variables.names)
+    if moved or problem.setting.wrench is not None:
+        raise InputError("--report compares machines over one motion: expected no wrench and no offset")
 
 
 def _write_report(found: Optimum, path: Path) -> None:
@@ -253,9 +252,6 @@ def _write_report(found: Optimum, path: Path) -> None:
     from p3dof.report.designs import write_designs
 
     problem = found.problem
-    moved = any(name.startswith("offset.") for name in problem.variables.names)
-    if moved or problem.setting.wrench is not None:
-        raise InputError("--report compares machines over one motion: expected no wrench and no offset")
     machines = {"start": problem.machine(problem.start), "optimum": found.machine}
     write_designs(path, compare_designs(machines, problem.setting.motion))
 

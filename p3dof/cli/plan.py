@@ -71,6 +71,8 @@ def _with_task(command: Callable[..., Plan | BestPath]) -> Callable[..., int]:
             raise InputError("--task-out: expected with --best-path only")
         protect((task_file, parameters), (out, wrench_out, forces_out, figure, task_out))
         task, robot = read_task(source(task_file)), machine_of(parameters)
+        if wrench_out is not None and not any(waypoint.wrench.any() for waypoint in task.waypoints):
+            raise InputError("--wrench-out: there is no external load in this task")
         planned = command(task, robot, **others)
         return _told(task, robot, planned, method, out, wrench_out, forces_out, figure, task_out)
 
@@ -162,8 +164,6 @@ def _told(
     """Compute the forces of a plan, write its files and print its tables; return the exit code."""
     planned = made.plan if isinstance(made, BestPath) else made
     load = planned.wrench
-    if wrench_out is not None and load is None:
-        raise InputError("--wrench-out: there is no external load in this task")
     with progress_bar("forces", len(planned.pieces)) as progress:
         found = forces_of_task(robot, planned, method, progress)  # type: ignore[arg-type,unused-ignore]
     from p3dof import plots

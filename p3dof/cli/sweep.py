@@ -14,11 +14,10 @@ from rich.console import Console
 
 from p3dof.blocks import Processes, Sweep, sweep_facts, sweep_tables
 from p3dof.cli.app import app
-from p3dof.cli.files import InputFile, OutputFile, OutputFolder
+from p3dof.cli.files import InputFile, OutputFile, OutputFolder, protect
 from p3dof.cli.kinds import Whole
 from p3dof.cli.output import in_options, print_plain, print_warnings, progress_bar, show
 from p3dof.errors import InputError, MissingExtraError
-from p3dof.files import check_writable
 from p3dof.sweeps import read_sweep
 
 _OPTIONS = {
@@ -79,10 +78,14 @@ def sweep(
         raise click.UsageError("expected --workers or --scheduler, got both")
     if local_folder and scheduler is None:
         raise click.UsageError("--local-folder belongs to --scheduler: here, the folder is seen")
-    if figure is not None:
-        check_writable(figure)
+    protect((problem,), (figure,))
     with in_options(_OPTIONS):
         plan = read_sweep(problem, any_size)
+        if figure is not None:
+            from p3dof.plots.sweep import require_panels
+
+            with in_options({"sweep: ": "--figure: "}):
+                require_panels(plan.options.get("reductions", ()))
         with _client(workers, scheduler) as client, progress_bar("items", plan.problem.count) as progress:
             made = plan.run(out, client=client, resume=resume, shared=not local_folder, progress=progress)
     _tell(made, figure)

@@ -15,7 +15,7 @@ from rich.console import Console
 from p3dof.blocks import Processes
 from p3dof.checks import Progress
 from p3dof.cli.app import app
-from p3dof.cli.files import InputFile, OutputFolder, protect, source
+from p3dof.cli.files import JSON, InputFile, OutputFolder, protect, source
 from p3dof.cli.kinds import POSITIVE, Pose, Whole
 from p3dof.cli.options import FIGURE, Case, with_load
 from p3dof.cli.output import in_options, print_plain, progress_bar, show
@@ -79,7 +79,7 @@ def _work(command: Callable[..., Any]) -> Callable[..., Any]:
         ),
         click.option("--resume", is_flag=True, help="Go on with what is in the folder of --out."),
         FIGURE,
-        click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, in SI units."),
+        JSON,
     )
     for option in reversed(options):
         command = option(command)

@@ -13,7 +13,7 @@ import numpy as np
 from rich.console import Console
 
 from p3dof.cli.app import app
-from p3dof.cli.files import InputFile, OutputFile, protect, source
+from p3dof.cli.files import JSON, InputFile, OutputFile, protect, source
 from p3dof.cli.kinds import Number, Payload, Span, Triple
 from p3dof.cli.machine import PARAMETERS, machine_of
 from p3dof.cli.options import FIGURE, Amount
@@ -68,9 +68,7 @@ from p3dof.workspace import Workspace, WorkspaceMargins, box_table, plain_worksp
 @click.option(
     "--out", type=OutputFile("map"), help="netCDF file (.nc) for the map of the indices, or of all."
 )
-@click.option(
-    "--json", "as_json", is_flag=True, help="Print the numbers as JSON, in SI units, and nothing else."
-)
+@JSON
 def workspace(
     parameters: Path | None,
     payload: Body | None,

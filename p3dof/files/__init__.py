@@ -6,7 +6,7 @@ from p3dof.files.generated import check_generated, differences, write_generated
 from p3dof.files.kinds import SUFFIXES, suffix_of
 from p3dof.files.reading import MAX_BYTES, Source, called, is_stream, read_bytes, read_text, reason
 from p3dof.files.temporary import scratch_folder
-from p3dof.files.writing import check_writable, together, write_atomic, write_streamed
+from p3dof.files.writing import check_writable, make_folders, together, write_atomic, write_streamed
 from p3dof.files.yaml_text import MAX_YAML, parse_yaml
 
 __all__ = [
@@ -21,6 +21,7 @@ __all__ = [
     "check_writable",
     "differences",
     "is_stream",
+    "make_folders",
     "pack_arrays",
     "parse_yaml",
     "read_bytes",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import stat
 from collections.abc import Iterator
@@ -24,8 +25,8 @@ def write_atomic(path: str | os.PathLike[str], content: str | bytes) -> Path:
     Parameters
     ----------
     path : path-like
-        The file; missing parent folders are made. An existing file keeps its permissions; of a symbolic link
-        the file that it points to is replaced.
+        The file; missing folders above it are made, as `make_folders` does. An existing file keeps its
+        permissions; of a symbolic link the file that it points to is replaced.
     content : str or bytes
         Text is encoded as UTF-8 with Unix line ends.
 
@@ -107,7 +108,7 @@ def check_writable(path: str | os.PathLike[str]) -> None:
     Parameters
     ----------
     path : path-like
-        The file; its folders need not be there.
+        The file; its folders need not be there, but for one at the root of the file system.
 
     Raises
     ------
@@ -116,6 +117,7 @@ def check_writable(path: str | os.PathLike[str]) -> None:
     """
     with _named(path):
         target = _target(path)
+        _require_place(target.parent)
         folder = next(parent for parent in target.parents if parent.exists())
         for part in target.relative_to(folder).parts:
             with contextlib.suppress(FileNotFoundError):
@@ -154,7 +156,7 @@ class _FileSet:
     def stream(self, path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
         """Open a file beside where it is to be."""
         target = _target(path)
-        self._made += _make_folders(target.parent)
+        self._made += make_folders(target.parent)
         earlier = self._staged.pop(target, None)
         if earlier is not None:
             _discard(earlier)
@@ -243,11 +245,39 @@ def _target(path: str | os.PathLike[str]) -> Path:
     return target
 
 
-def _make_folders(folder: Path) -> list[Path]:
-    """Make a folder and those above it; return the new ones, the highest first."""
+def make_folders(folder: Path) -> list[Path]:
+    """Make a folder and those above it, but none at the root of the file system.
+
+    Parameters
+    ----------
+    folder : Path
+        An absolute path.
+
+    Returns
+    -------
+    list of Path
+        The new ones, the highest first.
+
+    Raises
+    ------
+    OSError
+        If one cannot be made.
+    """
     missing = [above for above in (folder, *folder.parents) if not above.exists()]
+    _require_place(folder)
     folder.mkdir(parents=True, exist_ok=True)
     return missing[::-1]
+
+
+def _require_place(folder: Path) -> None:
+    """Raise where a missing folder would be made at the root of the file system.
+
+    Only an administrator could, or who is one within a container: mostly by a wrong name, or where a place
+    outside is not mounted. Nobody else can, and so it is the same error for all.
+    """
+    top = Path(*folder.parts[:2])
+    if folder.anchor == "/" and not top.exists():
+        raise FileNotFoundError(errno.ENOENT, f"there is no folder {top}", str(top))
 
 
 @contextlib.contextmanager

@@ -79,8 +79,8 @@ def _waypoints(curve: Curve, acceleration: FloatArray) -> str:
     step = 1e3 * float(np.diff(curve.time).mean())
     return (
         f"{count} poses {step:.4g} ms apart look like waypoints: the forces are those of a smooth curve that "
-        "passes them without a stop (p3dof.Motion.through plans from rest to rest; from a file that is not "
-        "possible yet)"
+        "passes them without a stop (from rest to rest plan p3dof.Motion.through and, from a task file, "
+        "p3dof plan)"
     )
 
 

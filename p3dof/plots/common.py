@@ -128,22 +128,35 @@ def new_figure(figsize: tuple[float, float]) -> Figure:
 
     Raises
     ------
+    MissingExtraError, InputError
+        As `require_figures`.
+    """
+    require_figures()
+    from matplotlib.figure import Figure
+
+    from p3dof.plots.layout import Panels
+
+    return Figure(figsize=figsize, layout=Panels())
+
+
+def require_figures() -> None:
+    """Find out whether figures can be drawn, before the work for them begins.
+
+    Raises
+    ------
     MissingExtraError
         If matplotlib is not installed.
     InputError
         If it cannot start.
     """
     try:
-        from matplotlib.figure import Figure
-
-        from p3dof.plots.layout import Panels
+        import matplotlib.figure  # noqa: F401 - it is tried
     except ImportError as error:
         raise MissingExtraError("figures need matplotlib: pip install 'p3dof[plot]'") from error
     except (
         ValueError
     ) as error:  # matplotlib refuses its own settings, such as MPLBACKEND, when it is imported
         raise InputError(f"matplotlib cannot start: {error}") from error
-    return Figure(figsize=figsize, layout=Panels())
 
 
 def few_ticks(axis: Axes) -> None:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING
 
-from p3dof.blocks import Counts, ParetoArchive, Rows, Sweep
+from p3dof.blocks import Counts, Histogram, ParetoArchive, Reduction, Rows, Sweep
 from p3dof.checks import shown
 from p3dof.errors import InputError
 from p3dof.plots.common import COLOURS, new_figure, tidy
@@ -17,6 +17,18 @@ if TYPE_CHECKING:
 
 MOST = 12
 """Most panels."""
+
+
+def require_panels(reductions: Iterable[Reduction]) -> list[Histogram | ParetoArchive]:
+    """Return the reductions that `sweep_figure` draws; raise `InputError` if there is none."""
+    found = [
+        item
+        for item in reductions
+        if isinstance(item, Histogram) or (isinstance(item, ParetoArchive) and len(item.objectives) > 1)
+    ]
+    if not found:
+        raise InputError("sweep: expected a Histogram or a ParetoArchive of two columns among its reductions")
+    return found
 
 
 def sweep_figure(sweep: Sweep) -> Figure:
@@ -40,23 +52,17 @@ def sweep_figure(sweep: Sweep) -> Figure:
     """
     if not isinstance(sweep, Sweep):
         raise InputError(f"sweep: expected a Sweep, got {shown(sweep)}")
-    panels: list[tuple[Any, Any]] = []
-    for reduction in sweep.manifest.reductions:
-        front = isinstance(reduction, ParetoArchive) and len(reduction.objectives) > 1
-        if front or isinstance(sweep.reductions[reduction.name], Counts):
-            panels.append((reduction, sweep.reductions[reduction.name]))
-    if not panels:
-        raise InputError("sweep: expected a Histogram or a ParetoArchive of two columns among its reductions")
-    panels = panels[:MOST]
+    chosen = require_panels(sweep.manifest.reductions)[:MOST]
+    panels = [(reduction, sweep.reductions[reduction.name]) for reduction in chosen]
     across = min(2, len(panels))
     rows = math.ceil(len(panels) / across)
     figure = new_figure(figsize=(4.8 * across, 3.4 * rows))
     axes = figure.subplots(rows, across, squeeze=False).ravel()
     for axis, (reduction, found) in zip(axes, panels, strict=False):
-        if isinstance(found, Counts):
-            _draw_counts(axis, found, sweep.manifest.with_unit)
-        else:
+        if isinstance(reduction, ParetoArchive):
             _draw_front(axis, reduction, found, sweep.manifest.with_unit)
+        else:
+            _draw_counts(axis, found, sweep.manifest.with_unit)
         tidy(axis)
         axis.set_axisbelow(True)
     for axis in axes[len(panels) :]:

@@ -36,15 +36,12 @@ def template(name: str) -> Any:
     Raises
     ------
     MissingExtraError
-        If Jinja2 or matplotlib is not installed.
+        As `require_reports`.
     """
-    try:
-        import jinja2
-        import markupsafe  # Jinja2's own
-        import matplotlib.figure  # noqa: F401 - a page without figures is none
-    except ImportError as error:
-        missing = error.name or "Jinja2 and matplotlib"
-        raise MissingExtraError(f"a report needs {missing}: pip install 'p3dof[report]'") from error
+    require_reports()
+    import jinja2
+    import markupsafe  # Jinja2's own
+
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(_text_of),
         autoescape=True,
@@ -55,6 +52,16 @@ def template(name: str) -> Any:
     environment.filters["table"] = lambda table: markupsafe.Markup(table_html(table))  # noqa: S704 - it has escaped its texts
     environment.filters["linked"] = lambda table: markupsafe.Markup(linked(table_html(table)))  # noqa: S704 - likewise
     return environment.get_template(name)
+
+
+def require_reports() -> None:
+    """Raise `MissingExtraError` if Jinja2 or matplotlib is not installed, before the work begins."""
+    try:
+        import jinja2  # noqa: F401 - it is tried
+        import matplotlib.figure  # noqa: F401 - a page without figures is none
+    except ImportError as error:
+        missing = error.name or "Jinja2 and matplotlib"
+        raise MissingExtraError(f"a report needs {missing}: pip install 'p3dof[report]'") from error
 
 
 def _text_of(name: str) -> str:
