@@ -24,7 +24,6 @@ REQUIRED = os.environ.get("P3DOF_REQUIRE", "")
 EXCEPTIONS = {
     "root may write everywhere": True,  # machines that test may run as root
     "this processor has no such vectors": True,
-    "the collection of public robots is not at hand": True,  # it is beside the repository, not in it
     "this usd-core has no UsdValidation": True,  # Pixar leaves it out of some wheels
     "pybullet not installed": sys.version_info >= (3, 12),  # no wheels beyond
     "(mujoco|usd-core|rerun|Newton|viser) not installed": sys.version_info < (3, 11),  # no wheels before

@@ -6,13 +6,12 @@ import closed_loop_robots as robots
 import numpy as np
 import pinocchio as pin
 import pytest
-from documents import ROOT
+from other_robots import load, others
 
 import p3dof
 from p3dof.closed_loop import ClosedLoopModel, Closure, FrameTarget, Sidecar
 from p3dof.errors import AssemblyError, InputError
 
-SHARED = ROOT.parent / "shared" / "robots"
 XZ = [True, False, True, False, False, False]
 TIP = pin.SE3(np.eye(3), np.array([0.12, 0.0, 0.45]))
 
@@ -44,11 +43,9 @@ def test_chains_close_from_anywhere_up_to_the_border_of_reach(seed):
     assert caught.value.gap == pytest.approx(0.05 * lengths.sum(), rel=0.02)
 
 
-@pytest.mark.parametrize("name", ["digit_like", "digit_like_2legs", "robot_delta"])
-def test_public_robots_close_from_anywhere(name):
-    if not (SHARED / name).exists():
-        pytest.skip("the collection of public robots is not at hand")
-    loop = p3dof.load_robot(SHARED / name / "robot.urdf")
+@pytest.mark.parametrize("name", others("leg_with_rods", "two_legs", "tiny_delta"))
+def test_other_robots_close_from_anywhere(name):
+    loop = load(name)
     for seed in range(10):
         far = np.random.default_rng(seed).uniform(-3, 3, loop.model.nv)
         result = loop.assemble(None, pin.integrate(loop.model, pin.neutral(loop.model), far))

@@ -8,14 +8,12 @@ import closed_loop_robots as robots
 import numpy as np
 import pinocchio as pin
 import pytest
-from documents import ROOT
+from other_robots import load, others
 
-import p3dof
 from p3dof.closed_loop import ClosedLoopModel, FrameTarget, Sidecar
 from p3dof.closed_loop.assembly import Assembler
 from p3dof.errors import AssemblyError, InputError
 
-SHARED = ROOT.parent / "shared" / "robots"
 PLACE = pin.SE3(pin.rpy.rpyToMatrix(0.1, -0.2, 0.3), np.array([0.05, -0.03, 0.6]))
 
 
@@ -174,11 +172,9 @@ def mirror(q: np.ndarray) -> np.ndarray:
     return np.array([q[0], coupler - q[0], rocker])
 
 
-@pytest.mark.parametrize("name", ["5bar_linkage", "5bar_linkage_iso6d", "digit_like", "robot_delta"])
-def test_public_robots_are_their_own_assembly(name):
-    if not (SHARED / name).exists():
-        pytest.skip("the collection of public robots is not at hand")
-    loop = p3dof.load_robot(SHARED / name / "robot.urdf")
+@pytest.mark.parametrize("name", others("five_bar_hinges", "five_bar_rod_end", "leg_with_rods", "tiny_delta"))
+def test_other_robots_are_their_own_assembly(name):
+    loop = load(name)
     home = loop.assemble()
     assert home.same_assembly
     aside = 0.01 * np.random.default_rng(0).uniform(-1, 1, loop.model.nv)

@@ -11,6 +11,7 @@ import pytest
 from documents import ROOT
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from other_robots import load, others
 
 import p3dof
 from p3dof.closed_loop import ClosedLoopModel, Closure, Coupling, JointData, Sidecar
@@ -22,7 +23,6 @@ from p3dof.errors import DynamicsError, InputError, ModelError, ModelWarning, P3
 from p3dof.tracing import Tape
 
 GALLERY = ROOT / "docs/_static/gallery"
-SHARED = ROOT.parent / "shared/robots"
 HERE = ("four_bar", "five_bar", "delta", "stewart", "gripper", "leg", "two_arms", "biped")
 NO_COMPILER = build.compiler() is None
 needs_compiler = pytest.mark.skipif(NO_COMPILER, reason="no C compiler here")
@@ -121,12 +121,11 @@ def test_derivatives_are_those_of_the_general_layer(robot):
             np.testing.assert_allclose(mine, theirs, rtol=0, atol=1e-8 * largest(theirs))
 
 
-@pytest.mark.skipif(not SHARED.is_dir(), reason="the public robots are not here")
 @pytest.mark.parametrize(
-    "path", ["5bar_linkage_iso3d", "5bar_linkage_iso6d", "digit_like", "digit_like_2legs", "robot_delta"]
+    "name", others("five_bar_point", "five_bar_rod_end", "leg_with_rods", "two_legs", "tiny_delta")
 )
-def test_public_robots(path):
-    loop = p3dof.load_robot(SHARED / path / "robot.urdf")
+def test_other_robots(name):
+    loop = load(name)
     compiled = loop.compile(level="numpy")
     moving = trees.motions(loop, 4, seed=1, spread=0.1)
     wanted = moving.a[:, loop.actuated_v]

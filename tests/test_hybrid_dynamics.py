@@ -9,21 +9,11 @@ import closed_loop_robots as robots
 import numpy as np
 import pinocchio as pin
 import pytest
-from documents import ROOT
+from other_robots import EXPORTED, load, others
 
-import p3dof
 from p3dof.closed_loop import ClosedLoopModel, Closure, Coupling, Sidecar
 from p3dof.errors import DynamicsError, InputError, SingularityError
 
-SHARED = ROOT.parent / "shared" / "robots"
-PUBLIC = [
-    "5bar_linkage",
-    "5bar_linkage_iso3d",
-    "5bar_linkage_iso6d",
-    "digit_like",
-    "digit_like_2legs",
-    "robot_delta",
-]
 SIDES = {"left": 0.1, "right": -0.1}
 
 
@@ -99,11 +89,9 @@ def check(loop, q, v, seed, *loads):
     return found
 
 
-@pytest.mark.parametrize("name", PUBLIC)
-def test_public_robots_against_forward_dynamics(name):
-    if not (SHARED / name).exists():
-        pytest.skip("the collection of public robots is not at hand")
-    loop = p3dof.load_robot(SHARED / name / "robot.urdf")
+@pytest.mark.parametrize("name", others(*EXPORTED))
+def test_other_robots_against_forward_dynamics(name):
+    loop = load(name)
     q = loop.assemble().q
     J = loop.closure_jacobian(q)
     v = np.random.default_rng(1).normal(size=loop.model.nv)

@@ -10,6 +10,7 @@ from pathlib import Path
 import mutants
 import pytest
 from lowest import lowest, read_project
+from other_robots import collection
 
 TESTS = Path(__file__).parent
 ROOT = TESTS.parent
@@ -59,6 +60,13 @@ def test_a_tool_that_is_required_is_not_skipped(tmp_path):
 
 def test_the_checks_require_every_tool():
     assert "make test EXTRAS=all P3DOF_REQUIRE=all" in (ROOT / ".ci" / "run").read_text()
+
+
+def test_robots_from_outside_are_more_cases_and_missing_only_if_they_are_named(tmp_path):
+    assert collection(None, tmp_path) == collection(str(tmp_path), tmp_path / "none") == tmp_path
+    assert collection(None, tmp_path / "none") is None
+    with pytest.raises(FileNotFoundError, match="P3DOF_ROBOTS: expected the folder"):
+        collection(str(tmp_path / "none"), tmp_path)
 
 
 def test_seeds_of_the_search_are_fresh_or_repeated(tmp_path):

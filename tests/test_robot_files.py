@@ -2,12 +2,14 @@
 
 import math
 import warnings
+from xml.etree import ElementTree as Xml
 
 import closed_loop_robots as robots
 import numpy as np
 import pinocchio as pin
 import pytest
 from documents import ROOT
+from other_robots import STAND_INS, load, others, urdf_of
 
 import p3dof
 from p3dof.closed_loop import Closure, Coupling, Sidecar
@@ -15,7 +17,6 @@ from p3dof.closed_loop.robots import load_robot
 from p3dof.closed_loop.trees import with_joints
 from p3dof.errors import InputError, ModelError, ModelWarning
 
-SHARED = ROOT.parent / "shared" / "robots"
 POSE, VELOCITY, ACCELERATION = (0.03, -0.04, 0.2), (0.2, 0.3, -1.0), (1.0, -2.0, 3.0)
 
 
@@ -426,30 +427,80 @@ def test_couplings_of_several_joints_form_no_ring():
         Sidecar((), (), ring)
 
 
-# Public files, where they are at hand -----------------------------------------------------------------------
+# Files as other people have them
+
+
+def with_warnings_as_errors(name):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        return load(name)
 
 
 @pytest.mark.parametrize(
-    ("file", "mobility", "actuated"),
+    ("names", "mobility", "actuated"),
     [
-        ("5bar_linkage/robot.urdf", 3, 2),
-        ("5bar_linkage_iso3d/robot.urdf", 2, 2),
-        ("5bar_linkage_iso6d/robot.urdf", 2, 2),
-        ("digit_like/robot.urdf", 9, 6),
-        ("digit_like_2legs/robot.urdf", 12, 12),
-        ("robot_delta/robot.urdf", 5, 2),
-        ("urdf_plus/four_bar.urdf", 1, 1),
-        ("urdf_plus/mini_cheetah_leg.urdf", 3, 3),
-        ("urdf_plus/planar_leg_linkage.urdf", 2, 2),
-        ("urdf_plus/revolute_rotor_chain.urdf", 3, 3),
-        ("urdf_plus/six_bar.urdf", 3, 3),
+        (others("five_bar_hinges"), 3, 2),
+        (others("five_bar_point"), 2, 2),
+        (others("five_bar_rod_end"), 2, 2),
+        (["leg_with_rods"], 5, 3),
+        (others("leg_with_rods")[1:], 9, 6),
+        (["two_legs"], 6, 6),
+        (others("two_legs")[1:], 12, 12),
+        (others("tiny_delta"), 5, 2),
+        (others("plus_four_bar"), 1, 1),
+        (others("plus_leg_with_rotors"), 3, 3),
+        (others("plus_planar_leg"), 2, 2),
+        (others("plus_rotor_chain"), 3, 3),
+        (others("plus_six_bar"), 3, 3),
     ],
+    ids=lambda value: value[0] if isinstance(value, list) and value else None,
 )
-def test_public_robots_load_close_and_move_as_they_should(file, mobility, actuated):
-    if not (SHARED / file).exists():
-        pytest.skip("the collection of public robots is not at hand")
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        loaded = load_robot(SHARED / file)
-    assert loaded.assemble().gap < 1e-12
-    assert (loaded.model.nv - loaded.generic_rank, len(loaded.actuated)) == (mobility, actuated)
+def test_other_robots_load_close_and_move_as_they_should(names, mobility, actuated):
+    for name in names:
+        loaded = with_warnings_as_errors(name)
+        assert loaded.assemble().gap < 1e-12
+        assert (loaded.model.nv - loaded.generic_rank, len(loaded.actuated)) == (mobility, actuated)
+
+
+def traits(name) -> set[str]:
+    """What is remarkable about a robot."""
+    loop = with_warnings_as_errors(name)
+    model, sidecar, zero = loop.model, loop.sidecar, pin.neutral(loop.model)
+    home, bodies = loop.assemble(), list(model.inertias)[1:]
+    tree = Xml.fromstring(urdf_of(name))  # noqa: S314 - known files
+    rows = len(loop.closure_error(zero))
+    lower, upper = model.lowerPositionLimit, model.upperPositionLimit
+    parts = {
+        "bodies without mass": min(body.mass for body in bodies) == 0.0,
+        "bodies of micrograms": 0.0 < min(body.mass for body in bodies) < 1e-5,
+        "a body of tons": max(body.mass for body in bodies) > 1e5,
+        "inertia about one axis": any(np.count_nonzero(np.diag(body.inertia)) == 1 for body in bodies),
+        "no room between limits": bool((lower == upper).any()),
+        "room for some": bool((lower == upper).any() and ((lower < upper) & (upper < 9)).any()),
+        "idle freedoms": loop.mobility(home.q) > len(loop.actuated),
+        "rows that are always dependent": loop.generic_rank < rows,
+        "singular at home": loop.mobility(home.q) > model.nv - loop.generic_rank,
+        "open at zero": bool(rows and np.abs(loop.closure_error(zero)).max() > 1e-3),
+        "meshes": tree.find(".//mesh") is not None,
+        "a joint without a place": any(joint.find("origin") is None for joint in tree.iter("joint")),
+        "a joint without an axis": any(joint.find("axis") is None for joint in tree.iter("joint")),
+        "a slash in a name": any("/" in body.get("name") for body in tree.iter("link")),
+        "a closure between joints": any(
+            tree.find(f"joint[@name='{closure.frame1}']") is not None for closure in sidecar.closures
+        ),
+        **{f"joints {kind}": True for kind in {joint.shortname() for joint in list(model.joints)[1:]}},
+        **{f"closures {closure.kind}": True for closure in sidecar.closures},
+        **{f"types {kind}": True for _, kind in sidecar.joints},
+        **{f"attribute {key}": True for joint in tree.iter("joint") for key in joint.attrib},
+        "several closures": len(sidecar.closures) > 1,
+        "couplings": bool(sidecar.couplings),
+    }
+    return {trait for trait, there in parts.items() if there}
+
+
+@pytest.mark.parametrize("name", STAND_INS)
+def test_stand_ins_have_the_traits_of_the_files_that_they_stand_for(name):
+    own = traits(name)
+    assert own
+    for file in others(name)[1:]:
+        assert traits(file) <= own

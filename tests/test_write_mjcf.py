@@ -11,6 +11,7 @@ import pinocchio as pin
 import pytest
 import test_closure_kinds as kinds
 from documents import ROOT
+from other_robots import STAND_INS, load, others
 from scipy.linalg import qr
 
 mujoco = pytest.importorskip("mujoco")
@@ -25,19 +26,6 @@ from p3dof.closed_loop.writers.mjcf import text  # noqa: E402
 from p3dof.errors import InputError, ModelError, ModelWarning  # noqa: E402
 
 GALLERY = sorted((ROOT / "docs/_static/gallery").glob("*.urdf"))
-SHARED = ROOT.parent / "shared" / "robots"
-PUBLIC = (
-    "5bar_linkage/robot.urdf",
-    "5bar_linkage_iso3d/robot.urdf",
-    "5bar_linkage_iso6d/robot.urdf",
-    "digit_like/robot.urdf",
-    "digit_like_2legs/robot.urdf",
-    "robot_delta/robot.urdf",
-    "urdf_plus/four_bar.urdf",
-    "urdf_plus/planar_leg_linkage.urdf",
-    "urdf_plus/revolute_rotor_chain.urdf",
-    "urdf_plus/six_bar.urdf",
-)
 CARRIED = ("slider", "cylindrical", "planar")
 
 
@@ -147,12 +135,10 @@ def test_robots_of_the_gallery(file):
     same_forces(robot)
 
 
-@pytest.mark.parametrize("file", PUBLIC)
+@pytest.mark.parametrize("name", others(*(name for name in STAND_INS if name != "plus_leg_with_rotors")))
 @pytest.mark.filterwarnings("ignore:MJCF. limits that leave a joint no room")
-def test_public_robots(file):
-    if not (SHARED / file).exists():
-        pytest.skip("the collection of public robots is not at hand")
-    robot = p3dof.load_robot(SHARED / file)
+def test_other_robots(name):
+    robot = load(name)
     xml = text(robot)
     agree(robot, xml)
     same_forces(robot)

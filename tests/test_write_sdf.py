@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from documents import ROOT
+from other_robots import load, others
 
 pytest.importorskip("pydrake", reason="drake is not installed")
 
@@ -24,9 +25,7 @@ from p3dof.closed_loop import ClosedLoopModel, Closure, Coupling, JointData, Sid
 from p3dof.closed_loop.writers.sdf import text
 from p3dof.errors import ModelError, ModelWarning
 
-GALLERY = sorted((ROOT / "docs/_static/gallery").glob("*.urdf"))
-SHARED = ROOT.parent / "shared" / "robots"
-PUBLIC = ("5bar_linkage_iso6d/robot.urdf", "digit_like/robot.urdf", "robot_delta/robot.urdf")
+GALLERY = {file.stem: file for file in sorted((ROOT / "docs/_static/gallery").glob("*.urdf"))}
 DRAKE = "{http://drake.mit.edu}"
 
 
@@ -146,18 +145,17 @@ def without_loops(sdf: str, closures: int) -> str:
     return Xml.tostring(root, encoding="unicode")
 
 
-def robot_of(file):
-    if not file.exists():
-        pytest.skip("the collection of public robots is not at hand")
-    return p3dof.load_robot(file)
+def robot_of(name):
+    return load(name) if name in OTHERS else p3dof.load_robot(GALLERY[name])
 
 
-FILES = [file for file in GALLERY if file.stem != "leg"] + [SHARED / file for file in PUBLIC]
+OTHERS = others("five_bar_rod_end", "leg_with_rods", "tiny_delta")
+NAMES = [name for name in GALLERY if name != "leg"] + OTHERS
 
 
-@pytest.mark.parametrize("file", FILES, ids=lambda file: file.parent.name + "_" + file.stem)
-def test_drake_has_the_tree_and_its_constraints_leave_the_same_motions(file):
-    robot = robot_of(file)
+@pytest.mark.parametrize("name", NAMES)
+def test_drake_has_the_tree_and_its_constraints_leave_the_same_motions(name):
+    robot = robot_of(name)
     model, sdf = robot.model, text(robot, drake=True)
     plant = Plant(sdf, model.gravity.linear)
     neutral = pin.neutral(model)
@@ -180,9 +178,9 @@ def test_drake_has_the_tree_and_its_constraints_leave_the_same_motions(file):
     assert np.linalg.matrix_rank(rates, 1e-8 * np.linalg.norm(rates)) == rank
 
 
-@pytest.mark.parametrize("file", FILES, ids=lambda file: file.parent.name + "_" + file.stem)
-def test_the_tree_of_the_standard_file_is_zero_where_its_loops_close(file):
-    robot = robot_of(file)
+@pytest.mark.parametrize("name", NAMES)
+def test_the_tree_of_the_standard_file_is_zero_where_its_loops_close(name):
+    robot = robot_of(name)
     sdf, closures = text(robot), len(robot.sidecar.closures)
     if not robot.sidecar.couplings:
         plant = Plant(without_loops(sdf, closures), robot.model.gravity.linear)

@@ -1,4 +1,4 @@
-"""Forces of public robots against d'Alembert's principle with closures differentiated numerically.
+"""Forces of other people's robots against d'Alembert's principle with closures differentiated numerically.
 
 The reference shares nothing with the package's closures: see `virtual_motions`.
 """
@@ -9,32 +9,13 @@ import closed_loop_robots as robots
 import numpy as np
 import pinocchio as pin
 import pytest
-from documents import ROOT
+from other_robots import load, others
 from virtual_motions import errors, smallest_forces, virtual_motions
 
-import p3dof
 
-SHARED = ROOT.parent / "shared" / "robots"
-ROBOTS = [
-    "5bar_linkage/robot.urdf",
-    "5bar_linkage_iso3d/robot.urdf",
-    "5bar_linkage_iso6d/robot.urdf",
-    "digit_like/robot.urdf",
-    "digit_like_2legs/robot.urdf",
-    "robot_delta/robot.urdf",
-    "urdf_plus/four_bar.urdf",
-    "urdf_plus/mini_cheetah_leg.urdf",
-    "urdf_plus/planar_leg_linkage.urdf",
-    "urdf_plus/revolute_rotor_chain.urdf",
-    "urdf_plus/six_bar.urdf",
-]
-
-
-@pytest.mark.parametrize("file", ROBOTS)
-def test_forces_are_those_of_virtual_motions(file):
-    if not (SHARED / file).exists():
-        pytest.skip("the collection of public robots is not at hand")
-    loop = p3dof.load_robot(SHARED / file)
+@pytest.mark.parametrize("name", others())
+def test_forces_are_those_of_virtual_motions(name):
+    loop = load(name)
     model, rng = loop.model, np.random.default_rng(3)
     home = loop.assemble().q
     q = loop.assemble(None, pin.integrate(model, home, 0.1 * rng.uniform(-1, 1, model.nv))).q
