@@ -7,12 +7,13 @@ import gc
 import os
 import signal
 import sys
+from collections.abc import Mapping
 from contextlib import suppress
 from types import FrameType
 from typing import Any, NoReturn
 
-INTERRUPTED = 130
-"""Exit code after Ctrl-C, as of a shell: 128 and the number of the signal."""
+INTERRUPTED, TERMINATED = 130, 143
+"""Exit codes after Ctrl-C and after SIGTERM, as of a shell: 128 and the number of the signal."""
 
 UNUSED = ("trimesh", "viser")
 """What Pinocchio imports, where it is there, for a visualizer that no command uses: it takes .4 s."""
@@ -25,7 +26,7 @@ GARBAGE = 400_000
 
 
 def main() -> int:
-    """Load the commands, and run the one that was asked for; Ctrl-C is one line at any time.
+    """Load the commands, and run the one that was asked for; Ctrl-C and SIGTERM are one line at any time.
 
     Returns
     -------
@@ -33,20 +34,39 @@ def main() -> int:
         The exit code.
     """
     _hurry()
-    watched = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # else somebody else's, or nohup
+    watched = {  # else somebody else's, or nohup
+        number: handler
+        for number, handler, usual in (
+            (signal.SIGINT, signal.default_int_handler, signal.default_int_handler),
+            (signal.SIGTERM, _terminate, signal.SIG_DFL),
+        )
+        if signal.getsignal(number) is usual
+    }
     try:
-        if watched:
-            signal.signal(signal.SIGINT, _leave)  # an exception may be lost in the import of a C extension
+        _handle(dict.fromkeys(watched, _leave))  # an exception may be lost in the import of a C extension
         from p3dof.cli import main as run
 
-        if watched:
-            signal.signal(signal.SIGINT, signal.default_int_handler)  # commands tidy up before they end
+        _handle(watched)  # commands tidy up before they end
         code = run()
-        if watched:
-            signal.signal(signal.SIGINT, _leave)  # nothing is left to tidy up
+        _handle(dict.fromkeys(watched, _leave))  # nothing is left to tidy up
     except KeyboardInterrupt:
-        _leave()
-    return code
+        _leave(signal.SIGTERM if _told else signal.SIGINT)
+    return TERMINATED if _told and code == INTERRUPTED else code
+
+
+_told: list[int] = []
+"""Whether the program was told to terminate."""
+
+
+def _handle(handlers: Mapping[signal.Signals, Any]) -> None:
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+
+
+def _terminate(number: int, _frame: FrameType | None) -> NoReturn:
+    """End as after Ctrl-C: whatever is under way is tidied up."""
+    _told.append(number)
+    raise KeyboardInterrupt("terminated")
 
 
 def _hurry() -> None:
@@ -57,11 +77,12 @@ def _hurry() -> None:
         modules.setdefault(name, None)  # its import fails
 
 
-def _leave(_number: int = signal.SIGINT, _frame: FrameType | None = None) -> NoReturn:
-    """Say that the program was interrupted, and end it at once."""
+def _leave(number: int = signal.SIGINT, _frame: FrameType | None = None) -> NoReturn:
+    """Say that the program was interrupted or terminated, and end it at once."""
+    terminated = number == signal.SIGTERM
     with suppress(OSError):  # nobody may listen
-        os.write(2, b"p3dof: error: interrupted\n")
-    os._exit(INTERRUPTED)
+        os.write(2, b"p3dof: error: terminated\n" if terminated else b"p3dof: error: interrupted\n")
+    os._exit(TERMINATED if terminated else INTERRUPTED)
 
 
 if __name__ == "__main__":

@@ -393,6 +393,7 @@ def test_bad_arguments(robot, elastic):
         ("hinges: {static: 1 kN}\n", "hinges: the field 'dynamic' is missing"),
         ("hinges: {dynamic: 3 mm}\n", "hinges.dynamic: expected a force"),
         ("hinges: {dynamic: 3 kN, kind: needle}\n", "kind: expected ball or roller"),
+        ("hinges: {dynamic: 3 kN, kind: [ball]}\n", "kind: expected ball or roller, got a list"),
         ("hinges: {dynamic: 3 kN, Y: -1}\n", "Y: expected zero or more"),
         ("joints: {elbow: {dynamic: 3 kN}}\n", "joints: unknown field 'elbow'"),
         ("{}\n", "expected hinges, guides or joints"),

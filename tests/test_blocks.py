@@ -20,6 +20,7 @@ from sweep_problems import files, problem, reductions, wait_until
 
 import p3dof
 from p3dof import blocks
+from p3dof.blocks import manifest
 
 PARQUET = pytest.mark.skipif(find_spec("pyarrow") is None, reason="pyarrow not installed")
 FORMATS = ("npz", pytest.param("parquet", marks=PARQUET))
@@ -337,6 +338,27 @@ def test_a_manifest_that_is_damaged_is_refused(tmp_path, old, new):
     path.write_text(path.read_text(encoding="utf-8").replace(old, new, 1), encoding="utf-8")
     with pytest.raises(p3dof.FileError, match=r"sweep\.json: expected the manifest of a sweep"):
         blocks.Sweep.load(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('"column": "peak_c"', '"column": "peak"'),
+        ('"height"\n   ]', '"breadth"\n   ]'),
+        ('"kind": "TopK"', '"kind": ["TopK"]'),
+        ('"peak_b"\n   ]', '["peak_b"]\n   ]'),
+    ],
+)
+def test_a_manifest_whose_reductions_do_not_fit_is_refused_though_its_hash_is_right(tmp_path, old, new):
+    made = again(tmp_path)
+    path = made.folder / "sweep.json"
+    assert old in path.read_text(encoding="utf-8")
+    data = json.loads(path.read_text(encoding="utf-8").replace(old, new))
+    data["hash"] = manifest._hash({key: value for key, value in data.items() if key != "hash"})
+    path.write_text(json.dumps(data), encoding="utf-8")
+    with pytest.raises(p3dof.FileError, match=r"expected the manifest of a sweep \(") as caught:
+        blocks.Sweep.load(tmp_path)
+    assert "hash" not in str(caught.value)
 
 
 def test_what_is_no_sweep_is_refused(tmp_path):

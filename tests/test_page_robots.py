@@ -16,6 +16,7 @@ from p3dof.errors import InputError
 from p3dof.page.encoding import decoded
 from p3dof.page.robots.document import robot_document, robot_hash
 from p3dof.page.robots.figure import RobotFigure
+from p3dof.page.robots.meshes import MeshFiles
 from p3dof.page.robots.motion import JointMotion
 from p3dof.page.robots.solids import robot_solids
 from p3dof.page.robots.triangles import Triangles, reduced, triangles_of
@@ -209,3 +210,13 @@ def test_bad_arguments_are_named(arguments, words):
         robot_document(gallery("five_bar"), **arguments)
     with pytest.raises(InputError, match="expected a ClosedLoopModel"):
         robot_document(3)
+
+
+def test_a_mesh_with_a_number_that_is_none_is_refused_and_not_shown_in_part(tmp_path):
+    pytest.importorskip("trimesh")
+    corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
+    (tmp_path / "whole.obj").write_text(corners + "f 1 2 3\nf 1 2 4\n", encoding="ascii")
+    assert len(MeshFiles(tmp_path).read("whole.obj", None).corners) == 2
+    (tmp_path / "part.obj").write_text(corners.replace("0 1 0", "0 l 0") + "f 1 2 3\n", encoding="ascii")
+    with pytest.raises(p3dof.FileError, match=r"part\.obj: trimesh cannot read it \(string or file"):
+        MeshFiles(tmp_path).read("part.obj", None)

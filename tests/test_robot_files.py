@@ -281,8 +281,21 @@ def test_drakes_ball_constraint_is_a_point_closure():
         ),
         (
             chain(second='<mimic joint="shoulder" multiplier="x"/>'),
-            "URDF text: Pinocchio cannot read it",
+            "<mimic> multiplier: expected a finite number, got 'x'",
         ),
+        (chain(first='<parent link="base"/>'), "<parent> is given twice in <joint>"),
+        (chain(first='<limit effort="1" velocity="1"/>'), "<limit> is given twice in <joint>"),
+        (
+            chain().replace('"revolute"', '"hinge"', 1),
+            "joint 'shoulder': type: expected one of revolute, .*, got 'hinge'",
+        ),
+        (chain().replace("<limit", "<limits", 1), "joint 'shoulder': a revolute joint needs a <limit>"),
+        (
+            chain().replace('effort="9"', 'effort="inf"', 1),
+            "<limit> effort: expected a finite number, got 'inf'",
+        ),
+        (chain().replace("<inertia ", "<moments ", 1), "link 'upper': its <inertial> has no <inertia>"),
+        (chain().replace("<mass ", "<weight ", 1), "link 'upper': its <inertial> has no <mass>"),
         (
             chain().replace('name="elbow"', 'independent="false" name="elbow"'),
             "no <loop> or <coupling> says on what",

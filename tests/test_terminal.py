@@ -201,13 +201,20 @@ runpy.run_module("p3dof", run_name="__main__")
 
 
 @pytest.mark.skipif(sys.platform.startswith("win"), reason="POSIX signals")
-@pytest.mark.parametrize("module", ["p3dof.cli", "pinocchio", "click", "rich.table", "p3dof.plots"])
+@pytest.mark.parametrize(
+    ("module", "number"),
+    [
+        *((name, signal.SIGINT) for name in ("p3dof.cli", "pinocchio", "click", "rich.table", "p3dof.plots")),
+        *((name, signal.SIGTERM) for name in ("p3dof.cli", "p3dof.plots")),
+    ],
+)
 @pytest.mark.usefixtures("ctrl_c")
-def test_an_interrupt_during_start_up_is_one_line(tmp_path, module):
+def test_an_interrupt_during_start_up_is_one_line(tmp_path, module, number):
+    told, code = {signal.SIGINT: ("interrupted", 130), signal.SIGTERM: ("terminated", 143)}[number]
     with starting(tmp_path, module) as process:
-        process.send_signal(signal.SIGINT)
-        assert process.stderr.read() == "p3dof: error: interrupted\n"
-        assert process.wait(60) == 130
+        process.send_signal(number)
+        assert process.stderr.read() == f"p3dof: error: {told}\n"
+        assert process.wait(60) == code
 
 
 @contextlib.contextmanager

@@ -91,7 +91,7 @@ class Bearing:
         set_(self, "dynamic", _positive("dynamic", self.dynamic))
         if self.static is not None:
             set_(self, "static", _positive("static", self.static))
-        if self.kind not in _EXPONENTS:
+        if not isinstance(self.kind, str) or self.kind not in _EXPONENTS:
             raise ParameterError(f"kind: expected ball or roller, got {shown(self.kind)}")
         for item, usual in zip(("X0", "Y0"), _STATIC[self.kind], strict=True):
             if getattr(self, item) is None:
@@ -179,7 +179,7 @@ class Guide:
         set_(self, "moments", tuple(moments.tolist()))
         set_(self, "centre", tuple(frozen_array("centre", self.centre, (3,), ParameterError).tolist()))
         set_(self, "turn", float(frozen_array("turn", self.turn, (), ParameterError)))
-        if self.kind not in _EXPONENTS:
+        if not isinstance(self.kind, str) or self.kind not in _EXPONENTS:
             raise ParameterError(f"kind: expected ball or roller, got {shown(self.kind)}")
 
     @property

@@ -243,7 +243,7 @@ def parse_manifest(data: Mapping[str, Any], path: Path) -> Manifest:
             key: data[key] for key in ("problem", "settings", "count", "block_size", "seed", "format")
         }
         known |= {key: tuple(data[key]) for key in ("columns", "keep")}
-        reductions = tuple(_reduction(item) for item in data["reductions"])
+        reductions = tuple(_reduction(item).over(known["columns"]) for item in data["reductions"])
         return Manifest(
             **known, reductions=reductions, versions=dict(data["versions"]), units=dict(data["units"])
         )
@@ -310,7 +310,7 @@ def plain(value: Any, where: str) -> Any:
 def _reduction(data: Mapping[str, Any]) -> Reduction:
     values = {key: tuple(value) if isinstance(value, list) else value for key, value in data.items()}
     kind = values.pop("kind")
-    if kind not in REDUCTIONS:
+    if not isinstance(kind, str) or kind not in REDUCTIONS:
         raise InputError(f"{shown(kind)} is no reduction that is known here")
     return REDUCTIONS[kind](**values)
 

@@ -69,10 +69,13 @@ class Reduction(ABC):
         InputError
             If one that it needs is missing.
         """
-        for column in self.needs:
+        self._require(self.needs, columns)
+        return self
+
+    def _require(self, wanted: Sequence[str], columns: tuple[str, ...]) -> None:
+        for column in wanted:
             if column not in columns:
                 raise InputError(f"{self.name}: {not_among(column, columns)}")
-        return self
 
     def settings(self) -> dict[str, Any]:
         """Return what it is, as plain data for JSON."""
@@ -107,6 +110,7 @@ class RowsReduction(Reduction):
     def over(self, columns: tuple[str, ...]) -> Self:
         """Return this reduction for a problem with these columns: all are kept unless some are named."""
         super().over(columns)
+        self._require(self.columns or (), columns)
         return self if self.columns is not None else replace(self, columns=columns)  # type: ignore[type-var]
 
     def form(self) -> Form:

@@ -1,11 +1,13 @@
 """Reading a tree URDF into Pinocchio, with the checks that urdfdom leaves out or only prints.
 
 urdfdom drops an unreadable ``<inertial>`` and goes on with a massless link, and Pinocchio reads a cycle as an
-empty model and a link with two parents as a missing body. Here each of these is one clear error.
+empty model and a link with two parents as a missing body. Here each of these is one clear error. They are
+given links and joints only: of all else, urdfdom would complain on the standard error.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -27,8 +29,17 @@ _NUMBERS = {
     "axis": {"xyz": 3},
     "mass": {"value": 1},
     "inertia": dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), 1),
+    "limit": dict.fromkeys(("lower", "upper", "effort", "velocity"), 1),
+    "dynamics": dict.fromkeys(("damping", "friction"), 1),
+    "mimic": dict.fromkeys(("multiplier", "offset"), 1),
 }
-"""Attributes that must be finite numbers, and how many; all of `mass` and `inertia` are required."""
+"""Attributes that must be numbers, and how many."""
+_REQUIRED = {("inertial", "mass"), ("inertial", "inertia"), ("joint", "effort"), ("joint", "velocity")}
+"""Elements and attributes, by where they are, that must be there."""
+_PARTS = {"link": ("inertial",), "joint": ("parent", "child", "origin", "axis", "limit", "dynamics")}
+"""What Pinocchio is given of a file: of each the first, so that there may be no second."""
+_KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
+_LIMITED = ("revolute", "prismatic")
 
 
 def build_tree(
@@ -60,8 +71,10 @@ def build_tree(
     robot = reader.parse(text)
     if not reader.links:
         raise ModelError(f"{source}: the robot has no links")
+    _check_parts(reader, robot)
     _check_tree(reader)
-    arguments = (text,) if root_joint is None else (text, root_joint)
+    bare = _bare(robot)
+    arguments = (bare,) if root_joint is None else (bare, root_joint)
     try:
         model = pin.buildModelFromXML(*arguments)
     except Exception as error:  # Boost.Python raises its own types
@@ -70,6 +83,16 @@ def build_tree(
     if model.nv > MAX_FREEDOMS:
         raise ModelError(f"{source}: expected at most {MAX_FREEDOMS} degrees of freedom, got {model.nv}")
     return model, robot
+
+
+def _bare(robot: Xml.Element) -> str:
+    """Return the text of links and joints alone."""
+    root = Xml.Element("robot", name=robot.get("name") or "robot")
+    for element in robot:
+        if element.tag in _PARTS:
+            part = Xml.SubElement(root, element.tag, element.attrib)
+            part.extend(inner for inner in element if inner.tag in _PARTS[element.tag])
+    return Xml.tostring(root, encoding="unicode")
 
 
 @dataclass
@@ -89,6 +112,7 @@ class _Reader(XmlReader):
         self.links: dict[str, int] = {}
         self.joints: dict[str, _Joint] = {}
         self._joint: _Joint | None = None
+        self._parts: set[tuple[str, ...]] = set()
 
     def visit(self, tag: str, attributes: dict[str, str]) -> None:
         """Enter a link, a joint or a part of one."""
@@ -108,8 +132,10 @@ class _Reader(XmlReader):
             self.joints[name] = self._joint
         elif self._joint is not None and self.path[1:-1] == ["joint"] and tag in ("parent", "child"):
             setattr(self._joint, tag, attributes.get("link"))
-        if len(self.path) > 2 and self.path[1] in ("link", "joint"):
+        if len(self.path) > 2 and self.path[1] in _PARTS:
             self._numbers(tag, attributes)
+            if self.path[2] in _PARTS[self.path[1]]:
+                self._once(tag)
 
     def _new(self, tag: str, attributes: dict[str, str], known: Collection[str]) -> None:
         name = attributes.get("name", "")
@@ -119,11 +145,18 @@ class _Reader(XmlReader):
             self.fail(f"the {tag} {shown(name)} is defined twice")
         if len(known) == MAX_LINKS:
             self.fail(f"expected at most {MAX_LINKS} {tag}s")
+        self._parts.clear()
+
+    def _once(self, tag: str) -> None:
+        part = tuple(self.path[2:])
+        if part in self._parts:
+            self.fail(f"<{tag}> is given twice in <{self.path[-2]}>")
+        self._parts.add(part)
 
     def _numbers(self, tag: str, attributes: dict[str, str]) -> None:
-        required = tag in ("mass", "inertia") and self.path[-2] == "inertial"
+        above = self.path[-2]
         for name, count in _NUMBERS.get(tag, {}).items():
-            if name not in attributes and not required:
+            if name not in attributes and not {(above, tag), (above, name)} & _REQUIRED:
                 continue
             text = attributes.get(name, "")
             values = [_number(word) for word in text.split()]
@@ -147,6 +180,22 @@ def _number(word: str) -> float:
         return float(word) if word.isascii() and "_" not in word else math.nan  # as urdfdom does
     except ValueError:
         return math.nan
+
+
+def _check_parts(reader: _Reader, robot: Xml.Element) -> None:
+    """Refuse what urdfdom leaves out and goes on without, or refuses for reasons that only it prints."""
+    for link in robot.iterfind("link"):
+        for inertial, part in itertools.product(link.iterfind("inertial"), ("mass", "inertia")):
+            if inertial.find(part) is None:
+                name = link.get("name", "")
+                reader.fail(f"link {shown(name)}: its <inertial> has no <{part}>", reader.links[name])
+    for element in robot.iterfind("joint"):
+        joint = reader.joints[element.get("name", "")]
+        if joint.kind not in _KINDS:
+            expected = f"expected one of {', '.join(_KINDS)}, got {shown(joint.kind)}"
+            reader.fail(f"joint {shown(joint.name)}: type: {expected}", joint.line)
+        if joint.kind in _LIMITED and element.find("limit") is None:
+            reader.fail(f"joint {shown(joint.name)}: a {joint.kind} joint needs a <limit>", joint.line)
 
 
 def _check_tree(reader: _Reader) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
 from p3dof.checks import shown
 from p3dof.errors import FileError, InputError, MotionError, ParameterError
+from p3dof.files import called
 from p3dof.motion import Motion, WrenchHistory, paper_motion
 from p3dof.parameters import Parameters, read_parameters
 from p3dof.parameters.quantities import Quantity
@@ -85,6 +87,6 @@ def wrench_of(value: Any, folder: Path, where: str) -> Any:
 def read_beside(read: Callable[[Path], _T], folder: Path, name: str, where: str) -> _T:
     """Return what a file holds that is named in this one; say so if it is not there."""
     path = folder / name
-    if not path.exists():
-        raise FileError(f"{where}: there is no file {path}; names count from the folder of this file")
+    if not os.path.exists(path):  # noqa: PTH110 - Path.exists fails where a name is too long
+        raise FileError(f"{where}: there is no file {called(path)}; names count from the folder of this file")
     return read(path)

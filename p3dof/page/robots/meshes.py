@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import os
 import re
+import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -180,8 +181,11 @@ class MeshFiles:
             data = _checked_collada(data, name)
         trimesh = _trimesh()
         try:
-            scene = trimesh.load_scene(io.BytesIO(data), file_type=path.suffix.lower()[1:], process=False)
-            parts = [_part(mesh) for mesh in scene.dump() if hasattr(mesh, "triangles")]
+            with warnings.catch_warnings(), np.errstate(all="ignore"):
+                warnings.simplefilter("ignore")  # what is not finite is refused below
+                warnings.filterwarnings("error", "string or file could not be read to its end")  # NumPy's
+                scene = trimesh.load_scene(io.BytesIO(data), file_type=path.suffix.lower()[1:], process=False)
+                parts = [_part(mesh) for mesh in scene.dump() if hasattr(mesh, "triangles")]
         except P3dofError:
             raise
         except Exception as error:  # trimesh and what it calls raise whatever they like
