@@ -143,7 +143,22 @@ class SweepError(P3dofError, RuntimeError):
 
 
 class OptimisationError(P3dofError, RuntimeError):
-    """A problem of optimisation has no solution; the message names what cannot be kept, and by how much."""
+    """A problem of optimisation has no solution; the message names what cannot be kept, and by how much.
+
+    Parameters
+    ----------
+    message : str
+        The sentence shown to the user.
+    conflicts : tuple of p3dof.optimisation.Conflict
+        Sets of constraints that exclude each other; empty where something else is the reason.
+    """
+
+    def __init__(self, message: str, conflicts: tuple[Any, ...] = ()) -> None:
+        super().__init__(message)
+        self.conflicts = conflicts
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (str(self), self.conflicts)
 
 
 class MissingExtraError(P3dofError, ImportError):

@@ -121,17 +121,6 @@ def test_moving_the_motion_is_checked_by_pinocchio_too() -> None:
     assert found.check.difference < 1e-11 * found.check.largest
 
 
-def test_constraints_that_no_design_keeps_are_named_with_what_is_missing() -> None:
-    with pytest.raises(
-        OptimisationError, match=r"^no design keeps all .* misses width ≤ 0.2 m by 0.1 m( and |$)"
-    ):
-        paper_problem().minimise("peak_force", {"width": 0.2}, starts=2)
-    both = "misses R >= r \\+ 0.03 by 0.01 m and R <= r \\+ 0.01 by 0.01 m$"
-    opposed = paper_problem(constraints=["R >= r + 0.03", "R <= r + 0.01"])
-    with pytest.raises(OptimisationError, match=both):
-        opposed.minimise(starts=2)
-
-
 def test_bounds_in_which_no_machine_makes_the_motion_are_told() -> None:
     problem = DesignProblem({"L": (0.1, 0.16)})
     with pytest.raises(OptimisationError, match="makes the motion: a leg is too short"):
@@ -222,17 +211,6 @@ def test_an_optimum_for_a_motion_that_was_moved_says_so():
     told = [note for note in found.notes if "for the motion moved in y by" in note]
     assert told
     assert f"{found.design[1]:.6g} m" in told[0]
-
-
-def test_all_constraints_that_are_missed_are_told():
-    problem = p3dof.DesignProblem(
-        variables={"R": (0.2, 0.4)},
-        motion=p3dof.paper_motion(51),
-        objectives=["peak_force"],
-        constraints={"peak_force": {"max": 20}, "width": {"max": 0.45}},
-    )
-    with pytest.raises(p3dof.P3dofError, match=r"misses peak_force ≤ 20 N by .* and width ≤ 0.45 m by"):
-        problem.minimise(starts=2)
 
 
 def test_bounds_that_exclude_each_other_are_refused():

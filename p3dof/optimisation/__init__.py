@@ -14,6 +14,7 @@ from p3dof.optimisation.checking import Check
 from p3dof.optimisation.constraints import Constraint, relation
 from p3dof.optimisation.epigraph import Local
 from p3dof.optimisation.evaluated import Evaluated
+from p3dof.optimisation.feasibility import Conflict
 from p3dof.optimisation.front import Front
 from p3dof.optimisation.measure import FunctionMeasure, Measure, Pieces
 from p3dof.optimisation.measures import MEASURES
@@ -29,6 +30,7 @@ __all__ = [
     "MEASURES",
     "Box",
     "Check",
+    "Conflict",
     "Constraint",
     "DesignProblem",
     "Evaluated",

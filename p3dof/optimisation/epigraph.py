@@ -29,6 +29,8 @@ _FEW = 8
 """Measures of so many pieces take part whole."""
 _ROUNDS, _STEPS, _MOST = 6, 100, 500
 _PRECISION, _SETTLED = 1e-9, 1e-9
+_NEARER = 0.2
+"""By how much steps become shorter where they lead to what is no machine."""
 _FAR = 1e3
 """What stands for the value of a design that is none: line searches turn back from it."""
 
@@ -59,7 +61,7 @@ class _Rows:
     """Objective and constraints at scaled variables, as rows that are smooth; each point computed once."""
 
     def __init__(self, problem: Statement) -> None:
-        self.problem, self.evaluations = problem, 0
+        self.problem, self.evaluations, self.lost = problem, 0, False
         self._at: bytes = b""
         self._found: list[Pieces] | None = None
 
@@ -68,6 +70,7 @@ class _Rows:
         key = x.tobytes()
         if key != self._at:
             self._at, self._found = key, self._compute(x)
+            self.lost |= self._found is None
         return self._found
 
     def _compute(self, x: FloatArray) -> list[Pieces] | None:
@@ -110,16 +113,18 @@ def descend(problem: Statement, start: FloatArray) -> Local:
     if found is None:
         return _local(problem, x, rows)
     active: list[NDArray[np.bool_]] = [np.zeros(len(row.values), bool) for row in found]
+    reach = 1.0
     for _ in range(_ROUNDS):
-        grown = _widen(active, found)
-        x_new = _program(rows, x, found, active)
+        grown, rows.lost = _widen(active, found), False
+        x_new = _program(rows, x, found, active, reach)
         at_new = rows.pieces(x_new)
-        if at_new is None:
+        before = found[0].values.max()
+        settled = at_new is None or abs(at_new[0].values.max() - before) <= _SETTLED * abs(before)
+        if at_new is not None:
+            x, found = x_new, at_new
+        if rows.evaluations > _MOST or (settled and not grown and not rows.lost):
             break
-        before, now = found[0].values.max(), at_new[0].values.max()
-        x, found = x_new, at_new
-        if (not grown and abs(now - before) <= _SETTLED * abs(before)) or rows.evaluations > _MOST:
-            break
+        reach *= _NEARER if settled and rows.lost else 1.0  # a step led to no machine: shorter ones
     return _local(problem, x, rows)
 
 
@@ -135,8 +140,10 @@ def _widen(active: list[NDArray[np.bool_]], found: list[Pieces]) -> bool:
     return grown
 
 
-def _program(rows: _Rows, x: FloatArray, found: list[Pieces], active: list[NDArray[np.bool_]]) -> FloatArray:
-    """Return the optimum with some pieces, x scaled; t is the objective by its size at the start."""
+def _program(
+    rows: _Rows, x: FloatArray, found: list[Pieces], active: list[NDArray[np.bool_]], reach: float
+) -> FloatArray:
+    """Return the optimum of some pieces within reach of x, scaled; t is the objective by its size at x."""
     from scipy.optimize import minimize
 
     size = max(float(np.abs(found[0].values).max()), 1e-12)
@@ -167,7 +174,7 @@ def _program(rows: _Rows, x: FloatArray, found: list[Pieces], active: list[NDArr
         begin,
         jac=lambda _: ahead,
         method="SLSQP",
-        bounds=[(0.0, 1.0)] * len(x) + [(None, None)],
+        bounds=[(max(at - reach, 0.0), min(at + reach, 1.0)) for at in x] + [(None, None)],
         constraints={"type": "ineq", "fun": margins, "jac": slopes},
         options={"ftol": _PRECISION, "maxiter": _STEPS},
     )

@@ -1,0 +1,137 @@
+"""Problems without a solution: constraints that are named, each needed, and by how much each gives way."""
+
+from __future__ import annotations
+
+import pickle
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from design_problems import STEEL, VARIABLES, paper_problem
+
+import p3dof
+from p3dof import DesignProblem, OptimisationError
+from p3dof.optimisation.feasibility import nearest_feasible
+from p3dof.optimisation.starts import starts_of
+
+LENGTHS = {name: VARIABLES[name] for name in "rRL"}
+HARMLESS = ["L >= 0.25", "R <= 0.95", "L <= 2*r + 0.9"]
+
+CASES = {
+    "two relations": (
+        ["R >= r + 0.03", "R <= r + 0.01"],
+        {},
+        {"R >= r + 0.03": 0.02, "R <= r + 0.01": 0.02},
+    ),
+    "three in a ring": (
+        ["R >= r + 0.1", "L >= 2*R", "L <= 2*r + 0.1"],
+        {},
+        {"R >= r + 0.1": 0.05, "L >= 2*R": 0.1, "L <= 2*r + 0.1": 0.1},
+    ),
+    "a lower bound": ([], {"width": {"max": 0.2}}, {"width ≤ 0.2 m": 0.1, "the bound R ≥ 0.15 m": 0.05}),
+    "an upper bound": (["R >= 0.6"], {}, {"R >= 0.6": 0.1, "the bound R ≤ 0.5 m": 0.1}),
+    "two bounds": (
+        ["L >= R + 0.7"],
+        {},
+        {"L >= R + 0.7": 0.05, "the bound R ≥ 0.15 m": 0.05, "the bound L ≤ 0.8 m": 0.05},
+    ),
+    "two constraints and a bound": (
+        ["L >= R + r + 0.5"],
+        {"width": {"min": 0.7}},  # R from .35, r from .08: L from .93; no r that is positive makes up for it
+        {"L >= R + r + 0.5": 0.13, "width ≥ 0.7 m": 0.26, "the bound L ≤ 0.8 m": 0.13},
+    ),
+}
+"""Relations, bounds on measures, and by how much each of those to blame gives way, by hand."""
+
+
+def lengths_problem(relations: list[str], measures: dict[str, object]) -> DesignProblem:
+    return DesignProblem(
+        LENGTHS, motion=p3dof.paper_motion(21), constraints={**measures, "relations": [*HARMLESS, *relations]}
+    )
+
+
+def conflicts_of(problem: DesignProblem) -> tuple[p3dof.optimisation.Conflict, ...]:
+    with pytest.raises(OptimisationError, match=r"^no design keeps all constraints: none keeps ") as told:
+        nearest_feasible(problem, starts_of(problem, 2, 0))
+    again = pickle.loads(pickle.dumps(told.value))  # noqa: S301 - made here
+    assert again.conflicts == told.value.conflicts
+    return told.value.conflicts
+
+
+def given_way(problem: DesignProblem, name: str, by: float) -> DesignProblem:
+    """Return a problem in which one constraint, or bound of a variable, gives way."""
+    new = problem.asking()
+    if name.startswith("the bound "):
+        label, sign = name.split()[2:4]
+        index = problem.variables.labels.index(label)
+        end = "low" if sign == "≥" else "high"
+        moved = getattr(problem.variables, end).copy()
+        moved[index] += by if end == "high" else -by
+        new.variables = replace(problem.variables, **{end: moved})
+        return new
+    new.constraints = tuple(
+        replace(item, bound=item.bound - by if item.at_least else item.bound + by)
+        if item.name == name
+        else item
+        for item in problem.constraints
+    )
+    return new
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_what_is_named_is_irreducible_and_gives_way_by_the_least_amount(case: str) -> None:
+    relations, measures, expected = CASES[case]
+    problem = lengths_problem(relations, measures)
+    (conflict,) = conflicts_of(problem)
+    assert set(conflict.names) == set(expected)
+    starts = starts_of(problem, 4, 0)
+    for name, by in zip(conflict.names, conflict.amounts, strict=True):
+        assert by == pytest.approx(expected[name], abs=1e-7), name
+        enough = given_way(problem, name, by + 1e-6)
+        assert enough.evaluate(nearest_feasible(enough, starts)).feasible[0], name
+        with pytest.raises(OptimisationError):
+            nearest_feasible(given_way(problem, name, 0.9 * by), starts)
+
+
+def test_one_constraint_to_blame_is_named_alone() -> None:
+    """At best the force is that of the smallest base: a scan of machines by the other way to the forces."""
+    motion = p3dof.paper_motion(51)
+    problem = DesignProblem(
+        {"R": (0.2, 0.4)}, motion, constraints={"peak_force": {"max": 20}, "width": {"max": 0.45}}
+    )
+    peaks = [
+        np.abs(p3dof.load(replace(p3dof.PAPER, geometry=replace(p3dof.PAPER.geometry, R=R)))
+               .inverse_dynamics(motion, method="pinocchio").forces).max()
+        for R in np.linspace(0.2, 0.225, 6)
+    ]  # fmt: skip
+    assert (np.diff(peaks) < 0).all()
+    (conflict,) = conflicts_of(problem)
+    assert conflict.names == ("peak_force ≤ 20 N",)
+    assert conflict.amounts[0] == pytest.approx(peaks[-1] - 20, rel=1e-6)
+
+
+def test_two_conflicts_are_told_each_with_its_own() -> None:
+    problem = lengths_problem(["R >= r + 0.03", "R <= r + 0.01"], {"width": {"max": 0.2}})
+    found = {conflict.names: conflict.amounts for conflict in conflicts_of(problem)}
+    apart = ("R >= r + 0.03", "R <= r + 0.01")
+    assert set(found) == {apart, ("width ≤ 0.2 m", "the bound R ≥ 0.15 m")}
+    assert found[apart] == pytest.approx((0.02, 0.02), abs=1e-7)
+
+
+def test_the_least_amount_is_what_the_published_optimum_lacks() -> None:
+    whole = paper_problem()
+    problem = DesignProblem(
+        {name: VARIABLES[name] for name in ("R", "L")},
+        objectives=whole.objectives,
+        constraints=whole.constraints,
+        box=whole.setting.box,
+        bodies="solids",
+        fixed=STEEL | {"r": 0.1, "rod_radius": 0.003},
+    )
+    with pytest.raises(OptimisationError, match=re.escape("peak_force ≤ 70 N by 10.24 N")) as told:
+        problem.minimise("width", {"peak_force": 70.0, "width": 0.5}, starts=1)
+    (conflict,) = told.value.conflicts
+    amounts = dict(zip(conflict.names, conflict.amounts, strict=True))
+    assert amounts["peak_force ≤ 70 N"] == pytest.approx(80.2398 - 70, abs=1e-4)
+    assert len(amounts) > 1
