@@ -58,7 +58,8 @@ class Axis:
     def __init__(self, cycle, drive, leg, held, when, masses):
         self.name, motor, gear = drive.name, drive.motor, drive.gear
         self.time = cycle.time.tolist()
-        self.total = self.time[-1] - self.time[0] + 0.35
+        self.rest = cycle.rest
+        self.total = self.time[-1] - self.time[0] + self.rest
         turn = TURN[drive.name]
         ratio = turn * gear.ratio
         fast = motor.inertia + motor.coupling_inertia + gear.inertia
@@ -79,6 +80,8 @@ class Axis:
         self.holding = float(cycle.holding[leg]) / ratio
         self.own = self.mass / ratio
         self.ratios = [m / ratio**2 / motor.inertia for m in masses]
+        still = ((cycle.speed == 0) & (cycle.acceleration == 0)).all(axis=1)
+        self.still = still[1:] & still[:-1]
         self.ratings = self.ratings_of(drive, 1.5 * held / ratio, when)
 
     def passed(self, power, torque, stage, kind):
@@ -86,11 +89,11 @@ class Axis:
         return torque * (1 / stage.efficiency if power > 0 else back if power < 0 else 1)
 
     def mean(self, values, resting=0.0):
-        return (trapezoids(self.time, [value**2 for value in values]) + resting**2 * 0.35) / self.total
+        return (trapezoids(self.time, [value**2 for value in values]) + resting**2 * self.rest) / self.total
 
     def at_most(self, values):
         """The largest magnitude, and when."""
-        k = max(range(12), key=lambda i: abs(values[i]))
+        k = max(range(len(values)), key=lambda i: abs(values[i]))
         return abs(values[k]), self.time[k]
 
     def allowed(self, motor, speed, peak):
@@ -102,15 +105,15 @@ class Axis:
         return top if speed <= low else top + (end - top) * (speed - low) / (high - low)
 
     def heat(self, motor):
-        """The hottest of the hundredth cycle of τ ẋ + x = (T / T_c)²."""
+        """The hottest of a cycle of τ ẋ + x = (T / T_c)² after which it begins anew."""
         pairs = zip(self.torque, self.turning, strict=True)
         load = [(t / self.allowed(motor, w, False)) ** 2 for t, w in pairs]
         steps = [
             (b - a, (u + w) / 2) for a, b, u, w in zip(self.time, self.time[1:], load, load[1:], strict=False)
         ]
-        steps.append((0.35, (self.holding / motor.rated_torque) ** 2))
-        heat, history = 0.0, []
-        for _ in range(1000):
+        steps.append((self.rest, (self.holding / motor.rated_torque) ** 2))
+        heat, history = 0.0, [1.0]
+        while abs(heat - history[0]) > 1e-13:
             history = [heat]
             for step, value in steps:
                 heat = value + (heat - value) * math.exp(-step / motor.time_constant)
@@ -161,13 +164,13 @@ class Axis:
 
     def column(self):
         """What `axes_table` tells, in its order."""
-        k = max(range(12), key=lambda i: abs(self.torque[i]))
+        k = max(range(len(self.torque)), key=lambda i: abs(self.torque[i]))
         moving = [
             (b - a) * (u**2 + w**2) / 2
             for i, (a, b, u, w) in enumerate(
                 zip(self.time, self.time[1:], self.torque, self.torque[1:], strict=False)
             )
-            if i not in (5, 6)
+            if not self.still[i]
         ]
         squares = self.mean(self.f, self.holding * self.ratio), self.mean(self.a)
         inertia = self.mass / self.ratio**2

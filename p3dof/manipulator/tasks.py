@@ -51,8 +51,15 @@ class TaskForces(ShownInNotebook):
 
     @cached_property
     def time(self) -> FloatArray:
-        """Times of the samples of all pieces, shape (N,) [s]; those of stops and waypoints come twice."""
-        return np.concatenate([result.time for result in self.results])
+        """Times of the samples of all pieces, shape (N,) [s].
+
+        Those of stops and waypoints come twice: at the end of a piece, and a rounding later, so that
+        `piece_at` tells a load that jumps there from the one before, at the beginning of the next.
+        """
+        times = [result.time.copy() for result in self.results]
+        for own in times[1:]:
+            own[0] = np.nextafter(own[0], np.inf)
+        return np.concatenate(times)
 
     @cached_property
     def forces(self) -> FloatArray:

@@ -114,15 +114,15 @@ def time_of_peak(time: FloatArray, values: FloatArray, sample: int) -> float:
     -------
     float
         That of the vertex of the parabola through the sample and its neighbours; that of the sample itself
-        at an end, beside a value that is not known, at a jump (two samples of one time), and where the three
-        lie on a line [s].
+        at an end, beside a value that is not known, at a jump (two samples of one time, but for rounding),
+        and where the three lie on a line [s].
     """
     when = float(time[sample])
     if not 0 < sample < len(time) - 1:
         return when
-    before, after = time[sample - 1] - when, time[sample + 1] - when
-    if not before < 0 < after:
+    if np.nextafter(time[sample - 1], np.inf) >= when or np.nextafter(when, np.inf) >= time[sample + 1]:
         return when
+    before, after = time[sample - 1] - when, time[sample + 1] - when
     first, last = (values[sample + side] - values[sample] for side in (-1, 1))
     slopes = first / before, last / after
     bend = (slopes[1] - slopes[0]) / (after - before)
