@@ -22,7 +22,7 @@ LOWEST := .venv-lowest
 COUNT ?= 300
 ONLY ?=
 
-.PHONY: help demo quick test lint types layers generated pytest docs fuzz sanitize mutants lowest benchmark export
+.PHONY: help demo quick test lint types layers generated pytest levels docs fuzz sanitize mutants lowest benchmark export
 .PHONY: pictures clean page page-check
 
 demo: $(VENV)/.demo ## run the main job on the paper's motion, into out/
@@ -64,6 +64,14 @@ page-check: $(DEV) ## is the page what page/ builds, and do its scripts pass the
 
 pytest: $(DEV) ## all tests
 	$(BIN)/pytest -n auto
+
+# What rounds by the processor: the quick tests that name the compiled kernels, at each level below its best one, which
+# `make test` has, with BLAS for processors that end there.
+LEVELLED = $(shell grep -lE 'p3dof\.compiled|method="compiled"|runs_in_c' tests/test_*.py)
+levels: $(DEV) ## the quick tests of compiled kernels at every lower level of this processor
+	@for level in $$($(BIN)/python -c "from p3dof.compiled import levels; print(*levels()[1:-1])"); do \
+		test $$level = baseline && core=Prescott || core=Haswell; echo "P3DOF_LEVEL=$$level OPENBLAS_CORETYPE=$$core"; \
+		P3DOF_LEVEL=$$level OPENBLAS_CORETYPE=$$core $(BIN)/pytest -q -n auto --quick $(LEVELLED) || exit 1; done
 
 docs: $(VENV)/.docs ## build the documentation site into out/docs, and check its links
 	$(BIN)/python -m sphinx -W --keep-going -q -b html -d $(OUT)/doctrees docs $(OUT)/docs

@@ -5,7 +5,8 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 from urllib.parse import urlsplit
@@ -73,7 +74,7 @@ class Watched:
         arrows = ["meshcat/forces/a", "meshcat/forces/b", "meshcat/forces/c", "meshcat/legend/arrow"]
         return np.array(self.page.evaluate("paths => tipsOf(paths)", arrows))
 
-    def wait(self, condition: str, argument: Any = None, timeout: float = 20.0) -> None:
+    def wait(self, condition: str, argument: Any = None, timeout: float = 60.0) -> None:
         """Wait until a JavaScript condition holds: an expression, or a function of the argument."""
         function = condition if "=>" in condition else f"() => {condition}"  # no eval under the page's policy
         self.page.wait_for_function(function, arg=argument, polling=30, timeout=1000 * timeout)
@@ -91,6 +92,14 @@ class Watched:
         """Assert that nothing went wrong and nothing left this machine."""
         assert self.errors == []
         assert self.outside() == []
+
+
+def until(page: Any, condition: Callable[[], object], seconds: float = 60.0) -> None:
+    """Wait until something of Python holds; the page goes on meanwhile."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it never came to that"
+        page.wait_for_timeout(5)
 
 
 def find_chromium() -> str:

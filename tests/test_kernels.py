@@ -331,8 +331,8 @@ def test_a_forked_process_has_threads_of_its_own():
     queue = context.Queue()
     child = context.Process(target=_in_a_child, args=(kernels, motion, queue), daemon=True)
     child.start()
-    assert queue.get(timeout=30) == expected
-    child.join(30)
+    assert queue.get(timeout=60) == expected
+    child.join(60)
     assert child.exitcode == 0
 
 

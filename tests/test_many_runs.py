@@ -4,7 +4,6 @@ import csv
 import re
 import signal
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -444,7 +443,6 @@ def test_an_interrupt_returns_what_is_done():
         if len(seen) == 2:
             signal.raise_signal(signal.SIGINT)
 
-    begun = time.monotonic()
     many = ROBOT.simulate_many(
         2.0, 20_000, controller=Springs(2000.0, preload=HOLD), progress=progress, threads=1
     )
@@ -453,7 +451,6 @@ def test_an_interrupt_returns_what_is_done():
     assert many.done.sum() == many.finished.sum()
     assert np.isnan(many.pose[~many.done]).all()
     assert "interrupted" in many._repr_html_()
-    assert time.monotonic() - begun < 60
 
 
 @compiled

@@ -6,7 +6,7 @@ import base64
 
 import numpy as np
 import pytest
-from browser import chromium, opened
+from browser import chromium, opened, until
 
 pytest.importorskip("tornado", reason="tornado is not installed")
 
@@ -175,10 +175,7 @@ def test_python_can_follow_a_page(browser, viewer):
         page.wait("p3dof.state.connection.said.includes('0.3')")
         page.page.evaluate("() => p3dof.state.engine.move({ inputs: { rail: 0.5 } })")
         page.wait("p3dof.state.connection.said.includes('\"q\":[0.5]')")
-        for _ in range(400):
-            if seen and seen[-1].get("q") == [0.5]:
-                break
-            page.page.wait_for_timeout(10)
+        until(page.page, lambda: seen and seen[-1].get("q") == [0.5])
     assert seen[-1] == viewer.selection == {"time": 0.3, "run": 0, "q": [0.5]}
 
 

@@ -13,7 +13,7 @@ import sys
 
 import numpy as np
 import pytest
-from browser import chromium, opened
+from browser import chromium, opened, until
 
 from p3dof.errors import MissingExtraError
 from p3dof.page.document import page_document
@@ -83,17 +83,17 @@ class Cell:
 
     def run(self, condition):
         """Pass messages on until something holds."""
-        for _ in range(2000):
+
+        def passed():
             while self.said:
                 self.widget._msg_callbacks(self.widget, self.said.pop(0), [])
             while self.sent:
                 content, buffers = self.sent.pop(0)
                 texts = [base64.b64encode(one).decode() for one in buffers]
                 self.page.evaluate("([content, texts]) => fromPython(content, texts)", [content, texts])
-            if condition():
-                return
-            self.page.wait_for_timeout(5)
-        raise AssertionError("it never came to that")
+            return condition()
+
+        until(self.page, passed)
 
     def frames(self):
         return [frame for frame in self.page.frames[1:] if frame.evaluate("() => !!window.p3dof")]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import numpy as np
@@ -106,12 +105,6 @@ def test_a_front_knows_the_start_and_is_written_as_a_table(by_epsilon: Front, tm
     assert lines[0].startswith("r [m],R [m],L [m],rod_radius [m],peak_force [N],width [m]")
     assert len(lines) == 32
     assert by_epsilon.check.violation < 1e-4
-
-
-def test_a_front_of_fifty_polished_points_takes_no_minute() -> None:
-    before = time.process_time()
-    assert len(paper_problem().pareto(PEAK_AND_WIDTH)) == 50
-    assert time.process_time() - before < 60
 
 
 @pytest.mark.parametrize(

@@ -647,10 +647,12 @@ def test_the_estimate_is_near_the_truth():
     compiled = "compiled" if robot.kernels.level == "numpy" else "C"
     for method, pace in (*zip(METHODS, METHODS, strict=True), ("compiled", compiled)):
         robot.simulate(0.002, control=ControlLoop(1000), method=method, samples=2)
-        begun = time.process_time()
-        run = robot.simulate(0.05, control=ControlLoop(1000), method=method, samples=51)
-        seconds = time.process_time() - begun
+        took = []
+        for _ in range(3):
+            begun = time.process_time()
+            run = robot.simulate(0.05, control=ControlLoop(1000), method=method, samples=51)
+            took.append(time.process_time() - begun)
         expected = estimate(pace, 0.05, 51, 1000)
         assert expected.steps == 50
-        assert 1 / 20 < expected.seconds / seconds < 20
+        assert 1 / 20 < expected.seconds / min(took) < 20
         assert run.evaluations <= 20 * expected.steps

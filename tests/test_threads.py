@@ -30,7 +30,7 @@ def test_slices_are_all_of_a_range_once():
 
 
 def test_jobs_are_done_at_once_and_in_order():
-    meeting = threading.Barrier(3, timeout=20)
+    meeting = threading.Barrier(3, timeout=60)
 
     def job(part):
         meeting.wait()  # nobody leaves before all are there

@@ -139,10 +139,10 @@ def test_a_scene_that_stands_alone_carries_them(robot):
 def test_meshcats_live_page_links_them(robot):
     shown = viewer(robot, port=0)
     try:
-        with urllib.request.urlopen(shown.viewer.url(), timeout=10) as answer:  # noqa: S310 - http
+        with urllib.request.urlopen(shown.viewer.url(), timeout=60) as answer:  # noqa: S310 - http
             link = re.search(r'<a id="licences" href="([^"]+)"', answer.read().decode())[1]
         address = shown.viewer.url().partition("?")[0] + link
-        with urllib.request.urlopen(address, timeout=10) as answer:  # noqa: S310 - likewise
+        with urllib.request.urlopen(address, timeout=60) as answer:  # noqa: S310 - likewise
             assert answer.headers["Content-Type"].startswith("text/plain")
             assert answer.read().decode() == licences()
     finally:

@@ -36,7 +36,7 @@ def server():
 def test_it_shows_the_robot_on_the_loopback_only(server):
     robot = ViserUrdf(server, URDF)
     assert server.get_host() == "127.0.0.1"
-    with socket.create_connection(("127.0.0.1", server.get_port()), timeout=5):
+    with socket.create_connection(("127.0.0.1", server.get_port()), timeout=60):
         pass
     assert robot.get_actuated_joint_names() == tuple(n for n, j in MOVING.items() if j.mimic is None)
     for name, limits in robot.get_actuated_joint_limits().items():
@@ -64,4 +64,4 @@ def test_it_ends_cleanly():
     port = server.get_port()
     server.stop()
     with pytest.raises(ConnectionRefusedError):
-        socket.create_connection(("127.0.0.1", port), timeout=5)
+        socket.create_connection(("127.0.0.1", port), timeout=60)
