@@ -1,9 +1,12 @@
 """The best path of a task: known optima, freedoms kept, never slower, the same every time, bad input."""
 
+from dataclasses import replace
+
 import jsonschema
 import numpy as np
 import pytest
 import yaml
+from table_numbers import check_table, shows
 from test_cli import run
 from test_fastest import BLENDED
 from test_tasks import SCHEMA
@@ -11,7 +14,7 @@ from test_tasks import SCHEMA
 import p3dof
 from p3dof import AxisLimits, Waypoint, best_path, fastest_plan
 from p3dof.errors import TaskError
-from p3dof.manipulator import best_path_table
+from p3dof.manipulator import BestPath, best_path_table
 from p3dof.tasks.files import dump, parse
 
 VIAS = """
@@ -52,6 +55,36 @@ def test_what_may_not_be_left_is_not_left(found):
     text = " ".join(cell for row in best_path_table(found).rows for cell in row)
     assert "up: blend [mm]" in text
     assert "-160 to -140" in text
+
+
+@shows("p3dof.manipulator.best_path.best_path_table")
+def test_every_number_of_the_table_of_the_best_path():
+    """Of what was given, of what is said to be best, and how far from the given one it may be."""
+    angle, poses = np.radians(10), ([-0.15, 0.025, -0.1], [0.12, 0.03, 0.2])
+    stops = Waypoint([-0.15, 0, -0.26], "pick"), Waypoint([0.15, 0, 0.26], "place")
+    free = [
+        Waypoint(poses[0], "up", 0.02, blend_range=[0.005, 0.03], tolerance=[0.01, 0.004, angle]),
+        Waypoint(poses[1], "over", 0.025, tolerance=[0, 0.002, 0]),
+        Waypoint([0.14, 0.02, 0.24], "down", 0.004, blend_range=[0.001, 0.006]),
+    ]
+    given = p3dof.Task([stops[0], *free, stops[1]])
+    moved = [
+        replace(free[0], pose=[-0.143, 0.0223, -0.2], blend=0.0287),
+        replace(free[1], pose=[0.12, 0.0313, 0.2]),
+        replace(free[2], blend=0.0011),
+    ]
+    best = p3dof.Task([stops[0], *moved, stops[1]])
+    found = BestPath(best, best.plan(0.8), given, given.plan(1.3))
+    rows = {
+        "whole task: time [s]": (1.3, 0.8, ""),
+        "up: blend [mm]": (20, 28.7, (5, 30)),
+        "up: y [mm]": (-150, -143, (-160, -140)),
+        "up: z [mm]": (25, 22.3, (21, 29)),
+        "up: θ [deg]": (np.degrees(-0.1), np.degrees(-0.2), (np.degrees(-0.1) - 10, np.degrees(-0.1) + 10)),
+        "over: z [mm]": (30, 31.3, (28, 32)),
+        "down: blend [mm]": (4, 1.1, (1, 6)),
+    }
+    check_table(best_path_table(found), rows)
 
 
 def test_the_task_to_write_leaves_no_room_beyond_the_allowed(found):

@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from lagrange import BODIES, LagrangeModel
-from table_numbers import check_table, shows
+from table_numbers import check_evidence, check_table, shows
 from test_drive_numbers import GEARED, Axis
 
 import p3dof
 from p3dof import Actuators, AxisLimits, Body, Limits, Task, Waypoint
 from p3dof.bearings import Bearing, Bearings, Guide
 from p3dof.drives import Cycle
-from p3dof.manipulator import loads_table, needs_table, uses_table
+from p3dof.manipulator import comparison_table, loads_table, needs_table, uses_table, verdicts_table
 from p3dof.manipulator.task_limits import sizing_table
 from p3dof.manipulator.tasks import limits_table, pieces_table
 
@@ -79,7 +79,7 @@ class Samples:
 
     def of_machine(self):
         """What is used of the machine's limits: value, limit, unit, time, place by quantity and leg."""
-        low, high = MACHINE.limits.travel
+        low, high = MACHINE.limits.travel  # the same of all machines here
         least, most = MACHINE.limits.tilt
         columns = {
             "force": (self.force, -620.0, 620.0, "N"),
@@ -292,7 +292,8 @@ def ratings(samples, found, drive, limits):
         (name, leg, "machine", abs(value), abs(limit), unit, when, place)
         for (name, leg), (value, limit, unit, when, place) in samples.of_machine().items()
     ]
-    rows += [(name, leg, "task", *use) for (name, leg), use in samples.of_task(limits).items()]
+    if limits is not None:
+        rows += [(name, leg, "task", *use) for (name, leg), use in samples.of_task(limits).items()]
     for leg, axis in zip("ABC", axes_of(samples, drive), strict=True):
         for name, (value, allowed, when) in axis.ratings.items():
             place = "over the cycle"
@@ -344,3 +345,107 @@ def test_how_much_of_all_ratings_is_used(robot, forces, samples):
     assert len({row[1] for row in rows}) == 6
     check_table(uses_table(found), rows)
     check_table(uses_table(found, 5), rows[:5], note=[len(rows) - 5, "more"])
+
+
+WIDE = replace(MACHINE, geometry=replace(MACHINE.geometry, R=0.27, b=0.07), actuators=Actuators())
+
+
+def places(samples):
+    """Where the thirteen joints are, (N, 13, 3), from Lagrange's bodies."""
+    origins, axes = samples.model.origins(samples.pose), samples.model.orientations(samples.pose)
+    tips = origins + samples.machine.geometry.L * axes[..., 0]
+    joints = [origins[:, k] for k, body in enumerate(BODIES) if body != "platform"]
+    return np.stack(
+        joints + [tips[:, BODIES.index(rod)] for rod in ("leg_a", "leg_b", "rod_left", "rod_right")], 1
+    )
+
+
+def measured(found, samples, drive):
+    """Numbers of a design by hand, by name and unit; which direction is better."""
+    power = (samples.force * samples.speed).sum(axis=1)
+    x, y, z = np.ptp(places(samples).reshape(-1, 3), axis=0)
+    axes = samples.model.orientations(samples.pose)
+    arm, normal = axes[:, BODIES.index("platform"), :, 0], axes[:, BODIES.index("rod_left"), :, 1]
+    motors = axes_of(samples, drive)
+    bus = sum(np.array(axis.power) for axis in motors)
+    loads = [row[3:5] for row in ratings(samples, found, drive, None)]
+    mean = samples.integral(samples.force**2) / (samples.time[-1] - samples.time[0])
+    each = {
+        "peak force of {} [N]": np.abs(samples.force).max(axis=0),
+        "rms force of {} [N]": np.sqrt(mean),
+        "top speed of {} [m/s]": np.abs(samples.speed).max(axis=0),
+    }
+    lives, guides = (found.bearings.bearings, found.bearings.guides)
+    borne = static_loads(samples, found.reactions)
+    return {name.format(leg): value[k] for name, value in each.items() for k, leg in enumerate("ABC")} | {
+        "peak power [W]": power.max(),
+        "work given a cycle [J]": samples.integral(power.clip(0)),
+        "work taken back a cycle [J]": -samples.integral(power.clip(None, 0)),
+        "cycle time [s]": 1.4 + REST,
+        "worst rating used [%]": 100 * max(value / allowed for value, allowed in loads),
+        "peak torque of the motors [N m]": max(max(map(abs, axis.torque)) for axis in motors),
+        "rms torque of the motors [N m]": max(axis.mean(axis.torque, axis.holding) ** 0.5 for axis in motors),
+        "peak power of the bus [W]": bus.max(),
+        "work of the motors a cycle [J]": samples.integral(bus.clip(0)),
+        "moving mass [kg]": sum(body.mass for _, body in samples.machine.bodies.items()),
+        "footprint of the joints [m²]": x * y,
+        "height of the joints [m]": z,
+        "nearest singularity [°]": np.degrees(np.arcsin(np.abs((arm * normal).sum(axis=1)).min())),
+        "shortest life of bearings [h]": min(one.hours for one in lives),
+        "shortest life of guides [h]": min(one.hours for one in guides),
+        "largest compression of rods [N]": max(row[3] for row in borne if row[2] == "rod"),
+    }
+
+
+@pytest.fixture(scope="module")
+def compared():
+    designs = {"narrow": MACHINE, "wide": WIDE}
+    (found,) = p3dof.compare_designs(
+        designs, TASK, duration=1.4, drives=[GEARED], bearings=PARTS, rest=REST, samples=141
+    )
+    both = [Samples(machine, TASK.plan(1.4, 141)) for machine in designs.values()]
+    return found, both
+
+
+HIGHER = ("nearest singularity", "shortest life")
+NEITHER = ("work taken back a cycle",)
+
+
+@shows(
+    "p3dof.manipulator.design_comparison.comparison_table",
+    "p3dof.manipulator.design_comparison.DesignMeasure.differences",
+)
+def test_designs_side_by_side(compared):
+    found, both = compared
+    one, other = (
+        measured(assessment, samples, GEARED)
+        for assessment, samples in zip(found.assessments, both, strict=True)
+    )
+    rows = {}
+    for name, first in one.items():
+        second = other[name]
+        share = second / first - 1
+        better = "" if name.startswith(NEITHER) else "higher" if name.startswith(HIGHER) else "lower"
+        wins = (second > first) == (better == "higher")
+        best = f"{'wide' if wins else 'narrow'} ({better})" if better and abs(share) > 5e-4 else "–"
+        rows[name] = (first, second, (share,), best)
+        measure = next(measure for measure in found.measures if measure.label == name)
+        if abs(share) > 1e-3:
+            check_evidence(measure, "differences", [0.0, share], rtol=1e-6, atol=1e-9)
+    check_table(comparison_table(found), rows)
+    assert (
+        0
+        < sum("wide" in row[-1] for row in rows.values())
+        < sum("narrow" in row[-1] for row in rows.values())
+    )
+
+
+@shows("p3dof.manipulator.design_comparison.verdicts_table")
+def test_which_rating_each_design_uses_most(compared):
+    found, both = compared
+    rows = {}
+    for assessment, samples in zip(found.assessments, both, strict=True):
+        name, part, _, value, allowed, _, when, place = ratings(samples, assessment, GEARED, None)[0]
+        fits = "yes" if value <= allowed else "no"
+        rows[assessment.name] = (fits, f"{name} of {part}", (value / allowed,), (when, place), "geared")
+    check_table(verdicts_table(found), rows)
