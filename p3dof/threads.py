@@ -1,18 +1,86 @@
-"""Work in shares on threads, for everything that leaves Python for long: how many, which shares, one pool."""
+"""Work in shares on threads, for everything that leaves Python for long: how many, which shares, one pool.
+
+And the other way round: what many threads of a user's share. What calls write to is a `Workspace`, of which
+every thread has its own; what can only be one thread's, since its caller keeps it filled from call to call,
+is guarded by `OneThread`. Neither asks for Python's lock. Everything else that is kept between calls is only
+ever replaced as a whole, by what any other thread would have found too.
+"""
 
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
-from typing import TypeVar
+from typing import Generic, TypeVar
 
 from p3dof.checks import shown
 from p3dof.errors import InputError
 
 _Part = TypeVar("_Part")
 _Result = TypeVar("_Result")
+_Made = TypeVar("_Made")
+
+
+class Workspace(threading.local):
+    """What every thread has of its own of one object: what its methods write to.
+
+    Each thread that uses an instance calls its ``__init__`` again, with the same arguments, when it first
+    does, and has attributes of its own from then on. They go with the thread, or with the instance. The
+    arguments are shared: they stay as they are, or are workspaces themselves.
+    """
+
+
+class Own(Workspace, Generic[_Made]):
+    """Something that every thread makes for itself, such as the data of a library.
+
+    Parameters
+    ----------
+    make : callable
+        Makes it; called once by each thread.
+
+    Attributes
+    ----------
+    here : object
+        That of this thread.
+    """
+
+    def __init__(self, make: Callable[[], _Made]) -> None:
+        self.here = make()
+
+
+class OneThread:
+    """A guard of what only one thread may use: that which asks first, until it is given away.
+
+    Parameters
+    ----------
+    what : str
+        What it is, and what to do instead, for the error.
+    """
+
+    def __init__(self, what: str) -> None:
+        self._what = what
+        self._thread: dict[str, int] = {}
+
+    def __reduce__(self) -> tuple[type[OneThread], tuple[str]]:
+        return OneThread, (self._what,)  # a copy is nobody's yet
+
+    def give(self) -> None:
+        """Make it this thread's, whoever has had it before."""
+        self._thread["has it"] = threading.get_ident()
+
+    def check(self) -> None:
+        """Raise unless it is this thread's, or nobody's yet.
+
+        Raises
+        ------
+        InputError
+            If another thread has it.
+        """
+        me = threading.get_ident()
+        if self._thread.setdefault("has it", me) != me:  # whole, whoever else asks now
+            raise InputError(f"{self._what}: another thread uses it")
 
 
 def processors() -> int:

@@ -473,6 +473,33 @@ def test_several_threads_may_draw(robot):
     assert all(matrix(found, f"/meshcat/t{n}")[0, 0] == 200 for n in range(4))
 
 
+def test_pictures_of_several_threads_come_whole(robot):
+    scene, heard = Scene(robot), []
+    places = [np.full(10, 0.02 * k) for k in range(3)]
+    scene.window.subscribe(heard.append)
+    alone = []
+    for q in places:
+        scene.display(q, [10, 20, 30])
+        alone.append(list(heard))
+        heard.clear()
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        threads = [
+            threading.Thread(target=lambda q=q: [scene.display(q, [10, 20, 30]) for _ in range(5)])
+            for q in places
+        ]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    finally:
+        sys.setswitchinterval(before)
+    size = len(alone[0])
+    found = [heard[i : i + size] for i in range(0, len(heard), size)]
+    assert sorted(map(alone.index, found)) == [0] * 5 + [1] * 5 + [2] * 5
+
+
 def test_bad_input_is_one_clear_error(robot, scene):
     cases = [
         (lambda: Scene("p3dof"), "robot: expected a Manipulator, got 'p3dof'"),

@@ -110,7 +110,7 @@ class BuiltModel(ClosedTree):
         return cls(*pinocchio_models.read(model, constraint_models, actuated, couplings, reference))
 
     def copy(self) -> Self:
-        """Return an independent copy, for another thread (processes: an instance can be pickled)."""
+        """Return an independent copy, for other masses or gravity; instances can be pickled, too."""
         return type(self)(self.model.copy(), self.sidecar)
 
     def lock(self, joints: Mapping[str, Any] | Iterable[str] | str) -> Self:

@@ -12,6 +12,7 @@ from p3dof.checks import FloatArray, as_floats, frozen_array
 from p3dof.closed_loop.closures import LoopKinematics
 from p3dof.closed_loop.loop_model import LoopModel
 from p3dof.errors import InputError
+from p3dof.threads import Own
 
 _NONE, _PARTLY, _WHOLLY = 0, 1, 2
 
@@ -52,19 +53,19 @@ class ClosureWrenches:
     Parameters
     ----------
     loop : LoopModel
-        The robot. Workspaces are not shared with it.
+        The robot.
     """
 
     def __init__(self, loop: LoopModel) -> None:
         self._kinematics = LoopKinematics(loop.model, loop.sidecar)
-        self._data = loop.model.createData()
+        self._data = Own(loop.model.createData)
 
     def places(self, q: ArrayLike) -> tuple[list[pin.SE3], list[pin.SE3]]:
         """Return where the first and the second frames of the closures are, at joints (nq,)."""
-        model = self._kinematics.model
-        pin.forwardKinematics(model, self._data, frozen_array("q", q, (model.nq,)))
+        model, data = self._kinematics.model, self._data.here
+        pin.forwardKinematics(model, data, frozen_array("q", q, (model.nq,)))
         ends = self._kinematics.ends
-        return [self._data.oMi[a] * A for a, A, _, _ in ends], [self._data.oMi[b] * B for _, _, b, B in ends]
+        return [data.oMi[a] * A for a, A, _, _ in ends], [data.oMi[b] * B for _, _, b, B in ends]
 
     def at(self, q: ArrayLike, multipliers: ArrayLike) -> ClosureWrench:
         """Return what the closures exert.

@@ -18,6 +18,7 @@ from p3dof.closed_loop.linear import RANK_TOLERANCE, Decomposition
 from p3dof.closed_loop.relative_motion import Ends, OtherClosures
 from p3dof.closed_loop.sidecar import Closure, Sidecar, suggestion
 from p3dof.errors import ModelError, P3dofError
+from p3dof.threads import Own
 
 TIGHT = 1e-11
 """Gap so small that rank tolerances do not depend on it [m or rad]."""
@@ -70,8 +71,7 @@ class ClosurePoint:
 class LoopKinematics:
     """The closures and couplings of a model, and their evaluation.
 
-    Points and frames are Pinocchio constraint models. Owns a `pin.Data`, which always holds the joint
-    placements and Jacobians of the last configuration given to `at`. Not thread-safe.
+    Points and frames are Pinocchio constraint models. Every thread has an `_Evaluation` of its own.
 
     Parameters
     ----------
@@ -89,7 +89,6 @@ class LoopKinematics:
 
     def __init__(self, model: pin.Model, sidecar: Sidecar) -> None:
         self.model = model
-        self.data = model.createData()
         self.frames = _frames_by_name(model)
         self.closures = sidecar.closures
         self.couplings = CouplingRows(model, sidecar.couplings)
@@ -111,37 +110,26 @@ class LoopKinematics:
         self.own = np.array(own, dtype=int)
         """Which closures are no constraint models of Pinocchio."""
         self.kinds = KindRows([self.closures[i] for i in own], [self.rows[i] for i in own])
-        ends = [self.ends[i] for i in own]
-        self._others = OtherClosures(
-            model, [self.closures[i] for i in own], ends, [self.rows[i] for i in own]
-        )
         self.plain = not own and not titles
         """Whether all are constraint models of Pinocchio."""
-        self._anchors = [i for i in range(len(self.closures)) if i not in own]
-        self._anchored = np.array([r for i in self._anchors for r in range(self.size)[self.rows[i]]], int)
+        self.anchors = [i for i in range(len(self.closures)) if i not in own]
+        """Those that are."""
         self.constraint_models = pin.StdVec_ConstraintModel()
-        self._constraint_datas = pin.StdVec_ConstraintData()
-        for i in self._anchors:
+        for i in self.anchors:
             kind = (
                 pin.PointAnchorConstraintModel
                 if _is_point(self.closures[i])
                 else pin.FrameAnchorConstraintModel
             )
             self.constraint_models.append(pin.ConstraintModel(kind(model, *self.ends[i])))
-        for constraint in self.constraint_models:
-            self._constraint_datas.append(constraint.createData())
-        # Taken out once the vectors have their final place in memory: they are references, and so are the
-        # arrays that `calc` writes to.
-        self._pairs = list(zip(self.constraint_models, self._constraint_datas, strict=True))
-        contents = [data.extract() for data in self._constraint_datas]
-        self._errors = [content.constraint_position_error for content in contents]
-        self._accelerations = [content.constraint_acceleration_error for content in contents]
-        self._contents = contents  # own that memory
         self.lengths = length_coordinates(model)[1]
         """Which of v are rates of lengths."""
-        self._zero = np.zeros(model.nv)
-        self._last: ClosurePoint | None = None
-        self._key = b""
+        self._own = Own(lambda: _Evaluation(self))
+
+    @property
+    def data(self) -> pin.Data:
+        """Joint placements and Jacobians of the last configuration that this thread gave to `at`."""
+        return self._own.here.data
 
     def at(self, q: FloatArray) -> ClosurePoint:
         """Evaluate the closures; the last result is kept, so asking again costs nothing.
@@ -155,52 +143,7 @@ class LoopKinematics:
         -------
         ClosurePoint
         """
-        key = q.tobytes()
-        if self._last is not None and key == self._key:
-            return self._last
-        pin.computeJointJacobians(self.model, self.data, q)
-        self._calculate()
-        return self._evaluated(q, key)
-
-    def _calculate(self) -> None:
-        """Let the constraint models look at what `data` holds."""
-        model, data = self.model, self.data
-        for constraint, own in self._pairs:
-            constraint.calc(model, data, own)
-        if len(self.own):
-            self._others.calculate(data)
-
-    def _evaluated(self, q: FloatArray, key: bytes) -> ClosurePoint:
-        """Return the closures at the configuration that `data` and the constraint models hold."""
-        error = np.concatenate(self._errors) if self._errors else np.zeros(0)
-        J = self._anchor_jacobian()
-        if not self.plain:
-            error, J = self._complete(q, error, J)
-        self._key = key
-        self._last = ClosurePoint(q.copy(), error, J)
-        return self._last
-
-    def _anchor_jacobian(self) -> Any:
-        """Return the rows of the constraint models."""
-        if not self._pairs:
-            return np.zeros((0, self.model.nv))
-        return pin.getConstraintsJacobian(
-            self.model, self.data, self.constraint_models, self._constraint_datas
-        )
-
-    def _complete(
-        self, q: FloatArray, errors: FloatArray, anchored: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return the errors and the Jacobian of all rows, those of the constraint models being known."""
-        error, J = np.zeros(self.size), np.zeros((self.size, self.model.nv))
-        if self._anchors:
-            error[self._anchored], J[self._anchored] = errors, anchored
-        if len(self.own):
-            self._others.evaluate(self.data, error, J)
-        if self.couplings.size:
-            error[self.coupled] = self.couplings.errors(q)
-            J[self.coupled] = self.couplings.jacobian(q)
-        return error, J
+        return self._own.here.at(q)
 
     def move(self, q: FloatArray, v: FloatArray, a: FloatArray | None = None) -> None:
         """Bring the velocities and accelerations of all bodies into `data`.
@@ -212,33 +155,14 @@ class LoopKinematics:
         v, a : (nv,) array
             Velocity and acceleration; zero acceleration by default.
         """
-        self._v, self._a = v, self._zero if a is None else a
-        pin.forwardKinematics(self.model, self.data, q, v, self._a)
-        key = q.tobytes()
-        known = self._last is not None and key == self._key
-        if not known:
-            pin.computeJointJacobians(self.model, self.data)
-        self._calculate()
-        if not known:
-            self._evaluated(q, key)
+        self._own.here.move(q, v, a)
 
     def acceleration(self) -> FloatArray:
         """Return the closures' relative acceleration d(J v)/dt (rows,) of the motion given to `move`.
 
         With zero joint acceleration it is the drift J̇ v. It is exact also where the loops are a little open.
         """
-        anchored: FloatArray = np.concatenate(self._accelerations) if self._accelerations else np.zeros(0)
-        if self.plain:
-            return anchored
-        result = np.zeros(self.size)
-        if self._anchors:
-            result[self._anchored] = anchored
-        if len(self.own):
-            self._others.accelerate(result)
-        if self.couplings.size and self._last is not None:
-            J = self._last.J[self.coupled]
-            result[self.coupled] = self.couplings.drift(self._last.q, self._v) + J @ self._a
-        return result
+        return self._own.here.acceleration()
 
     def frame(self, name: str, what: str, error: type[P3dofError]) -> pin.Frame:
         """Return a frame of the model by name.
@@ -283,6 +207,111 @@ class LoopKinematics:
             raise ModelError(f"closure {closure.name}: both frames are on the same body")
         placements = frame1.placement.copy(), frame2.placement.copy()
         return frame1.parentJoint, placements[0], frame2.parentJoint, placements[1]
+
+
+class _Evaluation:
+    """The closures at one configuration after the other, for one thread: all that is written to.
+
+    Its `data` always holds the joint placements and Jacobians of the last configuration.
+    """
+
+    def __init__(self, kinematics: LoopKinematics) -> None:
+        k = self._k = kinematics
+        self.model, self.plain = k.model, k.plain
+        self.data = k.model.createData()
+        closures, ends, rows = ([part[i] for i in k.own] for part in (k.closures, k.ends, k.rows))
+        self._others = OtherClosures(k.model, closures, ends, rows) if closures else None
+        self._anchored = np.array([r for i in k.anchors for r in range(k.size)[k.rows[i]]], int)
+        self._constraint_datas = pin.StdVec_ConstraintData()
+        for constraint in k.constraint_models:
+            self._constraint_datas.append(constraint.createData())
+        # Taken out once the vectors have their final place in memory: they are references, and so are the
+        # arrays that `calc` writes to.
+        self._pairs = list(zip(k.constraint_models, self._constraint_datas, strict=True))
+        contents = [data.extract() for data in self._constraint_datas]
+        self._errors = [content.constraint_position_error for content in contents]
+        self._accelerations = [content.constraint_acceleration_error for content in contents]
+        self._contents = contents  # own that memory
+        self._zero = np.zeros(k.model.nv)
+        self._last: ClosurePoint | None = None
+        self._key = b""
+
+    def at(self, q: FloatArray) -> ClosurePoint:
+        """`LoopKinematics.at`."""
+        key = q.tobytes()
+        if self._last is not None and key == self._key:
+            return self._last
+        pin.computeJointJacobians(self.model, self.data, q)
+        self._calculate()
+        return self._evaluated(q, key)
+
+    def _calculate(self) -> None:
+        """Let the constraint models look at what `data` holds."""
+        model, data = self.model, self.data
+        for constraint, own in self._pairs:
+            constraint.calc(model, data, own)
+        if self._others is not None:
+            self._others.calculate(data)
+
+    def _evaluated(self, q: FloatArray, key: bytes) -> ClosurePoint:
+        """Return the closures at the configuration that `data` and the constraint models hold."""
+        error = np.concatenate(self._errors) if self._errors else np.zeros(0)
+        J = self._anchor_jacobian()
+        if not self.plain:
+            error, J = self._complete(q, error, J)
+        self._key = key
+        self._last = ClosurePoint(q.copy(), error, J)
+        return self._last
+
+    def _anchor_jacobian(self) -> Any:
+        """Return the rows of the constraint models."""
+        if not self._pairs:
+            return np.zeros((0, self.model.nv))
+        models = self._k.constraint_models
+        return pin.getConstraintsJacobian(self.model, self.data, models, self._constraint_datas)
+
+    def _complete(
+        self, q: FloatArray, errors: FloatArray, anchored: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the errors and the Jacobian of all rows, those of the constraint models being known."""
+        k = self._k
+        error, J = np.zeros(k.size), np.zeros((k.size, self.model.nv))
+        if self._pairs:
+            error[self._anchored], J[self._anchored] = errors, anchored
+        if self._others is not None:
+            self._others.evaluate(self.data, error, J)
+        if k.couplings.size:
+            error[k.coupled] = k.couplings.errors(q)
+            J[k.coupled] = k.couplings.jacobian(q)
+        return error, J
+
+    def move(self, q: FloatArray, v: FloatArray, a: FloatArray | None) -> None:
+        """`LoopKinematics.move`."""
+        self._v, self._a = v, self._zero if a is None else a
+        pin.forwardKinematics(self.model, self.data, q, v, self._a)
+        key = q.tobytes()
+        known = self._last is not None and key == self._key
+        if not known:
+            pin.computeJointJacobians(self.model, self.data)
+        self._calculate()
+        if not known:
+            self._evaluated(q, key)
+
+    def acceleration(self) -> FloatArray:
+        """`LoopKinematics.acceleration`."""
+        anchored: FloatArray = np.concatenate(self._accelerations) if self._accelerations else np.zeros(0)
+        if self.plain:
+            return anchored
+        k = self._k
+        result = np.zeros(k.size)
+        if self._pairs:
+            result[self._anchored] = anchored
+        if self._others is not None:
+            self._others.accelerate(result)
+        if k.couplings.size and self._last is not None:
+            J = self._last.J[k.coupled]
+            result[k.coupled] = k.couplings.drift(self._last.q, self._v) + J @ self._a
+        return result
 
 
 def max_abs(values: FloatArray) -> float:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterable, Sequence
 from typing import Literal, TypeAlias
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, shown
 from p3dof.closed_loop.batch_model import BatchModel
 from p3dof.closed_loop.closed_tree import CLOSED
 from p3dof.closed_loop.compiled.compiled_loop import CompiledLoop
+from p3dof.closed_loop.sidecar import Sidecar
 from p3dof.errors import AssemblyError, InputError
 
 ENOUGH = 0.1
@@ -23,7 +26,10 @@ _KEPT = 8
 class CompilingModel(BatchModel):
     """A robot that compiles its dynamics."""
 
-    _kept: list[CompiledLoop] | None = None
+    def __init__(self, model: pin.Model, sidecar: Sidecar) -> None:
+        super().__init__(model, sidecar)
+        self._kept: list[CompiledLoop] = []
+        self._keeping = threading.RLock()  # compiled once, whoever asks meanwhile
 
     def compile(
         self,
@@ -104,6 +110,12 @@ class CompilingModel(BatchModel):
             If an argument does not fit, or the loops are open.
         """
         wanted = tuple(external), joint_forces, tuple(inertias)
+        with self._keeping:
+            return self._compiled_for(q, wanted)
+
+    def _compiled_for(
+        self, q: ArrayLike, wanted: tuple[tuple[str, ...], bool, tuple[str, ...]]
+    ) -> CompiledLoop:
         kept = self._of_now(*wanted)
         best = max(kept, key=lambda one: one.margin(q), default=None)
         if best is not None and best.margin(q) > ENOUGH:
@@ -122,14 +134,14 @@ class CompilingModel(BatchModel):
         self, frames: Sequence[str], joint_forces: bool, inertias: Sequence[str] = ()
     ) -> list[CompiledLoop]:
         """Return what is kept of the robot as it is, and forget what is not."""
-        self._kept = [one for one in self._kept or [] if one.is_of(self)]
+        self._kept = [one for one in self._kept if one.is_of(self)]
         needed = {f"wrench_{frame}" for frame in frames} | {f"inertia_{joint}" for joint in inertias}
         needed |= {"joint_forces"} if joint_forces else set()
         found = [one for one in self._kept if needed <= set(one.defaults)]
         return sorted(found, key=lambda one: len(one.defaults))
 
     def _keep(self, compiled: CompiledLoop) -> CompiledLoop:
-        self._kept = [compiled, *(self._kept or [])][:_KEPT]
+        self._kept = [compiled, *self._kept][:_KEPT]
         return compiled
 
     def _compiled_by(
@@ -141,7 +153,8 @@ class CompilingModel(BatchModel):
             return compiled
         if compiled is None or not len(q):
             return None
-        kept = self._of_now(frames, joint_forces)
+        with self._keeping:
+            kept = self._of_now(frames, joint_forces)
         if kept:
             return kept[0]
         gap = float(np.abs(self.closure_error(q[0])).max(initial=0.0))

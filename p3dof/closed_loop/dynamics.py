@@ -12,7 +12,7 @@ from p3dof.closed_loop.terms import Terms
 
 
 class Dynamics(Terms):
-    """The dynamics of one model, which remembers what was of use at the last sample.
+    """The dynamics of one model, which remembers what was of use at the last sample of the thread.
 
     Parameters
     ----------

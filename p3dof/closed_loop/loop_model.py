@@ -16,6 +16,7 @@ from p3dof.closed_loop.passive import Passive
 from p3dof.closed_loop.results import ForwardDynamics, InverseDynamics
 from p3dof.closed_loop.sidecar import Sidecar
 from p3dof.errors import InputError
+from p3dof.threads import Own
 
 External = Mapping[str, ArrayLike]
 """Frame name → wrench (6,): force [N], moment [N m], in world axes at the frame's origin."""
@@ -41,8 +42,8 @@ class LoopModel(AssemblyModel):
 
     Notes
     -----
-    An instance owns workspaces that every method writes to: it is not thread-safe. Give each thread a `copy`.
-    Arrays in results are read-only copies.
+    Any number of threads may use an instance at once: each has workspaces of its own. Masses and gravity are
+    for a time when no method runs. Arrays in results are read-only copies.
 
     A model much larger or smaller than a metre is computed in a unit of length of its own, see
     `p3dof.closed_loop.units`: tolerances that are said here in metres are in that unit then, and so are ranks
@@ -52,7 +53,7 @@ class LoopModel(AssemblyModel):
     def __init__(self, model: pin.Model, sidecar: Sidecar) -> None:
         super().__init__(model, sidecar)
         self._dynamics = Dynamics(self._kinematics, self.actuated_v)
-        self._data = model.createData()
+        self._data = Own(model.createData)
         self.passive = Passive(model, sidecar.joint_data)
         """Springs, damping and friction in the joints; see `Sidecar.joint_data`."""
 
@@ -227,7 +228,7 @@ class LoopModel(AssemblyModel):
         q = self._configuration("q", q)
         v = frozen_array("v", v, (self.model.nv,))
         a = frozen_array("a", a, (self.model.nv,))
-        return energy_rate(self.model, self._data, q, v, a) + float(self.passive.power(q, v))
+        return energy_rate(self.model, self._data.here, q, v, a) + float(self.passive.power(q, v))
 
     def dissipation(self, v: ArrayLike) -> FloatArray:
         """Return the power that damping and friction in the joints take, see `Sidecar.joint_data`.

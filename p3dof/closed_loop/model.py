@@ -35,8 +35,8 @@ class ClosedLoopModel(CompiledModel):
 
     Notes
     -----
-    An instance owns workspaces that every method writes to: it is not thread-safe. Give each thread a `copy`.
-    Arrays in results are read-only copies.
+    Any number of threads may use an instance at once: each has workspaces of its own. Masses and gravity are
+    for a time when no method runs. Arrays in results are read-only copies.
     """
 
     def motor_side(self, tau: ArrayLike, v: ArrayLike) -> MotorSide:

@@ -46,6 +46,7 @@ from p3dof.closed_loop.open_loads import Measure
 from p3dof.closed_loop.reaction_algebra import Loads, Solved, Structure, solve
 from p3dof.closed_loop.reaction_results import BoolArray, JointReactions, State
 from p3dof.errors import DynamicsError, InputError, ModelError
+from p3dof.threads import Own
 
 __all__ = ["BoolArray", "ClosureJoint", "JointReactions", "ReactionSolver", "loop_reactions"]
 
@@ -94,7 +95,7 @@ def loop_reactions(
 
 
 class ReactionSolver:
-    """Reactions of one robot; it owns workspaces and is not thread-safe.
+    """Reactions of one robot, for any number of threads at once.
 
     Parameters
     ----------
@@ -136,14 +137,14 @@ class ReactionSolver:
         self.joints = joints_of(loop.sidecar, joints)
         self.names = (*(str(name) for name in loop.model.names[1:]), *(c.name for c in loop.sidecar.closures))
         self._kinematics = LoopKinematics(loop.model, loop.sidecar)
-        self._data = loop.model.createData()
+        self._data = Own(loop.model.createData)
         ends = [(c.frame1, c.frame2) for c in loop.sidecar.closures]
         frame = self._kinematics.frame
         self._ends = [tuple(frame(name, "closure", ModelError) for name in pair) for pair in ends]
         self._size = self._longest_link()
         self.length = LENGTH_SHARE * self._size if length is None else positive("length", length, InputError)
         self._structure = self._structured(self._measure(compliances, misfit))
-        self._placements = shared_placements(self._kinematics.data)
+        self._placements = Own(lambda: shared_placements(self._kinematics.data))
         self._no_loads = pin.StdVec_Force([pin.Force.Zero() for _ in range(loop.model.njoints)])
 
     def solve(
@@ -230,13 +231,14 @@ class ReactionSolver:
         if self.loop.passive:
             given += self.loop.passive.forces(point.q, v)
         loads = self._loads(external) if external else self._no_loads
-        missing = np.array(pin.rnea(model, self._data, point.q, v, a, loads)) - given
-        tree = np.array([f.vector for f in self._data.f[1:]]).reshape(-1, 6)
+        data = self._data.here
+        missing = np.array(pin.rnea(model, data, point.q, v, a, loads)) - given
+        tree = np.array([f.vector for f in data.f[1:]]).reshape(-1, 6)
         return State(
             missing,
             tree,
             np.array(self._kinematics.data.J).reshape(6, model.nv),  # Pinocchio flattens one column
-            self._placements.copy(),
+            self._placements.here.copy(),
             point.J[self._kinematics.coupled],
             point.svd.rank,
             point.rank_tolerance,

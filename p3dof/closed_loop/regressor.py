@@ -13,6 +13,7 @@ from p3dof.closed_loop.independent import coordinate_names
 from p3dof.closed_loop.joint_data import JointData
 from p3dof.closed_loop.passive import SMOOTHING
 from p3dof.closed_loop.turning_springs import TurningSpring
+from p3dof.threads import Own
 
 MOMENTS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 """Inertial parameters of a body, about the origin of its joint and in its axes, in Pinocchio's order."""
@@ -77,7 +78,7 @@ class TreeRegressor:
     """
 
     def __init__(self, model: pin.Model, joint_data: Sequence[JointData]) -> None:
-        self._model, self._data = model, model.createData()
+        self._model, self._data = model, Own(model.createData)
         given = {entry.joint: entry for entry in joint_data}
         each = [
             given.get(str(model.names[i]), JointData(str(model.names[i]))) for i in range(1, model.njoints)
@@ -113,7 +114,7 @@ class TreeRegressor:
     def rows(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """Return the matrix (nv, P) from the parameters to the generalised forces that the motion takes."""
         nv, count = len(v), len(self._rest)
-        bodies = np.array(pin.computeJointTorqueRegressor(self._model, self._data, q, v, a))
+        bodies = np.array(pin.computeJointTorqueRegressor(self._model, self._data.here, q, v, a))
         values = q[self._single_q] - self._rest
         if self._circles.any():
             at = self._single_q[self._circles]

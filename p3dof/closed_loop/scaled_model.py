@@ -18,6 +18,7 @@ from p3dof.closed_loop.sidecar import Sidecar
 from p3dof.closed_loop.targets import FrameTarget
 from p3dof.closed_loop.units import Units
 from p3dof.errors import AssemblyError, DynamicsError, InputError, P3dofError
+from p3dof.threads import Workspace
 
 
 class Core(Protocol):
@@ -52,7 +53,7 @@ EvidenceT = TypeVar("EvidenceT", bound=ClosureForces)
 CoreT_co = TypeVar("CoreT_co", bound=Core, covariant=True)
 
 
-class ScaledModel(Generic[CoreT_co]):
+class ScaledModel(Workspace, Generic[CoreT_co]):
     """The methods of `LoopModel` for a model whose unit of length is not the metre.
 
     Parameters
@@ -61,15 +62,29 @@ class ScaledModel(Generic[CoreT_co]):
         Its units.
     model : pin.Model
         The model in metres.
+    sidecar : Sidecar
+        Its closures.
+    build : callable
+        Makes a `LoopModel` of a tree and its sidecar.
+
+    Attributes
+    ----------
     core : LoopModel
         The model in these units.
     """
 
-    def __init__(self, units: Units, model: pin.Model, core: CoreT_co) -> None:
-        self.units, self.core = units, core
+    def __init__(
+        self,
+        units: Units,
+        model: pin.Model,
+        sidecar: Sidecar,
+        build: Callable[[pin.Model, Sidecar], CoreT_co],
+    ) -> None:
+        self.units = units
+        self.core = build(units.scaled(model), units.sidecar(model, sidecar))
         self._model = model
         self._u = units.length
-        self._actuated = units.v[core.actuated_v]
+        self._actuated = units.v[self.core.actuated_v]
 
     def q(self, q: FloatArray) -> FloatArray:
         """Return configurations (..., nq) in these units."""
@@ -242,7 +257,7 @@ def scaled(
     units = Units(model, sidecar)
     if units.length == 1.0:
         return None
-    return ScaledModel(units, model, build(units.scaled(model), units.sidecar(model, sidecar)))
+    return ScaledModel(units, model, sidecar, build)
 
 
 def _read_only(array: FloatArray) -> FloatArray:

@@ -12,9 +12,10 @@ from p3dof.closed_loop.closure_kinds import lengths_of
 from p3dof.closed_loop.independent import Independent, coordinate_names
 from p3dof.closed_loop.loop_model import LoopModel
 from p3dof.closed_loop.tree_tangents import Tree
+from p3dof.threads import Workspace
 
 
-class Setting:
+class Setting(Workspace):
     """A robot in its own unit of length.
 
     Parameters

@@ -13,6 +13,7 @@ from p3dof.closed_loop.linear import Decomposition
 from p3dof.closed_loop.partitions import Memory, Split
 from p3dof.closed_loop.targets import Target
 from p3dof.errors import AssemblyError
+from p3dof.threads import Workspace
 
 _FOLLOWS = 1e-9
 """Share of a target's row in one of a closure from which on that follows from the target, too."""
@@ -20,7 +21,7 @@ _FEASIBLE = 1e-9
 """Largest relative error of the velocity and acceleration that are asked for."""
 
 
-class TargetMotions:
+class TargetMotions(Workspace):
     """Completes the motions of one model.
 
     Parameters

@@ -7,10 +7,11 @@ import pinocchio as pin
 
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.closures import ClosurePoint, LoopKinematics, max_abs
+from p3dof.threads import Workspace
 
 
-class Terms:
-    """Terms of the equation of motion of one model; it owns a workspace.
+class Terms(Workspace):
+    """Terms of the equation of motion of one model.
 
     Parameters
     ----------

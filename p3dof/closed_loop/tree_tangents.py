@@ -24,10 +24,11 @@ from numpy.typing import NDArray
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.rotations import cross, skew
 from p3dof.closed_loop.simple_joints import simple_tree
+from p3dof.threads import Workspace
 
 
-class Tree:
-    """Which joints carry which; and a workspace.
+class Tree(Workspace):
+    """Which joints carry which.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ from p3dof.compiled.reduced.friction import friction_numbers
 from p3dof.errors import InputError
 from p3dof.motion.wrenches import WRENCH_ROWS
 from p3dof.parameters import Parameters
-from p3dof.threads import in_threads, shares, slices, thread_count
+from p3dof.threads import OneThread, in_threads, shares, slices, thread_count
 from p3dof.tracing.python import function_of, or_nan
 
 NUMPY = "numpy"
@@ -228,8 +228,8 @@ class MachineKernels:
 class BoundInverseDynamics:
     """Inverse dynamics of one sample in buffers of its own: write the state, run, read the forces.
 
-    The buffers stay the same arrays for good; write into them with ``loop.state[:] = ...``. Not for several
-    threads at once.
+    The buffers stay the same arrays for good; write into them with ``loop.state[:] = ...``. It belongs to the
+    thread that runs it first.
 
     Parameters
     ----------
@@ -239,12 +239,13 @@ class BoundInverseDynamics:
     Attributes
     ----------
     call : callable
-        What `run` calls: without its protection, and half as long. It returns False for a bad state and
-        leaves whatever came out in `forces`.
+        What `run` calls: without its protection, also against other threads, and half as long. It returns
+        False for a bad state and leaves whatever came out in `forces`.
     """
 
     def __init__(self, kernels: MachineKernels) -> None:
         self._state, self._wrench, self._forces = np.zeros((3, 3)), np.zeros(6), np.zeros(3)
+        self._mine = OneThread("the buffers of this inverse dynamics, bind one in each thread")
         columns = [*self._state.reshape(9, 1), *(self._wrench[row : row + 1] for row in WRENCH_ROWS)]
         results = [*self._forces.reshape(3, 1), None]
         kind = "with_friction" if kernels.parameters.friction else "loaded"
@@ -280,7 +281,13 @@ class BoundInverseDynamics:
             Whether the state is finite, reachable and not singular, with a margin: in the last 1e-12 of the
             reach, within 2e-6 rad of det J = 0 or beyond 1e5 rad, `Manipulator.forces` may still have an
             answer.
+
+        Raises
+        ------
+        InputError
+            If another thread uses it.
         """
+        self._mine.check()
         if self.call():
             return True
         self._forces.fill(np.nan)
@@ -301,8 +308,9 @@ class BoundInverseDynamics:
         Raises
         ------
         InputError
-            If the shape does not fit.
+            If the shape does not fit, or another thread uses it.
         """
+        self._mine.check()
         given = as_floats("state", state)
         if given.shape != (3, 3):
             raise InputError(f"state: expected shape (3, 3), got {given.shape}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from abc import ABC, abstractmethod
 from importlib.metadata import version
 from typing import ClassVar
@@ -53,6 +54,7 @@ class Engine(ABC):
     def __init__(self, parameters: Parameters = PAPER) -> None:
         check_machine(parameters)
         self._library = library(self.module, self.name)
+        self._working = threading.Lock()  # there is one set of buffers
         self._parameters = parameters
         self._mechanism = self._described()
         self._slides = np.array([joint.kind == "prismatic" for joint in self._mechanism.moving])
@@ -119,7 +121,8 @@ class Engine(ABC):
         )
         forces = np.empty((len(motion), FREEDOMS))
         for k in range(len(motion)):
-            sample = self._sample(q[k], v[k], a[k], loads[k])
+            with self._working:
+                sample = self._sample(q[k], v[k], a[k], loads[k])
             self._check(k, sample, motion, v[k], a[k])
             forces[k] = self._projected(sample)
             if progress is not None:

@@ -89,8 +89,8 @@ class Manipulator:
     """The 3-DOF spatial parallel manipulator: parameters, model, kinematics and dynamics.
 
     Poses are (y [m], z [m], θ [rad]), zero at home; sliders and forces are ordered A, B, C, positive along
-    +z0. Arrays may have any leading batch dimensions, which broadcast. Pinocchio works in buffers: give each
-    thread its own manipulator.
+    +z0. Arrays may have any leading batch dimensions, which broadcast. Any number of threads may use an
+    instance at once.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ class Manipulator:
 
     @property
     def loop(self) -> ClosedLoopModel:
-        """The mechanism as a general closed-loop model on Pinocchio; not for several threads at once."""
+        """The mechanism as a general closed-loop model on Pinocchio."""
         return self._model.loop
 
     @property

@@ -24,6 +24,7 @@ from p3dof.methods.solution import JointStates, Solution
 from p3dof.motion.states import States
 from p3dof.outputs import written
 from p3dof.parameters import PLATFORM, Parameters
+from p3dof.threads import Own
 
 MASK = (False, True, True, False, True, False)
 """What a pose prescribes of the platform's placement: y, z and the rotation about y0."""
@@ -31,8 +32,6 @@ MASK = (False, True, True, False, True, False)
 
 class PinocchioMethod:
     """Forces and equations of motion by Pinocchio; doors as `DynamicsMethod` has them.
-
-    It works in buffers of its own and of the model: it is not for several threads at once.
 
     Parameters
     ----------
@@ -48,7 +47,7 @@ class PinocchioMethod:
         self._loop, self._depth = loop, parameters.geometry.h
         self._acting = JointForces(loop, parameters)
         self._gate = Gate(loop)
-        self._data = loop.model.createData()
+        self._data = Own(loop.model.createData)
         self._frame = loop.model.getFrameId(PLATFORM)
 
     def forces(self, states: States, out: FloatArray | None = None) -> FloatArray:
@@ -128,7 +127,7 @@ class PinocchioMethod:
         It is Gᵀ M G: M of the tree, by CRBA, G the influence matrix of the closed loops.
         """
         q, G = self._assembled(states)
-        model, data, nv = self._loop.model, self._data, self._loop.model.nv
+        model, data, nv = self._loop.model, self._data.here, self._loop.model.nv
         M = np.full((len(q), nv, nv), np.nan)
         for i in np.flatnonzero(np.isfinite(q).all(axis=1)).tolist():
             M[i] = np.triu(pin.crba(model, data, q[i]))
@@ -163,7 +162,7 @@ class PinocchioMethod:
 
     def _platform_acceleration(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """Return ÿ, z̈ and θ̈ of a motion of all joints."""
-        model, data = self._loop.model, self._data
+        model, data = self._loop.model, self._data.here
         pin.forwardKinematics(model, data, q, v, a)
         pin.updateFramePlacement(model, data, self._frame)
         moving = pin.getFrameClassicalAcceleration(model, data, self._frame, pin.LOCAL_WORLD_ALIGNED)

@@ -16,6 +16,7 @@ from p3dof.closed_loop.batch.kinematics import Sweep
 from p3dof.methods.coulomb import CoulombLimits
 from p3dof.methods.solution import JointStates
 from p3dof.parameters import PLATFORM, Friction
+from p3dof.threads import Own
 
 _UNIVERSALS = ("universal_a", "universal_b")
 _UNIVERSAL = np.eye(3)[:2]
@@ -116,7 +117,7 @@ class FrictionForces:
         """Keep in mind at which cuts there is friction."""
         self._cuts = cuts
         self._frames = {frame: self._model.getFrameId(frame) for name in self._cuts for frame in CUTS[name]}
-        self._data = self._model.createData() if self._cuts else None
+        self._data = Own(self._model.createData)
         self._nothing = Resistance(np.zeros(self._model.nv), {}, 0.0)
 
     def at(self, q: FloatArray, v: FloatArray) -> Resistance:
@@ -134,14 +135,15 @@ class FrictionForces:
         if self._frictionless:
             return self._nothing
         turning: dict[str, tuple[FloatArray, FloatArray]] = {}
+        data = self._data.here
         if self._cuts:
-            pin.forwardKinematics(self._model, self._data, q, v)
+            pin.forwardKinematics(self._model, data, q, v)
         for name in self._cuts:
             one, other = (self._frames[frame] for frame in CUTS[name])
             axes = _UNIVERSAL
             if name not in _UNIVERSALS:
-                axes = pin.updateFramePlacement(self._model, self._data, one).rotation[None, :, 1]
-            turning[name] = self._spin(other) - self._spin(one), axes
+                axes = pin.updateFramePlacement(self._model, data, one).rotation[None, :, 1]
+            turning[name] = self._spin(data, other) - self._spin(data, one), axes
         return self._resistance(v, turning)
 
     def over(self, q: FloatArray, v: FloatArray) -> Resistance:
@@ -185,8 +187,8 @@ class FrictionForces:
             external[one], external[other] = -wrench, wrench
         return Resistance(forces, external, power)
 
-    def _spin(self, frame: int) -> FloatArray:
-        found = pin.getFrameVelocity(self._model, self._data, frame, pin.LOCAL_WORLD_ALIGNED).angular
+    def _spin(self, data: pin.Data, frame: int) -> FloatArray:
+        found = pin.getFrameVelocity(self._model, data, frame, pin.LOCAL_WORLD_ALIGNED).angular
         return np.array(found)
 
 

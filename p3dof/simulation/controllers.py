@@ -25,6 +25,7 @@ from p3dof.parameters import Parameters
 from p3dof.simulation.control import Measurement
 from p3dof.simulation.equations import Equations
 from p3dof.simulation.reference import Reference
+from p3dof.threads import OneThread
 
 _HOME = np.zeros(3)
 
@@ -128,6 +129,7 @@ class PD:
         moving = self.model.bodies.mass + float(self.model.actuators.inertia.sum())
         self.huge = _HUGE * moving * gravity
         self._integral = np.zeros(3)
+        self._mine = OneThread("the integral of this controller, give each run its own")
 
     @property
     def motion(self) -> Motion:
@@ -135,7 +137,8 @@ class PD:
         return self.reference.motion
 
     def reset(self) -> None:
-        """Forget the integral of the error."""
+        """Forget the integral of the error; from now on it is that of this thread's run."""
+        self._mine.give()
         self._integral = np.zeros(3)
 
     def __call__(self, measured: Measurement) -> FloatArray:
@@ -161,6 +164,7 @@ class PD:
             return self._integral
         if not measured.period:
             raise InputError("integral_time: an integral needs a control rate, this run is continuous")
+        self._mine.check()
         self._integral = self._integral + np.where(frozen, 0.0, error * measured.period / self.integral_time)
         return self._integral
 

@@ -7,6 +7,7 @@ dynamics: forces for accelerations of the actuated joints, while idle freedoms m
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ from p3dof.errors import InputError
 from p3dof.simulation.compiled_robots import CompiledStates
 from p3dof.simulation.crossings import CHECKED
 from p3dof.simulation.joint_reference import JointReference, reference_of
+from p3dof.threads import Own
 
 _SEEN = 1e-9
 """Share of the largest motion of a motor below which one follows from the others."""
@@ -91,11 +93,11 @@ class JointPD:
         count = len(loop.actuated)
         self.kp, self.kd = _gains("kp", kp, count), _gains("kd", kd, count)
         self.gravity = bool(gravity)
-        self._states: CompiledStates | None = None
+        self._states: Own[CompiledStates] | None = None
         if compiled is not None:
             require_fit(loop, compiled, name="compiled")
             if compiled.hybrid:
-                self._states = CompiledStates(compiled, "hybrid_dynamics")
+                self._states = Own(partial(CompiledStates, compiled, "hybrid_dynamics"))
         joints = [loop.model.getJointId(name) for name in loop.actuated]
         self._circles = np.array([loop.model.nqs[joint] == 2 for joint in joints], dtype=bool)
         self._chosen: list[int] | None = None
@@ -128,7 +130,7 @@ class JointPD:
         the forces are the least ones then.
         """
         if self._states is not None:
-            found = self._states(q, v, acceleration, np.zeros(0), "tau")
+            found = self._states.here(q, v, acceleration, np.zeros(0), "tau")
             if found is not None:
                 return found
         if self._chosen is None:

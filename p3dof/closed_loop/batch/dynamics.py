@@ -41,6 +41,7 @@ from p3dof.closed_loop.loop_model import LoopModel
 from p3dof.closed_loop.results import ActuatedForces
 from p3dof.closed_loop.rotations import cross
 from p3dof.errors import InputError, P3dofError
+from p3dof.threads import Workspace
 
 WELL = 1e6
 """Largest condition number of a square system in a batch."""
@@ -67,8 +68,8 @@ class _Choice:
     free: IndexArray
 
 
-class BatchDynamics:
-    """Inverse dynamics of one model at many samples; it owns workspaces.
+class BatchDynamics(Workspace):
+    """Inverse dynamics of one model at many samples.
 
     Parameters
     ----------

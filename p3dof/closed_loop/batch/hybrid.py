@@ -49,6 +49,7 @@ from p3dof.closed_loop.coordinates import rounding
 from p3dof.closed_loop.linear import RANK_TOLERANCE, Decomposition
 from p3dof.closed_loop.loop_model import LoopModel
 from p3dof.errors import InputError
+from p3dof.threads import Workspace
 
 _SEEN = 1e-5
 """Least conditioning of the prescribed accelerations in a batch."""
@@ -85,8 +86,8 @@ class _Motions:
     G: FloatArray
 
 
-class BatchHybrid:
-    """Hybrid dynamics of one model at many samples; it owns workspaces.
+class BatchHybrid(Workspace):
+    """Hybrid dynamics of one model at many samples.
 
     Parameters
     ----------

@@ -17,6 +17,7 @@ from p3dof.checks import FloatArray
 from p3dof.closed_loop.batch.linear import apply
 from p3dof.closed_loop.rotations import cross
 from p3dof.errors import ModelError
+from p3dof.threads import Workspace
 
 _LAYOUT = 12
 """Numbers in a `pin.SE3`: the rotation by columns, then the translation."""
@@ -47,11 +48,10 @@ class Samples:
     p: FloatArray
 
 
-class Sweep:
+class Sweep(Workspace):
     """Takes Pinocchio through many configurations.
 
-    One call of Pinocchio a sample, and its results are copied straight from the memory of `pin.Data`. Not
-    thread-safe.
+    One call of Pinocchio a sample, and its results are copied straight from the memory of `pin.Data`.
 
     Parameters
     ----------

@@ -70,7 +70,7 @@ class BatchStates:
 
 
 class BatchAssembler:
-    """Assembles one model at many samples; it owns workspaces.
+    """Assembles one model at many samples.
 
     Parameters
     ----------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
@@ -68,6 +69,7 @@ class CompiledFunctions:
         """Frames on which external wrenches act."""
         self.kept: dict[object, object] = {}
         """What others make of it and keep, by keys of their own."""
+        self._making = threading.RLock()  # once, whoever asks meanwhile
         self._functions: dict[str, Function] = {}
         self._kernels: dict[str, Kernel] = {}
         self._defaults = self._robot.defaults
@@ -245,18 +247,20 @@ class CompiledFunctions:
         """
         if name not in tuple(FUNCTIONS):
             raise InputError(f"name: expected one of {', '.join(FUNCTIONS)}, got {shown(name)}")
-        if name not in self._functions:
-            self._functions[name] = FUNCTIONS[name](self._robot)
-        return self._functions[name]
+        with self._making:
+            if name not in self._functions:
+                self._functions[name] = FUNCTIONS[name](self._robot)
+            return self._functions[name]
 
     def _kernel(self, name: str) -> Kernel:
-        if name not in self._kernels:
-            function = self.function(name)
-            library = None
-            if self.level != "numpy":
-                (library,) = build.libraries([lanes_source([function])], self.level)
-            self._kernels[name] = Kernel(function, library)
-        return self._kernels[name]
+        with self._making:
+            if name not in self._kernels:
+                function = self.function(name)
+                library = None
+                if self.level != "numpy":
+                    (library,) = build.libraries([lanes_source([function])], self.level)
+                self._kernels[name] = Kernel(function, library)
+            return self._kernels[name]
 
     def _run(self, name: str, inputs: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
         return self._kernel(name)(len(inputs["q"]), inputs, self._threads)

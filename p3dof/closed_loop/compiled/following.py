@@ -113,11 +113,12 @@ class FollowingLoop(CompiledFunctions):
             )
         if self.level == "numpy":
             raise ModelError("following a motion needs a C compiler; complete_batch does it without one")
-        if self._sweep is None:
-            functions = [self.function(name) for name in _SWEEP]
-            (library,) = build.libraries([sweep_source(self._robot, functions)], self.level)
-            self._sweep = Sweep(functions[-1], library)
-        return self._sweep
+        with self._making:
+            if self._sweep is None:
+                functions = [self.function(name) for name in _SWEEP]
+                (library,) = build.libraries([sweep_source(self._robot, functions)], self.level)
+                self._sweep = Sweep(functions[-1], library)
+            return self._sweep
 
     def _doubt_jumps(
         self,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.compiled.function import Function
-from p3dof.threads import in_threads, shares, slices
+from p3dof.threads import OneThread, in_threads, shares, slices
 
 SHARE = 8_192
 """Samples that are worth a thread of their own."""
@@ -97,7 +97,8 @@ class Kernel:
 class BoundFunction:
     """A compiled function of one sample that reads and writes arrays of its own.
 
-    Fill `inputs`, call `run`, read `outputs`. Nothing is checked: look at the ``margin`` and the ``gap``.
+    Fill `inputs`, call `run`, read `outputs`. Nothing is checked: look at the ``margin`` and the ``gap``. It
+    belongs to the thread that runs it first.
 
     Parameters
     ----------
@@ -113,19 +114,27 @@ class BoundFunction:
         """Arrays by name; enter the sample here."""
         self.outputs = _views(self._out, function.outputs)
         """Arrays by name; `run` fills them."""
+        self.run: Callable[[], None]
+        """Compute one sample; `InputError` in another thread than before."""
+        mine = OneThread(f"the arrays of this {function.name}, bind one in each thread").check
         if path is None:
-            self.run = partial(_run_by_numpy, function, self._in, self._out)
+            self.run = partial(_run_by_numpy, mine, function, self._in, self._out)
             return
         call = getattr(ctypes.PyDLL(path), f"{function.name}_bound")  # so short that other threads may wait
         call.argtypes, call.restype = [ctypes.c_void_p], None
         self._pointers = pointers([self._in.ctypes.data, self._out.ctypes.data])
-        self.run = partial(call, ctypes.addressof(self._pointers))
-        """Compute one sample."""
+        self.run = partial(_run_in_c, mine, call, ctypes.addressof(self._pointers))
         # Who keeps the call alone keeps what it reads and writes.
         vars(self.run)["kept"] = self._pointers, self._in, self._out
 
 
-def _run_by_numpy(function: Function, given: FloatArray, found: FloatArray) -> None:
+def _run_in_c(mine: Callable[[], None], call: Any, place: int) -> None:
+    mine()
+    call(place)
+
+
+def _run_by_numpy(mine: Callable[[], None], function: Function, given: FloatArray, found: FloatArray) -> None:
+    mine()
     with np.errstate(all="ignore"):
         found[: len(function.results)] = function.on_arrays(*given)
 
