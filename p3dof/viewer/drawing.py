@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from typing import Any
 
 import numpy as np
@@ -51,7 +52,8 @@ class Drawing:
         self.model = robot.model
         self.visual_model = robot.visual_model
         self.window = SceneWindow() if window is None else window
-        self.visualizer = _visualizer(robot, self.window)
+        self._drawing = threading.RLock()  # one picture after the other, whichever threads draw
+        self.visualizer = _visualizer(robot, self.window, self._drawing)
         self._viewer = self.visualizer.viewer
 
     def place(self, q: ArrayLike) -> FloatArray:
@@ -96,17 +98,18 @@ class Drawing:
             raise InputError(f"points: expected shape (N, 3), got {path.shape}")
         steps = np.stack((path[:-1], path[1:]), axis=1)  # (N-1, 2, 3)
         steps = steps[np.isfinite(steps).all(axis=(1, 2))]
-        self._viewer["trace"].delete()
-        if len(steps):
-            line = mg.PointsGeometry(steps.reshape(-1, 3).T.astype(np.float32))
-            ink = mg.LineBasicMaterial(color=TRACE, depthTest=False)  # seen through the platform
-            self._viewer["trace"].set_object(mg.LineSegments(line, ink))
+        line = mg.PointsGeometry(steps.reshape(-1, 3).T.astype(np.float32))
+        ink = mg.LineBasicMaterial(color=TRACE, depthTest=False)  # seen through the platform
+        with self._drawing:
+            self._viewer["trace"].delete()
+            if len(steps):
+                self._viewer["trace"].set_object(mg.LineSegments(line, ink))
 
     def _solid(self, name: str) -> Any:
         return self._viewer[f"{ROOT}/visuals/{name}"]
 
 
-def _visualizer(robot: Drawable, window: SceneWindow) -> Any:
+def _visualizer(robot: Drawable, window: SceneWindow, drawing: threading.RLock) -> Any:
     """Return Pinocchio's visualizer with the robot loaded into a window."""
     try:
         import meshcat
@@ -115,6 +118,13 @@ def _visualizer(robot: Drawable, window: SceneWindow) -> Any:
     from pinocchio.visualize import MeshcatVisualizer
 
     visualizer = MeshcatVisualizer(robot.model, None, robot.visual_model)
+    draw = visualizer.display
+
+    def display(q: FloatArray | None = None) -> None:
+        with drawing:
+            draw(q)
+
+    visualizer.display = display
     visualizer.initViewer(viewer=meshcat.Visualizer(window=window))
     visualizer.loadViewerModel(ROOT)
     return visualizer

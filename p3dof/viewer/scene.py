@@ -94,9 +94,10 @@ class Scene(Drawing):
             If a shape does not fit, or a joint is not finite.
         """
         newtons = None if forces is None else three_forces(forces)
-        joints = self.place(q)
-        self._viewer["platform"].set_transform(self._frame("platform_center"))
-        self._arrows.show(joints[self._columns], newtons)
+        with self._drawing:
+            joints = self.place(q)
+            self._viewer["platform"].set_transform(self._frame("platform_center"))
+            self._arrows.show(joints[self._columns], newtons)
 
     def set_scale(self, scale: ArrowScale) -> None:
         """Draw the arrows in another scale from the next `display` on; the camera stays where it is.
@@ -106,7 +107,8 @@ class Scene(Drawing):
         scale : ArrowScale
             The scale.
         """
-        self._arrows.set_scale(scale)
+        with self._drawing:
+            self._arrows.set_scale(scale)
 
     def mark_leg(self, leg: str | None) -> None:
         """Turn a leg red, and the others back to their colours.
