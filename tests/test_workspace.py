@@ -78,7 +78,7 @@ def test_other_limits_give_the_references():
     assert turned.area_y_theta == pytest.approx(1.02885, abs=2e-5)
     assert turned.volume == pytest.approx(0.27094, abs=6e-6)
     assert narrow.volume == pytest.approx(0.062470, abs=6e-7)
-    box = narrow.largest_box()
+    box = narrow.largest_symmetric_box()
     assert (box.y[1], box.theta[1], box.height) == pytest.approx((0.12585, 0.55131, 0.072824), rel=1e-4)
 
 
@@ -266,7 +266,7 @@ def test_what_cannot_be_is_refused_in_one_line():
             made(p3dof.PAPER)
     with pytest.raises(p3dof.InputError, match=r"limits: expected Limits, got 3"):
         ROBOT.workspace(3)
-    with pytest.raises(p3dof.InputError, match=r"tilt: expected from 0 to 0.785398 rad"):
+    with pytest.raises(p3dof.InputError, match=r"tilt: expected within the limits, -0.785398 to 0.785398"):
         SPACE.largest_box(1.0)
     with pytest.raises(p3dof.InputError, match=r"pose: expected shape"):
         SPACE.margin([0, 0])

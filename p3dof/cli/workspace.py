@@ -86,7 +86,7 @@ def workspace(
     as_json: bool,
     **limits: Any,
 ) -> int:
-    """Say where the machine can work within stroke, tilt and margins: volume, areas, the largest box.
+    """Say where the machine can work within stroke, tilt and margins: volume, areas, largest boxes.
 
     Limits are the machine's own where none are given. Nothing is counted on a grid: sizes come from closed
     forms. Exit code 1 when the motion leaves the workspace.

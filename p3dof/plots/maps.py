@@ -52,7 +52,7 @@ def map_figure(
     motion : Motion, optional
         Whose path to draw.
     box : bool
-        Draw the largest box too.
+        Draw the largest box of all too.
     count : int
         Points of the map in each direction.
     **options

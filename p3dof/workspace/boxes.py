@@ -6,11 +6,32 @@ det J, and falls with |y|; ℓA and ℓB depend on y alone and have one maximum 
 
 from __future__ import annotations
 
+from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from p3dof.workspace.closed_forms import Sizes, inclination, larger, signed_root, smaller
+
+
+class BoxPieces(NamedTuple):
+    """What a box of poses depends on, each of it smooth where no end of the box passes 0.
+
+    Parameters
+    ----------
+    highest, lowest : tuple of float or ndarray
+        Largest and least S + r sinθ of legs over the box [m]: of A, B and C the largest; of A, of B and of C
+        two each, of which the lesser one counts.
+    serial : tuple of float or ndarray
+        S/L of the legs at the ends of the box.
+    actuation : tuple of float or ndarray
+        Angles from det J = 0 [rad].
+    """
+
+    highest: tuple[Any, ...]
+    lowest: tuple[Any, ...]
+    serial: tuple[Any, ...]
+    actuation: tuple[Any, ...]
 
 
 class BoxMargins(NamedTuple):
@@ -57,19 +78,30 @@ def box_margins(sizes: Sizes, y: tuple[Any, Any], theta: tuple[Any, Any], travel
     -------
     BoxMargins
     """
+    highest, lowest, serial, actuation = box_pieces(sizes, y, theta)
+    h = signed_root((sizes.L - sizes.width) * (sizes.L + sizes.width))
+    top, low = reduce(larger, highest), reduce(smaller, lowest)
+    return BoxMargins(
+        travel - (top - low), reduce(smaller, serial), reduce(smaller, actuation), low - h, top - h
+    )
+
+
+def box_pieces(sizes: Sizes, y: tuple[Any, Any], theta: tuple[Any, Any]) -> BoxPieces:
+    """Return what the margins of boxes are the least of; arguments as of `box_margins`."""
     r, L = sizes.r, sizes.L
-    near, far = _near_and_far(y)
-    tilted = larger(abs_of(theta[0]), abs_of(theta[1]))
-    top_a, low_a = _drops(sizes, (sizes.width + y[0], sizes.width + y[1]))
-    top_b, low_b = _drops(sizes, (sizes.width - y[1], sizes.width - y[0]))
-    top_c = _drop_c(sizes, near, theta[1]) + r * np.sin(theta[1])
-    low_c = _drop_c(sizes, far, theta[0]) + r * np.sin(theta[0])
-    highest = larger(larger(top_a, top_b), top_c)
-    lowest = smaller(smaller(low_a, low_b), low_c)
-    serial = smaller(smaller(low_a, low_b), _drop_c(sizes, far, tilted)) / L
-    h = signed_root((L - sizes.width) * (L + sizes.width))
-    actuation = _actuation(sizes, near, far, theta)
-    return BoxMargins(travel - (highest - lowest), serial, actuation, lowest - h, highest - h)
+    near = abs_of(_within(y, 0.0))
+    tops = [
+        _drop(L, abs_of(_within((sizes.width + a, sizes.width + b), 0.0))) for a, b in (y, (-y[1], -y[0]))
+    ]
+    ends = [_drop(L, sizes.width + side * end) for side in (1, -1) for end in y]
+    corners = [(end, turned) for end in y for turned in theta]
+    low_c = [_drop_c(sizes, end, theta[0]) + r * np.sin(theta[0]) for end in y]
+    return BoxPieces(
+        (*tops, _drop_c(sizes, near, theta[1]) + r * np.sin(theta[1])),
+        (*ends, *low_c),
+        tuple(drop / L for drop in (*ends, *(_drop_c(sizes, *corner) for corner in corners))),
+        (*(np.pi / 2 - _lean(sizes, *corner) for corner in corners), *_below(sizes, near, theta)),
+    )
 
 
 def abs_of(value: Any) -> Any:
@@ -82,16 +114,8 @@ def _within(y: tuple[Any, Any], place: Any) -> Any:
     return smaller(larger(place, y[0]), y[1])
 
 
-def _near_and_far(y: tuple[Any, Any]) -> tuple[Any, Any]:
-    """Return least and largest |y| of a range."""
-    return abs_of(_within(y, 0.0)), larger(abs_of(y[0]), abs_of(y[1]))
-
-
-def _drops(sizes: Sizes, extent: tuple[Any, Any]) -> tuple[Any, Any]:
-    """Return largest and least drop of leg A or B over a range of its extent."""
-    near, far = _near_and_far(extent)
-    L = sizes.L
-    return signed_root((L - near) * (L + near)), signed_root((L - far) * (L + far))
+def _drop(L: Any, extent: Any) -> Any:
+    return signed_root((L - extent) * (L + extent))
 
 
 def _drop_c(sizes: Sizes, y: Any, theta: Any) -> Any:
@@ -103,19 +127,18 @@ def _lean(sizes: Sizes, y: Any, theta: Any) -> Any:
     return theta + inclination(sizes.R - sizes.r * np.cos(theta), _drop_c(sizes, y, theta))
 
 
-def _actuation(sizes: Sizes, near: Any, far: Any, theta: tuple[Any, Any]) -> Any:
-    """Return the least angle from det J = 0.
+def _below(sizes: Sizes, near: Any, theta: tuple[Any, Any]) -> tuple[Any, Any, Any]:
+    """Return the angles from det J = 0 on the side of negative θ + β.
 
     Over y, θ + β grows with |y|. Over θ it has one minimum, where slider C is as high as P: there
     S_C = -r sinθ, cosθ = (R² + r² - u²) / (2 R r).
     """
     r, R, L = sizes
     low, high = theta
-    most = larger(_lean(sizes, far, low), _lean(sizes, far, high))
-    least = smaller(_lean(sizes, near, low), _lean(sizes, near, high))
+    first, last = _lean(sizes, near, low), _lean(sizes, near, high)
     cosine = (R * R + r * r - (L - near) * (L + near)) / (2 * R * r)
     exists = np.abs(np.real(cosine)) < 1
     lowest = -np.arccos(np.where(exists, cosine, 0.0))
     inside = exists & (np.real(lowest) > np.real(low)) & (np.real(lowest) < np.real(high))
-    least = smaller(least, np.where(inside, _lean(sizes, near, lowest), least))
-    return np.pi / 2 - larger(most, -least)
+    least = np.where(inside, _lean(sizes, near, lowest), first)
+    return np.pi / 2 + first, np.pi / 2 + last, np.pi / 2 + least

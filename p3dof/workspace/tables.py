@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from p3dof.errors import InputError
-from p3dof.tables import NONE, Table, html_of, notebook_html, table_of
+from p3dof.tables import NONE, Cell, Table, html_of, notebook_html, table_of
+from p3dof.workspace.largest import Box
 from p3dof.workspace.loci import loci
 from p3dof.workspace.workspace import Workspace
 
@@ -40,7 +42,7 @@ def workspace_table(space: Workspace) -> Table:
 
 
 def box_table(space: Workspace) -> Table:
-    """Return the largest box of poses in a workspace, all of which can be taken at once.
+    """Return the largest boxes of poses in a workspace, all of which can be taken at once.
 
     Parameters
     ----------
@@ -50,21 +52,41 @@ def box_table(space: Workspace) -> Table:
     Returns
     -------
     Table
+        Of all boxes, and of those that are symmetric about y = 0 and θ = 0.
     """
-    header = ("largest box", "from", "to", "unit")
-    try:
-        box = space.largest_box()
-    except InputError:
-        return table_of(
-            "Largest box", header, {"y": (NONE, NONE, "mm")}, "There is none around y = 0, θ = 0."
-        )
+    boxes = _boxes(space)
+    spans = {name: _spans(box) for name, box in boxes.items()}
     rows = {
-        "y": (1e3 * box.y[0], 1e3 * box.y[1], "mm"),
-        "z": (1e3 * box.z[0], 1e3 * box.z[1], "mm"),
-        "θ": (math.degrees(box.theta[0]), math.degrees(box.theta[1]), "deg"),
+        what: (*spans["largest"][k], *spans["symmetric"][k], unit)
+        for k, (what, unit) in enumerate((("y", "mm"), ("z", "mm"), ("θ", "deg")))
     }
-    note = f"{box.volume:.6g} m² rad; z need not follow y and θ in it."
-    return table_of("Largest box", header, rows, note, decimals=2)
+    sizes = {name: "none" if box is None else f"{box.volume:.6g} m² rad" for name, box in boxes.items()}
+    note = (
+        f"Of all boxes: {sizes['largest']}; of those with |y| ≤ Y, |θ| ≤ Θ: {sizes['symmetric']}. "
+        "z need not follow y and θ in them."
+    )
+    header = ("largest box", "from", "to", "symmetric: from", "symmetric: to", "unit")
+    return table_of("Largest boxes", header, rows, note, decimals=2)
+
+
+def _spans(box: Box | None) -> Sequence[tuple[Cell, Cell]]:
+    """Return the ends of a box in y and z [mm] and θ [deg]."""
+    if box is None:
+        return 3 * [(NONE, NONE)]
+    found = ((1e3, box.y), (1e3, box.z), (math.degrees(1), box.theta))
+    return [(factor * low, factor * high) for factor, (low, high) in found]
+
+
+def _boxes(space: Workspace) -> dict[str, Box | None]:
+    """Return the largest boxes by their names; None where there is none."""
+    return {"largest": _found(space.largest_box), "symmetric": _found(space.largest_symmetric_box)}
+
+
+def _found(search: Callable[[], Box]) -> Box | None:
+    try:
+        return search()
+    except InputError:
+        return None
 
 
 def plain_workspace(space: Workspace) -> dict[str, Any]:
@@ -79,11 +101,10 @@ def plain_workspace(space: Workspace) -> dict[str, Any]:
     -------
     dict
     """
-    try:
-        box = space.largest_box()
-        largest: Any = {"y": box.y, "z": box.z, "theta": box.theta, "volume": box.volume}
-    except InputError:
-        largest = None
+    boxes = {
+        name: box and {"y": box.y, "z": box.z, "theta": box.theta, "volume": box.volume}
+        for name, box in _boxes(space).items()
+    }
     limits = space.limits
     aspects = space.aspects
     return {
@@ -102,7 +123,8 @@ def plain_workspace(space: Workspace) -> dict[str, Any]:
         "dexterous": space.dexterous(),
         "reachable": space.reachable,
         "aspects": {"home": aspects.home, "above": aspects.above, "below": aspects.below},
-        "largest_box": largest,
+        "largest_box": boxes["largest"],
+        "largest_symmetric_box": boxes["symmetric"],
         "loci": {
             name: [row for row in curve.tolist() if np.isfinite(row).all()]
             for name, curve in loci(space.sizes, _POINTS).items()

@@ -165,10 +165,31 @@ class Workspace(ShownInNotebook):
         """
         return loci(self.sizes)
 
-    def largest_box(self, tilt: float | None = None) -> Box:
-        """Return the largest box of poses within ±Y and ±Θ, with a height in z free for all of them.
+    def largest_box(self, tilt: float | tuple[float, float] | None = None) -> Box:
+        """Return the largest box of poses, wherever it is, with a height in z free for all of them.
 
-        Its height is less than the least H over it: z need not follow y and θ.
+        Its height is less than the least H over it: z need not follow y and θ. A box may lie aside of home,
+        or not have it in it; `largest_symmetric_box` is the largest one of those that are symmetric about it.
+
+        Parameters
+        ----------
+        tilt : float or tuple of two floats, optional
+            Largest tilt to either side, or from and to [rad]: the box of the largest area in (y, z) with all
+            of it. Without it, the box of the largest volume, of any range of θ.
+
+        Returns
+        -------
+        Box
+
+        Raises
+        ------
+        InputError
+            If `tilt` is not within the limits, or there is no box.
+        """
+        return largest_box(self._region, self.points, self._tilt_of_box(tilt), symmetric=False)
+
+    def largest_symmetric_box(self, tilt: float | None = None) -> Box:
+        """Return the largest box of poses |y| ≤ Y, |θ| ≤ Θ, with a height in z free for all of them.
 
         Parameters
         ----------
@@ -186,10 +207,18 @@ class Workspace(ShownInNotebook):
         """
         if tilt is not None:
             tilt = float(frozen_array("tilt", tilt, ()))
-            most = min(-self._region.tilt[0], self._region.tilt[1])
-            if not 0 <= tilt <= most:
-                raise InputError(f"tilt: expected from 0 to {most:g} rad, the limits, got {tilt:g}")
-        return largest_box(self._region, tilt)
+        return largest_box(self._region, self.points, self._tilt_of_box(tilt), symmetric=True)
+
+    def _tilt_of_box(self, tilt: float | tuple[float, float] | None) -> tuple[float, float] | None:
+        if tilt is None:
+            return None
+        low, high = self._tilt("tilt", tilt)
+        least, most = self._region.tilt
+        if not least <= low <= high <= most:
+            raise InputError(
+                f"tilt: expected within the limits, {least:g} to {most:g} rad, got {low:g} to {high:g} rad"
+            )
+        return low, high
 
     # At poses
 
