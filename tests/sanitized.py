@@ -27,27 +27,48 @@ spec.loader.exec_module(room._compiled)
 """
 
 
-def run_sanitized(folder: Path, script: str) -> subprocess.CompletedProcess[str]:
+_KINDS = {
+    "address,undefined": (
+        ["-O0", "-fno-sanitize-recover=all"],
+        ("libasan.so", "libubsan.so"),
+        {"ASAN_OPTIONS": "detect_leaks=0"},
+        [],
+    ),
+    "thread": (
+        ["-O1"],
+        ("libtsan.so",),
+        {"TSAN_OPTIONS": "exitcode=66", "OPENBLAS_NUM_THREADS": "1"},
+        ["setarch", "-R"],  # it needs addresses where it expects them
+    ),
+}
+"""Of the sanitizers: how the extension is built, what is loaded before Python, and how that is started."""
+
+
+def run_sanitized(
+    folder: Path, script: str, kind: str = "address,undefined"
+) -> subprocess.CompletedProcess[str]:
     """Build the extension with sanitizers into a folder, and run a script that imports it and this folder.
 
-    The first error ends it; leaks are not looked for, the interpreter has its own.
+    The first error of addresses ends it, races are all told; leaks are not looked for, the interpreter has
+    its own.
     """
+    flags, names, settings, before = _KINDS[kind]
     made = folder / "_compiled.so"
-    flags = ["-shared", "-fPIC", "-O0", "-g1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
     include, source = sysconfig.get_path("include"), ROOT / "p3dof/compiled/extension/_compiled.c"
-    command = ["gcc", *flags, "-fno-math-errno", f"-I{include}", str(source), "-o", str(made)]
-    subprocess.run(command, check=True)
+    command = ["gcc", "-shared", "-fPIC", "-g1", f"-fsanitize={kind}", *flags, "-fno-math-errno"]
+    if not made.exists():
+        subprocess.run([*command, f"-I{include}", str(source), "-o", str(made)], check=True)
     libraries = [
         subprocess.run(
             ["gcc", f"-print-file-name={name}"], check=True, capture_output=True, text=True
         ).stdout.strip()
-        for name in ("libasan.so", "libubsan.so")
+        for name in names
     ]
     environment = {
         **os.environ,
+        **settings,
         "LD_PRELOAD": " ".join(libraries),
-        "ASAN_OPTIONS": "detect_leaks=0",
         "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "tests")]),
     }
-    command = [sys.executable, "-W", "ignore", "-c", _BEGIN + script, str(made)]
+    command = [*before, sys.executable, "-W", "ignore", "-c", _BEGIN + script, str(made)]
     return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)

@@ -13,6 +13,7 @@ import hashlib
 import os
 import platform
 import shutil
+import signal
 import stat
 import subprocess
 import sys
@@ -20,6 +21,7 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from p3dof.errors import MissingExtraError, ModelError
 from p3dof.files import reason, scratch_folder, write_atomic
@@ -121,7 +123,7 @@ def _compiled(command: Sequence[str], sources: dict[Path, str]) -> list[Path]:
     finally:
         for job in jobs:
             if job.poll() is None:
-                job.kill()
+                os.killpg(job.pid, signal.SIGKILL)  # also those that it has started
                 job.communicate()
     return list(sources)
 
@@ -130,7 +132,9 @@ def _start(command: Sequence[str], source: str, made: Path) -> subprocess.Popen[
     text = made.with_suffix(".c")
     text.write_text(source, encoding="ascii")
     call = [*command, "-o", str(made), str(text), "-lm"]
-    return subprocess.Popen(call, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)  # noqa: S603 - a compiler with our own text
+    how: dict[str, Any] = {"stderr": subprocess.PIPE, "stdout": subprocess.DEVNULL, "text": True}
+    how["env"] = {**os.environ, "TMPDIR": str(made.parent)}  # its own files go with ours, however it ends
+    return subprocess.Popen(call, start_new_session=True, **how)  # noqa: S603 - a compiler with our own text
 
 
 def _finish(job: subprocess.Popen[str]) -> None:
