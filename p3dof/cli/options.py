@@ -15,7 +15,7 @@ import numpy as np
 
 from p3dof.checks import LARGEST, shown
 from p3dof.cli.files import InputFile, OutputFile, protect, source
-from p3dof.cli.kinds import Payload, Whole
+from p3dof.cli.kinds import POSITIVE, Payload, Whole
 from p3dof.cli.machine import PARAMETERS, machine_of
 from p3dof.cli.output import progress_bar
 from p3dof.errors import ParameterError, SampleError
@@ -24,6 +24,7 @@ from p3dof.manipulator import InverseDynamics, Manipulator
 from p3dof.methods import DEFAULT_METHOD, METHODS
 from p3dof.motion import Motion, WrenchHistory, paper_motion
 from p3dof.motion.entering import load_along
+from p3dof.motion.smoothing import Smooth
 from p3dof.parameters import Body
 from p3dof.parameters.quantities import Quantity
 from p3dof.reactions import ALL, WAYS, AnyReactions, Choice, Stiffness, read_stiffness
@@ -96,6 +97,18 @@ class Amount(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # likewi
         return number
 
 
+class Smoothing(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # likewise
+    """How to smooth poses: "auto", or a frequency [Hz]."""
+
+    name = "SMOOTH"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Smooth:
+        """Return what `Motion.from_csv` takes."""
+        if value == "auto":
+            return "auto"
+        return float(POSITIVE.convert(value, param, ctx))
+
+
 _CASE = (
     PARAMETERS,
     click.option(
@@ -109,6 +122,13 @@ _CASE = (
         type=Whole(2, 1_000_000),
         help="Samples of the paper's motion, or of the curve through the poses of a file; 1001, or as many "
         "as peaks and work need, without it.",
+    ),
+    click.option(
+        "--smooth",
+        type=Smoothing(),
+        metavar="auto|HZ",
+        help="Smooth the poses of a file, measured or rounded: up to a frequency [Hz], or as far as they "
+        "have more than noise.",
     ),
     click.option(
         "--payload",
@@ -148,6 +168,8 @@ class Case:
         On the platform.
     on_invalid : str
         What to do with invalid samples.
+    smooth : "auto" or float, optional
+        How to smooth the poses of a file.
     """
 
     parameters: Path | None
@@ -156,6 +178,7 @@ class Case:
     payload: Body | None
     wrench_file: Path | None
     on_invalid: str = "raise"
+    smooth: Smooth = None
 
     def protect(self, *outputs: Path | None, read: tuple[Path | None, ...] = ()) -> None:
         """Refuse to write over a file that is read, twice to one file, or where nothing can be written."""
@@ -170,8 +193,10 @@ class Case:
     def motion(self) -> Motion:
         """The motion."""
         if self.motion_file is None:
+            if self.smooth is not None:
+                raise click.UsageError("--smooth belongs to the poses of a file, --motion")
             return paper_motion(1001 if self.samples is None else self.samples)
-        motion = Motion.from_csv(source(self.motion_file))
+        motion = Motion.from_csv(source(self.motion_file), smooth=self.smooth)
         if motion.curve is None:
             if self.samples is not None:
                 raise click.UsageError(
@@ -195,7 +220,7 @@ class Case:
         """The external load over the motion; says so if it is not known all along."""
         if self.history is None:
             return None
-        known, asked = self.history.time, self.motion.time
+        known, asked = self.history.since(self.motion.start).time, self.motion.time
         if known[0] > asked[0] or known[-1] < asked[-1]:
             sys.stderr.write(
                 f"p3dof: the load is known from {known[0]:g} to {known[-1]:g} s, the motion takes place from "
@@ -307,12 +332,13 @@ def with_load(command: Callable[..., Any], on_invalid: bool = False) -> Callable
         parameters: Path | None,
         motion_file: Path | None,
         samples: int | None,
+        smooth: Smooth,
         payload: Body | None,
         wrench_file: Path | None,
         **others: Any,
     ) -> Any:
         policy = {"on_invalid": others.pop("on_invalid")} if on_invalid else {}
-        case = Case(parameters, motion_file, samples, payload, wrench_file, **policy)
+        case = Case(parameters, motion_file, samples, payload, wrench_file, smooth=smooth, **policy)
         return command(case, **others)
 
     for option in reversed(_CASE):

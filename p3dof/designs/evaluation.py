@@ -81,7 +81,7 @@ class DesignEvaluation:
         self.asked = asked_for(figures)
         names = (gradients,) if isinstance(gradients, str) else tuple(gradients)
         self.by = tuple(full_name(name) for name in names)
-        self._wrench = None if wrench is None else Load(wrench).over(motion.time)
+        self._wrench = None if wrench is None else Load(wrench, motion.start).over(motion.time)
         self._threads = threads
         self._made: dict[bool, DesignLoops] = {}
         self._level, self.threads = compiled_level(level, threads)

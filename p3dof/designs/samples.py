@@ -131,7 +131,7 @@ def samples_of(motion: Motion, wrench: WrenchOverTime = None) -> Samples:
         raise InputError(f"motion: expected at most {MOST_SAMPLES} samples for designs, got {len(motion)}")
     rows = [*motion.pose.T, *motion.velocity.T, *motion.acceleration.T]
     if wrench is not None:
-        load = Load(wrench).over(motion.time)
+        load = Load(wrench, motion.start).over(motion.time)
         if not np.isfinite(load).all():
             raise InputError("wrench: expected finite numbers")
         rows += [load[:, row] for row in WRENCH_ROWS]

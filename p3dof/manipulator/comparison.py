@@ -323,7 +323,7 @@ def _engine_names(others: Iterable[str]) -> tuple[str, ...]:
 def _valid_motion(known: InverseDynamics) -> Motion:
     valid, motion = known.valid, known.motion
     columns = (motion.pose[valid], motion.velocity[valid], motion.acceleration[valid])
-    return Motion(motion.time[valid], *columns, check=False)
+    return Motion(motion.time[valid], *columns, check=False, start=motion.start)
 
 
 def _ask(name: str, robot: Machine, known: InverseDynamics, watch: Watch) -> Opinion:

@@ -145,7 +145,7 @@ def remarks_on(
     found = list(motion.remarks())
     if not result.possible or len(motion) < 2:
         return tuple(found)
-    load = wrench if isinstance(wrench, WrenchHistory) else _load(motion, result.wrench)
+    load = _load(motion, wrench if isinstance(wrench, WrenchHistory) else result.wrench)
     doubts = _between(MachineKernels(parameters), motion, load)
     missed, scale = imbalance(parameters, result)
     if missed > COARSE * scale:
@@ -197,9 +197,9 @@ def loads_at(kernels: MachineKernels, motion: Motion, load: WrenchHistory) -> Lo
 def _load(motion: Motion, wrench: WrenchOverTime) -> WrenchHistory:
     """Return a load as a function of time: linear between the samples where it is given at these."""
     if isinstance(wrench, WrenchHistory):
-        return wrench
+        return wrench.since(motion.start)
     known = states_over(motion, wrench).wrench
-    return WrenchHistory(motion.time, np.zeros((len(motion), 6)) if known is None else known)
+    return WrenchHistory(motion.time, np.zeros((len(motion), 6)) if known is None else known, motion.start)
 
 
 def _with_load_rows(motion: Motion, load: WrenchHistory) -> Motion:
@@ -260,7 +260,7 @@ def _interpolated(motion: Motion, parts: int) -> list[Motion]:
     pose, velocity, *accelerations = between_samples(
         motion.time, motion.pose, motion.velocity, motion.acceleration, time
     )
-    return [Motion(time, pose, velocity, one, check=False) for one in accelerations]
+    return [Motion(time, pose, velocity, one, check=False, start=motion.start) for one in accelerations]
 
 
 def _jumps(acceleration: FloatArray) -> NDArray[np.bool_]:

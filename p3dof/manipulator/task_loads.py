@@ -213,7 +213,7 @@ def _with_jumps(results: Sequence[AnyReactions], plan: Plan) -> AnyReactions:
         np.concatenate([getattr(piece.motion, name) for piece in plan.pieces])[rows]
         for name in ("pose", "velocity", "acceleration")
     )
-    motion = Motion(time[rows], pose, velocity, acceleration, check=False)
+    motion = Motion(time[rows], pose, velocity, acceleration, check=False, start=0.0)
     each = [_stacked(ways, motion, rows) for ways in zip(*(one.each for one in results), strict=True)]
     return each[0] if len(each) == 1 else ReactionsComparison(*each)
 

@@ -13,6 +13,7 @@ import math
 from array import array
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from decimal import Decimal, localcontext
 from itertools import islice
 from typing import NoReturn
 
@@ -20,12 +21,15 @@ import numpy as np
 
 from p3dof.checks import FloatArray
 from p3dof.errors import MotionError
+from p3dof.motion.times import is_of_clock
 
 MAX_BYTES = 500_000_000
 """Largest motion file that is read [bytes]: about two million samples with all columns."""
 MAX_LINE = 10_000
 """Longest line that is read [characters]."""
 
+_DIGITS = 60
+"""Digits of a difference of times: more than any clock has."""
 _WRITTEN = ("s", "m", "m", "rad", "m/s", "m/s", "rad/s", "m/s^2", "m/s^2", "rad/s^2")
 _DEGREE = math.pi / 180
 
@@ -76,8 +80,11 @@ MOTION = Form(
 WRENCH = Form("a wrench", ("t", "fx", "fy", "fz", "mx", "my", "mz"), (7,))
 
 
-def parse(text: str, source: str, form: Form = MOTION) -> tuple[FloatArray, FloatArray]:
+def parse(text: str, source: str, form: Form = MOTION) -> tuple[FloatArray, FloatArray, float]:
     """Read a motion, or a wrench, from CSV text.
+
+    Times of a clock (`p3dof.motion.times.is_of_clock`) are counted from the first one; the differences are
+    those of the digits in the text.
 
     Parameters
     ----------
@@ -94,6 +101,8 @@ def parse(text: str, source: str, form: Form = MOTION) -> tuple[FloatArray, Floa
         Times [s].
     columns : ndarray, shape (N, 3), (N, 9) or (N, 6)
         y, z, theta, and their first and second derivatives if the file has them; or force and moment [SI].
+    start : float
+        The time of the clock at time zero [s]; 0 where times were not subtracted.
 
     Raises
     ------
@@ -126,14 +135,27 @@ def parse(text: str, source: str, form: Form = MOTION) -> tuple[FloatArray, Floa
             f"{source}, line {_line_of(i, text)}, column {form.names[j]}: expected a finite number, "
             f"got {data[i, j]}"
         )
-    for i in np.flatnonzero(data[1:, 0] <= data[:-1, 0]):
-        raise MotionError(
-            f"{source}, line {_line_of(i + 1, text)}, column t: expected a time after {data[i, 0]:g}, "
-            f"got {data[i + 1, 0]:g}"
-        )
     multiply, divide = np.array(factors).T
-    data = data * multiply / divide
-    return data[:, 0], data[:, 1:]
+    columns = data[:, 1:] * multiply[1:] / divide[1:]
+    time, start = data[:, 0] * multiply[0] / divide[0], 0.0
+    if is_of_clock(time):
+        time, start = _since_the_first(text, int(divide[0])), float(time[0])
+    for i in np.flatnonzero(time[1:] <= time[:-1]):
+        raise MotionError(
+            f"{source}, line {_line_of(i + 1, text)}, column t: expected a time after {data[i, 0]:.16g}, "
+            f"got {data[i + 1, 0]:.16g}"
+        )
+    return time, columns, start
+
+
+def _since_the_first(text: str, divide: int) -> FloatArray:
+    """Return the times [s] since the first one: of the digits in the text, not of rounded numbers."""
+    rows = islice(_rows(text, ""), 1, None)
+    times = (Decimal(row[0].strip()) for _, row in rows)
+    with localcontext() as context:
+        context.prec = _DIGITS
+        first = next(times)
+        return np.array([0.0, *(float((time - first) / divide) for time in times)])
 
 
 def header_of(text: str, source: str) -> list[str]:
@@ -159,7 +181,7 @@ def header_of(text: str, source: str) -> list[str]:
     return [_name_and_unit(field)[0] for field in header]
 
 
-def dump(time: FloatArray, columns: FloatArray) -> str:
+def dump(time: FloatArray, columns: FloatArray, start: float = 0.0) -> str:
     """Return CSV text in SI units that `parse` reads back to the same bits.
 
     Parameters
@@ -168,6 +190,8 @@ def dump(time: FloatArray, columns: FloatArray) -> str:
         Times [s].
     columns : ndarray, shape (N, 9)
         Pose, velocity and acceleration [SI].
+    start : float
+        The time of the clock at time zero [s]; a comment has it.
 
     Returns
     -------
@@ -176,7 +200,8 @@ def dump(time: FloatArray, columns: FloatArray) -> str:
     """
     header = ",".join(f"{name} [{unit}]" for name, unit in zip(MOTION.names, _WRITTEN, strict=True))
     body = (",".join(map(repr, row)) for row in np.column_stack([time, columns]).tolist())
-    return "\n".join([header, *body, ""])
+    clock = [f"# t counts from {start!r} s of the clock"] if start else []
+    return "\n".join([*clock, header, *body, ""])
 
 
 def _rows(text: str, source: str) -> Iterator[tuple[int, list[str]]]:

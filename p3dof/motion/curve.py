@@ -1,4 +1,4 @@
-"""`Curve`: the spline through poses, which is what a file of poses alone means."""
+"""`Curve`: the spline through poses, or near measured ones, which is what a file of poses alone means."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ from numpy.typing import ArrayLike
 from p3dof.checks import FloatArray, FrozenArrays, frozen_array
 from p3dof.errors import MotionError
 from p3dof.motion import splines
+from p3dof.motion.smoothing import Fit, Smooth, checked, fitted
 from p3dof.motion.times import require_inside, require_rising
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Curve(FrozenArrays):
-    """The spline of degree 7 through poses, at any time between the first and the last.
+    """The spline of degree 7 through poses, or a smooth one near them, from the first to the last.
 
     Parameters
     ----------
@@ -26,6 +27,10 @@ class Curve(FrozenArrays):
         polynomial through all of them.
     pose : array-like, shape (N, 3)
         y, z [m] and θ [rad].
+    smooth : float or "auto", optional
+        Up to which frequency quintic splines follow the poses [Hz], which they need not pass then; ``"auto"``
+        for as far as the poses have more than noise: `p3dof.motion.smoothing`. Without it, the curve passes
+        them.
 
     Raises
     ------
@@ -35,6 +40,7 @@ class Curve(FrozenArrays):
 
     time: FloatArray
     pose: FloatArray
+    smooth: Smooth = None
 
     def __post_init__(self) -> None:
         time = frozen_array("time", self.time, ("N",), MotionError)
@@ -46,7 +52,8 @@ class Curve(FrozenArrays):
         require_rising("time", time)
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "pose", frozen_array("pose", self.pose, (len(time), 3), MotionError))
-        _ = self._spline  # says at once that there is none
+        object.__setattr__(self, "smooth", checked(self.smooth))
+        _ = self._spline if self.fit is None else None  # says at once that there is none
 
     def at(self, times: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return pose, velocity and acceleration at times on the curve.
@@ -68,6 +75,9 @@ class Curve(FrozenArrays):
         """
         asked = frozen_array("times", times, ("M",), MotionError)
         require_inside("times", asked, float(self.time[0]), float(self.time[-1]))
+        if self.fit is not None:
+            local = asked - self.time[0]
+            return self.fit.at(local, 0), self.fit.at(local, 1), self.fit.at(local, 2)
         spline, unit = self._spline
         local = (asked - self.time[0]) / unit
         with np.errstate(all="ignore"):  # who takes the numbers refuses what overflows
@@ -75,9 +85,15 @@ class Curve(FrozenArrays):
         return pose, velocity, acceleration
 
     @cached_property
+    def fit(self) -> Fit | None:
+        """The splines near the poses, with their bands and residuals; None if the curve passes the poses."""
+        return None if self.smooth is None else fitted(self.time, self.pose, self.smooth)
+
+    @cached_property
     def _spline(self) -> tuple[Any, float]:
         with np.errstate(all="ignore"):
             return splines.interpolating(self.time, self.pose, splines.ORDER)
 
     def __repr__(self) -> str:
-        return f"Curve(through {len(self.time)} poses, {self.time[0]:g} to {self.time[-1]:g} s)"
+        how = "through" if self.smooth is None else "near"
+        return f"Curve({how} {len(self.time)} poses, {self.time[0]:g} to {self.time[-1]:g} s)"

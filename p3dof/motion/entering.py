@@ -55,10 +55,10 @@ def load_along(history: WrenchHistory, motion: Motion, ramp: float) -> WrenchHis
     WrenchHistory
         At the times of the run.
     """
-    begin = float(motion.time[0])
+    history, begin = history.since(motion.start), float(motion.time[0])
     places = history.time - begin
     if not ramp:
-        return WrenchHistory(places, history.wrench)
+        return WrenchHistory(places, history.wrench, 0.0)
     entered: FloatArray = np.array(np.linspace(0.0, ramp, math.ceil(_ROWS_OF_A_RAMP * ramp) + 1), dtype=float)
     phase = eased(entered, motion.duration + ramp / 2, ramp, 0.0)[0]
     inside = places[(places > 0) & (places < ramp / 2)]
@@ -69,4 +69,5 @@ def load_along(history: WrenchHistory, motion: Motion, ramp: float) -> WrenchHis
     return WrenchHistory(
         np.concatenate([times, later + ramp / 2]),
         np.concatenate([history(begin + phase), history(begin + later)]),
+        0.0,
     )

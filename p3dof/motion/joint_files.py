@@ -30,10 +30,13 @@ class JointCurve:
         Strictly rising times [s].
     values : (N, n) array
         Values of the joints [m or rad].
+    start : float
+        The time of a clock at time zero [s]; 0 where times are not those of a clock.
     """
 
     time: FloatArray
     values: FloatArray
+    start: float = 0.0
 
     def at(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return values, velocities and accelerations (M, n) at times between the first and the last."""
@@ -88,9 +91,9 @@ def read_joints(text: str, source: str, joints: Sequence[str], sliding: Sequence
     kinds = dict(zip(joints, sliding, strict=True))
     units = {name: LENGTHS if kinds[name] else ANGLES for name in named[1:]}
     form = Form("a motion of joints", tuple(named), (len(named),), units, "the joints in any order")
-    time, values = parse(text, source, form)
+    time, values, start = parse(text, source, form)
     values = np.ascontiguousarray(values[:, order])
-    curve = JointCurve(time, values)
+    curve = JointCurve(time, values, start)
     for name, array in zip(("value", "velocity", "acceleration"), curve.at(time), strict=True):
         if not np.isfinite(array).all():
             raise MotionError(f"{source}: the values are too large or too near in time: no finite {name}")

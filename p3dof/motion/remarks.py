@@ -8,6 +8,7 @@ from p3dof.checks import FloatArray
 from p3dof.errors import MotionError
 from p3dof.motion import splines
 from p3dof.motion.curve import Curve
+from p3dof.motion.smoothing import Fit
 
 AT_REST = 1e-3
 """Share of its largest speed below which a column is at rest."""
@@ -24,6 +25,7 @@ _ROUGH = 1e-2
 _STILL = 1e-6
 """Acceleration below which nothing moves [SI]."""
 
+_SMALL_UNITS = ("mm", "mm", "mrad")
 _NAMES, _UNITS = ("y", "z", "theta"), ("m/s", "m/s", "rad/s")
 
 
@@ -40,8 +42,30 @@ def remarks_on_curve(curve: Curve) -> tuple[str, ...]:
     tuple of str
     """
     _, velocity, acceleration = curve.at(curve.time)
-    told = [_ends(curve, velocity), _waypoints(curve, acceleration), _roughness(curve, acceleration)]
+    told = [_ends(curve, velocity)]
+    if curve.fit is None:
+        told += [_waypoints(curve, acceleration), _roughness(curve, acceleration)]
+    else:
+        told.append(_smoothing(curve.fit))
     return tuple(words for words in told if words)
+
+
+def is_rough(curve: Curve) -> bool:
+    """Return whether a curve that passes poses has accelerations that the poses do not tell for sure."""
+    return bool(_roughness(curve, curve.at(curve.time)[2]))
+
+
+def _smoothing(fit: Fit) -> str:
+    """Say how far a curve follows the poses, and what it leaves of them."""
+    bands = ", ".join(f"{name} to {band:.3g} Hz" for name, band in zip(_NAMES, fit.band, strict=True))
+    left, most = (
+        ", ".join(f"{1e3 * value:.2g} {unit}" for value, unit in zip(values, _SMALL_UNITS, strict=True))
+        for values in (fit.residual, fit.largest)
+    )
+    return (
+        f"the poses are smoothed: quintic splines follow {bands}; what they leave is taken for noise: "
+        f"{left} rms, at most {most}"
+    )
 
 
 def _ends(curve: Curve, velocity: FloatArray) -> str:
@@ -102,5 +126,6 @@ def _roughness(curve: Curve, acceleration: FloatArray) -> str:
     return (
         f"the poses are too rough or too far apart to differentiate: at t = {curve.time[worst]:g} s splines "
         f"of degree 7 and 5 differ by {apart[worst, column]:.2g} {_UNITS[column]}² in the acceleration of "
-        f"{_NAMES[column]} (rounded or noisy? velocities and accelerations in the file would help)"
+        f"{_NAMES[column]} (rounded or noisy? smooth='auto', or --smooth auto, leaves the noise out; "
+        "velocities and accelerations in the file would help)"
     )

@@ -178,7 +178,7 @@ def states_over(motion: Motion, wrench: WrenchOverTime = None, on_invalid: OnInv
     """
     if not isinstance(motion, Motion):
         raise InputError(f"motion: expected a Motion, got {type(motion).__name__}")
-    loads = None if wrench is None else Load(wrench).over(motion.time)
+    loads = None if wrench is None else Load(wrench, motion.start).over(motion.time)
     return states_of(motion.pose, motion.velocity, motion.acceleration, wrench=loads, on_invalid=on_invalid)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from p3dof.checks import FloatArray
 from p3dof.motion.core import Motion
+from p3dof.motion.times import counted_told
 from p3dof.tables import Table, html_of, notebook_html, number, table_of
 
 
@@ -34,7 +35,9 @@ def motion_table(motion: Motion, wrench: FloatArray | None = None) -> Table:
         for name, k in names
     }
     note = (
-        f"{len(motion)} samples over {number(motion.duration)} s.{'' if wrench is None else _loads(wrench)}"
+        f"{len(motion)} samples over {number(motion.duration)} s."
+        f"{f' T{counted_told(motion.start)[1:]}.' if motion.start else ''}"
+        f"{'' if wrench is None else _loads(wrench)}"
     )
     header = ("platform", "lowest", "highest", "largest speed", "largest acceleration")
     return table_of("Motion", header, rows, note)

@@ -13,7 +13,7 @@ from p3dof.checks import FloatArray, FrozenArrays, as_floats, frozen_array
 from p3dof.errors import InputError, MotionError
 from p3dof.files import Source, called, read_text
 from p3dof.motion import csv_files
-from p3dof.motion.times import require_rising
+from p3dof.motion.times import counted, require_rising
 from p3dof.samples import rows_like
 
 WRENCH_ROWS = (1, 2, 4)
@@ -33,9 +33,19 @@ class Load:
     ----------
     wrench : array-like, shape (6,) or (N, 6), or callable, optional
         External force and moment on the platform at P, in the fixed frame [N, N m]; none by default.
+    start : float, optional
+        The time of a clock from which the times count that it will be asked for, as `Motion.start` [s]; a
+        `WrenchHistory` is then counted from there. Without it, it counts from its own.
+
+    Raises
+    ------
+    MotionError
+        If only one of the two has the times of a clock.
     """
 
-    def __init__(self, wrench: WrenchOverTime = None) -> None:
+    def __init__(self, wrench: WrenchOverTime = None, start: float | None = None) -> None:
+        if start is not None and isinstance(wrench, WrenchHistory):
+            wrench = wrench.since(start)
         self._wrench: Any = np.zeros(6) if wrench is None else wrench
         self._takes_arrays = False
 
@@ -118,9 +128,12 @@ class WrenchHistory(FrozenArrays):
     Parameters
     ----------
     time : array-like, shape (N,)
-        Strictly rising times [s].
+        Strictly rising times [s]. Times of a clock, which begin 10,000 s or more from zero, are counted from
+        the first one.
     wrench : array-like, shape (N, 6)
         Force [N] and moment [N m].
+    start : float, optional
+        The time of a clock at time zero [s]: what was subtracted. Given, the times are taken as they are.
 
     Raises
     ------
@@ -130,13 +143,20 @@ class WrenchHistory(FrozenArrays):
 
     time: FloatArray
     wrench: FloatArray
+    start: float = None  # type: ignore[assignment]  # made below
 
     def __post_init__(self) -> None:
         time = frozen_array("time", self.time, ("N",), MotionError)
         if len(time) == 0:
             raise MotionError("time: expected at least one sample, got none")
         require_rising("time", time)
+        given: float | None = self.start
+        if given is None:
+            time, start = counted(time)
+        else:
+            start = float(frozen_array("start", given, (), MotionError))
         object.__setattr__(self, "time", time)
+        object.__setattr__(self, "start", start)
         object.__setattr__(self, "wrench", frozen_array("wrench", self.wrench, (len(time), 6), MotionError))
 
     @classmethod
@@ -163,11 +183,38 @@ class WrenchHistory(FrozenArrays):
             If the file cannot be read.
         """
         text = read_text(path, csv_files.MAX_BYTES)
-        time, columns = csv_files.parse(text, called(path), csv_files.WRENCH)
+        time, columns, start = csv_files.parse(text, called(path), csv_files.WRENCH)
         try:
-            return cls(time, columns)
+            return cls(time, columns, start)
         except MotionError as error:
             raise MotionError(f"{called(path)}: {error}") from error
+
+    def since(self, start: float) -> WrenchHistory:
+        """Return the history with times that count from another time of its clock.
+
+        Parameters
+        ----------
+        start : float
+            That time, as `Motion.start` [s]; 0 for times that are not those of a clock.
+
+        Returns
+        -------
+        WrenchHistory
+
+        Raises
+        ------
+        MotionError
+            If only one of the two is the time of a clock: how they belong together is unknown.
+        """
+        if start == self.start:
+            return self
+        if not start or not self.start:
+            whose = ("load's", "motion's") if self.start else ("motion's", "load's")
+            raise MotionError(
+                f"the {whose[0]} times are those of a clock, from {self.start or start:.16g} s, "
+                f"the {whose[1]} are not: expected both of one clock, or both from the beginning"
+            )
+        return WrenchHistory(self.time + (self.start - start), self.wrench, start)
 
     def __call__(self, time: ArrayLike) -> FloatArray:
         """Return the wrench at times of shape (...), shape (..., 6) [N, N m]."""

@@ -99,7 +99,7 @@ def _rods(population: Population, index: int, section: RodSection) -> list[RodCh
     pose, velocity, acceleration = (
         rows[::every] for rows in (motion.pose + np.array(shift), motion.velocity, motion.acceleration)
     )
-    motion = Motion(motion.time[::every], pose, velocity, acceleration, check=False)
+    motion = Motion(motion.time[::every], pose, velocity, acceleration, check=False, start=motion.start)
     stiffness = replace(Stiffness(), rods=section)
     found = over_motion(loop_of(machine), machine, motion, "elastic", load, stiffness=stiffness)
     assert isinstance(found, Reactions)  # noqa: S101 - one way was asked for

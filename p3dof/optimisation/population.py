@@ -79,7 +79,7 @@ class Setting:
     samples: Samples = field(init=False)
 
     def __post_init__(self) -> None:
-        load = None if self.wrench is None else Load(self.wrench).over(self.motion.time)
+        load = None if self.wrench is None else Load(self.wrench, self.motion.start).over(self.motion.time)
         object.__setattr__(self, "wrench", load)
         object.__setattr__(self, "samples", samples_of(self.motion, load))
 

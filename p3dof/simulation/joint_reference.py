@@ -11,7 +11,7 @@ from p3dof.closed_loop.tables import is_slide
 from p3dof.errors import InputError, MotionError
 from p3dof.files import Source, called, read_text
 from p3dof.motion.joint_files import JointCurve, read_joints
-from p3dof.motion.times import require_rising
+from p3dof.motion.times import require_rising, rounding_told
 
 
 class JointReference:
@@ -30,7 +30,8 @@ class JointReference:
     Raises
     ------
     MotionError
-        If shapes do not fit, a number is not finite, or times do not rise.
+        If shapes do not fit, a number is not finite, or times do not rise or are too coarse, as those of a
+        clock that were rounded before the first one was subtracted.
     """
 
     def __init__(self, time: ArrayLike, values: ArrayLike) -> None:
@@ -38,6 +39,10 @@ class JointReference:
         if not len(times):
             raise MotionError("time: expected at least one sample, got none")
         require_rising("time", times)
+        times, first = times - times[0], float(times[0])
+        rounded = rounding_told(times, first)
+        if rounded:
+            raise MotionError(f"time: {rounded}")
         rows = frozen_array("values", values, (len(times), "n"), MotionError)
         self.curve = JointCurve(times, rows)
         with np.errstate(all="ignore"):
@@ -77,7 +82,7 @@ class JointReference:
     @property
     def duration(self) -> float:
         """How long it moves [s]."""
-        return float(self.curve.time[-1] - self.curve.time[0])
+        return float(self.curve.time[-1])
 
     @property
     def step(self) -> float:
@@ -97,7 +102,7 @@ class JointReference:
     def over(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return values, velocities and accelerations (N, n_actuated) at times (N,) since its beginning."""
         inside = np.clip(times, 0.0, self.duration)
-        found = self.curve.at(self.curve.time[0] + inside)
+        found = self.curve.at(inside)
         slack = 1e-12 * max(1.0, self.duration)
         moving = ((times >= -slack) & (times <= self.duration + slack))[:, None]
         values, velocities, accelerations = found

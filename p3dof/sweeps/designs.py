@@ -74,7 +74,7 @@ class DesignSweep:
     ) -> None:
         self.sampling, self.bodies, self.block_size = sampling, bodies, block_size
         self.machine = PAPER if machine is None else machine
-        load = None if wrench is None else Load(wrench).over(motion.time)
+        load = None if wrench is None else Load(wrench, motion.start).over(motion.time)
         self.level = compiled_level(level, 1)[0] or NUMPY
         self.forces = DesignEvaluation(motion, load, figures, (), self.level, 1)
         self._load = load

@@ -139,7 +139,7 @@ class Plan:
         if times[-1] < self.duration:
             times.append(self.duration)
             rows.append(self.pieces[-1].wrench)
-        return WrenchHistory(np.array(times), np.array(rows))
+        return WrenchHistory(np.array(times), np.array(rows), 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -336,4 +336,4 @@ def _moved(waypoints: Sequence[Waypoint], stretches: Sequence[Stretch], time: Fl
         at_rest = (time == begin) | (time == end)
         pose[time == end] = waypoints[stretch.last].pose
         velocity[at_rest] = 0.0
-    return Motion(time, pose, velocity, acceleration, check=False)
+    return Motion(time, pose, velocity, acceleration, check=False, start=0.0)

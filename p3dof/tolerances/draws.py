@@ -128,7 +128,7 @@ class DrawnForces:
     """
 
     def __init__(self, case: ForceCase, sampling: Samples, block_size: int | None = None) -> None:
-        load = None if case.wrench is None else Load(case.wrench).over(case.motion.time)
+        load = None if case.wrench is None else Load(case.wrench, case.motion.start).over(case.motion.time)
         fitting = min(2_000, max(100, 2_000_000 // (3 * len(case.motion))))
         self.case, self.sampling = replace(case, wrench=load), sampling
         self.block_size = fitting if block_size is None else block_size

@@ -248,7 +248,7 @@ def sensitivity(
     given: Any = {} if variables is None else variables
     numbers = fixed_of(fixed, bodies)
     directions, values = directions_of(given, "variables", machine, bodies, numbers)
-    load = None if wrench is None else Load(wrench).over(motion.time)
+    load = None if wrench is None else Load(wrench, motion.start).over(motion.time)
     level = compiled_level(None, 1)[0] or NUMPY
     asked = FigureOfMachines(machine, motion, directions, _known(figure), bodies, load, level, numbers)
     unit = FIGURES[asked.plain].unit

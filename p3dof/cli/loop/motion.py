@@ -15,6 +15,7 @@ from p3dof.closed_loop.overview import overview
 from p3dof.closed_loop.tables import is_slide, joint_values, units_of_actuated
 from p3dof.errors import AssemblyError, DynamicsError, InputError, P3dofError, SingularityError
 from p3dof.files import Source, called, read_text, write_table
+from p3dof.motion import WrenchHistory
 from p3dof.motion.joint_files import JointCurve, read_joints
 from p3dof.simulation import JointReference, follow_motion
 from p3dof.simulation.robot_loads import ExternalOverTime, Loads
@@ -129,7 +130,12 @@ def forces_along(
     text, name = read_text(motion), called(motion)
     sliding = [is_slide(robot, joint) for joint in joints]
     curve = read_joints(text, name, robot.actuated, sliding)
-    told, loads = _ends(robot, curve), (Loads(robot, external), method)
+    clock = (f"Times count from the first one, {curve.start:.16g} s of the clock.",) if curve.start else ()
+    external = {
+        frame: wrench.since(curve.start) if isinstance(wrench, WrenchHistory) else wrench
+        for frame, wrench in (external or {}).items()
+    }
+    told, loads = (*clock, *_ends(robot, curve)), (Loads(robot, external), method)
     idle = overview(robot, robot.assemble(curve.values[0]).q).idle
     if equilibrium and not idle:
         raise InputError("--equilibrium: the robot has no idle freedoms")
