@@ -65,13 +65,16 @@ page-check: $(DEV) ## is the page what page/ builds, and do its scripts pass the
 pytest: $(DEV) ## all tests
 	$(BIN)/pytest -n auto
 
-# What rounds by the processor: the quick tests that name the compiled kernels, at each level below its best one, which
-# `make test` has, with BLAS for processors that end there.
-LEVELLED = $(shell grep -lE 'p3dof\.compiled|method="compiled"|runs_in_c' tests/test_*.py)
-levels: $(DEV) ## the quick tests of compiled kernels at every lower level of this processor
+# What takes the level of the processor and is quick, at each lower level: `make test` has the best one. BLAS is then that
+# of processors which end there. Tests with the level as a parameter have them all already.
+LEVELLED := actuators control equal_steps_in_c evidence following kernels lanes load_friction many_runs many_runs_friction \
+	manipulator methods outputs run_notes run_sweeps runs_in_c sampling simulation sweeps wrenches
+levels: $(DEV) ## compiled kernels as on processors without AVX-512, and without AVX2
 	@for level in $$($(BIN)/python -c "from p3dof.compiled import levels; print(*levels()[1:-1])"); do \
-		test $$level = baseline && core=Prescott || core=Haswell; echo "P3DOF_LEVEL=$$level OPENBLAS_CORETYPE=$$core"; \
-		P3DOF_LEVEL=$$level OPENBLAS_CORETYPE=$$core $(BIN)/pytest -q -n auto --quick $(LEVELLED) || exit 1; done
+		case $$level in baseline) core=Prescott;; *) core=Haswell;; esac; \
+		echo "P3DOF_LEVEL=$$level OPENBLAS_CORETYPE=$$core"; \
+		P3DOF_LEVEL=$$level OPENBLAS_CORETYPE=$$core $(BIN)/pytest -q -n auto --quick \
+			$(addprefix tests/test_,$(addsuffix .py,$(LEVELLED))) || exit 1; done
 
 docs: $(VENV)/.docs ## build the documentation site into out/docs, and check its links
 	$(BIN)/python -m sphinx -W --keep-going -q -b html -d $(OUT)/doctrees docs $(OUT)/docs

@@ -58,8 +58,16 @@ def test_a_tool_that_is_required_is_not_skipped(tmp_path):
     assert "1 failed, 1 passed, 1 skipped, 3 errors" in out  # skips of modules and fixtures are errors
 
 
-def test_the_checks_require_every_tool():
-    assert "make test EXTRAS=all P3DOF_REQUIRE=all" in (ROOT / ".ci" / "run").read_text()
+def test_the_checks_require_every_tool_and_try_every_level():
+    text = (ROOT / ".ci" / "run").read_text()
+    assert "\nmake test EXTRAS=all P3DOF_REQUIRE=all\n" in text
+    assert "\nmake levels\n" in text
+    make = ["make", "-n", "DEV=", "levels"]
+    told = subprocess.run(make, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    files = set(re.findall(r"tests/test_\w+\.py", told))
+    assert len(files) > 15
+    assert all((ROOT / file).is_file() for file in files)
+    assert "P3DOF_LEVEL=$level OPENBLAS_CORETYPE=$core" in told
 
 
 def test_robots_from_outside_are_more_cases_and_missing_only_if_they_are_named(tmp_path):
