@@ -255,3 +255,24 @@ def test_which_rating_is_used_most_and_by_how_much(found):
     assert [row[1] for row in rows] == ["yes", "no"]
     check_table(ranking_table([light, sizing]), rows, note=[1, "of", 2])
     check_table(ranking_table([light, sizing], 1), rows[:1], note=[1, 2, 1, "more"])
+    check_table(ranking_table([light] * 12), rows[:1] * 10, note=[12, 12, 2])
+
+
+def test_a_motor_without_continuous_torque_at_a_speed_is_too_hot_from_there():
+    motor = Motor(1.0, 3.0, 400.0, 1e-4, curve=[[0, 1, 3], [100, 0, 3], [400, 0, 1]], time_constant=5.0)
+    speed = np.outer([0.01, 0.3, 0.01], np.ones(3))
+    cycle = Cycle([0, 1, 2], np.full((3, 3), 100.0), speed, 0 * speed)
+    (heating,) = (
+        rating
+        for rating in size_of(cycle, Drive(motor, PLAIN.transmission)).axes[0].ratings
+        if rating.name == "heating"
+    )
+    assert (heating.required, heating.time) == (math.inf, 1.0)
+
+
+def test_an_axis_that_only_drives_takes_nothing_back():
+    still = np.full((2, 3), 50.0), np.full((2, 3), 0.2), np.zeros((2, 3))
+    axis = size_of(Cycle([0, 1], *still), GEARED).axes[0]
+    used = {rating.name: rating.required for rating in axis.ratings}
+    assert used["power"] == axis.peak_power > 10
+    assert used["regeneration"] == axis.negative_work == 0

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from documents import ROOT
 from scipy.optimize import brentq
 from test_cli import run
 from test_tasks import PICK_AND_PLACE
@@ -243,6 +244,9 @@ def test_stages_lose_power_in_its_direction():
 
 def test_a_screw_holds_itself_when_half_is_lost():
     assert Screw(0.005, 0.5, inertia=0.0).efficiency_back == 0
+    held = Drive(Motor(1, 3, 500, 0.0), Screw(0.005, 0.5, inertia=0.0))
+    assert held.torque(np.array(100.0), np.array(-0.1), np.array(0.0)) == 0  # nothing comes to the motor
+    assert held.screw_torque(np.array(100.0), np.array(-0.1), np.array(0.0)) == 0
     assert Screw(0.005, "90 %", inertia=0.0, efficiency_back="80%").efficiency == 0.9
     assert Screw(0.005, 0.9, inertia=0.0).efficiency_back == pytest.approx(0.88889, abs=1e-5)
 
@@ -354,6 +358,34 @@ def test_a_motion_that_is_not_possible_is_refused(robot):
 
 # --- input --------------------------------------------------------------------------------------------------
 
+
+def test_generic_sizes_are_those_of_the_documentation():
+    """Each motor gives its rated power at 3,000 rpm, but for the digits of its torque."""
+    page = (ROOT / "docs/how-to/choose-drives.md").read_text(encoding="utf-8")
+    rows = [
+        [cell.strip() for cell in line.strip("|").split("|")] for line in page.splitlines() if "|" in line
+    ]
+    motors, screws = ({row[0]: row[1:] for row in rows if len(row) == size} for size in (5, 3))
+    for motor in GENERIC.motors:
+        name = motor.name.removeprefix("generic ")
+        rated, peak, fastest, rotor = map(float, motors.pop(name))
+        power, unit = name.split()
+        assert motor.rated_speed * rated == pytest.approx(float(power) * {"W": 1, "kW": 1e3}[unit], rel=6e-3)
+        found = motor.rated_torque, motor.brake_torque, motor.peak_torque, motor.max_speed, motor.inertia
+        np.testing.assert_allclose(found, (rated, rated, peak, fastest * RPM, rotor * 1e-4), rtol=1e-12)
+        assert motor.rated_speed == pytest.approx(3000 * RPM)
+    known = {
+        f"generic {size}x{lead}": (float(root) / 1e3, float(lead) / 1e3)
+        for size, (root, leads) in list(screws.items())[2:]
+        for lead in leads.split(", ")
+    }
+    for screw in GENERIC.transmissions:
+        assert (screw.diameter, screw.lead) == pytest.approx(known.pop(screw.name), rel=1e-12)
+        assert (screw.length, screw.efficiency, screw.ends) == (0.5, 0.9, "fixed-supported")
+    assert not known
+    assert list(motors) == ["motor", "---"]
+
+
 CATALOGUE = """
 motors:
   - {name: M400, rated_torque: 1.3 Nm, peak_torque: 3.8 Nm, rated_speed: 3000 rpm, max_speed: 5000 rpm,
@@ -393,6 +425,10 @@ BAD = {
     "max_speed: 5, inertia: 0}]",
     "rated_speed: expected at most the fastest": f"motors: [{FAST}, rated_speed: 6}}]",
     "curve: expected points up to": f"motors: [{FAST}, curve: [[0, 1, 1], [4, 1, 1]]}}]",
+    "curve: expected rising speeds from 0, two": f"motors: [{FAST}, curve: [[0, 1, 1], [4, 1, 1], [4, 1, 1], "
+    "[5, 1, 1]]}]",
+    "curve: expected continuous torques from zero": f"motors: [{FAST}, curve: [[0, 1, 1], [5, 2, 1]]}}]",
+    "curve: expected continuous torques from": f"motors: [{FAST}, curve: [[0, 1, 1], [5, -1, 1]]}}]",
     "curve: expected rising speeds from 0": f"motors: [{FAST}, curve: [[1, 1, 1], [5, 1, 1]]}}]",
     "expected at least one of the transmissions": f"motors: [{FAST}}}]",
     "expected an inertia, or a diameter and a length": "motors: []\nscrews: [{name: s, lead: 1 mm}]",

@@ -149,3 +149,11 @@ def test_the_best_lead_is_that_of_the_least_rms_torque():
     for leg, lead in enumerate(leads):
         rms = [sized(share * lead).axes[leg].rms_torque for share in (0.9, 1.0, 1.1)]
         assert rms[1] < min(rms[0], rms[2])
+
+
+def test_a_peak_torque_a_tenth_above_the_windings_is_taken_for_another_unit():
+    winding = Winding(**REFERENCE)
+    given = {"rated_torque": 1.0, "max_speed": 500.0, "inertia": 1e-4, "winding": winding}
+    assert Motor(peak_torque=1.0999 * winding.stall_torque, **given).winding is winding
+    with pytest.raises(DriveError, match="by rms or by peak value"):
+        Motor(peak_torque=1.1001 * winding.stall_torque, **given)
