@@ -23,7 +23,7 @@ COUNT ?= 300
 ONLY ?=
 
 .PHONY: help demo quick test lint types layers generated pytest levels docs fuzz sanitize mutants lowest benchmark export
-.PHONY: pictures clean page page-check
+.PHONY: pictures clean page page-check durations
 
 demo: $(VENV)/.demo ## run the main job on the paper's motion, into out/
 	$(BIN)/p3dof compare --out $(OUT)
@@ -64,6 +64,9 @@ page-check: $(DEV) ## is the page what page/ builds, and do its scripts pass the
 
 pytest: $(DEV) ## all tests
 	$(BIN)/pytest -n auto
+
+durations: $(DEV) ## all tests, and measure anew which ones are quick
+	$(BIN)/pytest -n auto --measure
 
 # What takes the level of the processor and is quick, at each lower level: `make test` has the best one. BLAS is then that
 # of processors which end there. Tests with the level as a parameter have them all already.

@@ -46,7 +46,7 @@ def ctrl_c():
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--quick", action="store_true", help="leave out the tests that take long")
-    parser.addoption("--measure", action="store_true", help="write down how long tests take; without -n")
+    parser.addoption("--measure", action="store_true", help="write down how long tests take")
     parser.addoption("--site", help="folder of the documentation that built_docs.py looks at")
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -40,6 +41,7 @@ class Measuring:
     def __init__(self) -> None:
         self.tests: dict[str, float] = {}
         self.fixtures: dict[str, float] = {}
+        self.waits: dict[str, float] = {}
         self._shared = 0.0  # time of shared fixtures within the test that runs
 
     @pytest.hookimpl(wrapper=True)
@@ -61,12 +63,24 @@ class Measuring:
         self.tests[name] = self.tests.get(name, 0.0) + processor_time() - begin - self._shared
         return result
 
+    def pytest_testnodedown(self, node: Any) -> None:
+        """Add what a worker of ``-n`` has measured."""
+        for kept, measured in zip((self.tests, self.waits), node.workeroutput["durations"], strict=True):
+            for name, seconds in measured.items():
+                kept[name] = kept.get(name, 0.0) + seconds
+
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
-        """Write the table: the tests that ran, and the times that are known of the others."""
-        waits = {name_of(item.nodeid): self._waits(item) for item in session.items}
-        measured = {name: seconds + waits.get(name, 0.0) for name, seconds in self.tests.items()}
-        times = {**(read() if TABLE.exists() else {}), **measured}
-        rows = sorted((seconds, name) for name, seconds in times.items() if seconds >= KEPT)
+        """Write the table: the tests that ran, and the times that are known of those in other files."""
+        for item in session.items if hasattr(session, "items") else ():
+            if name_of(item.nodeid) in self.tests:
+                self.waits[name_of(item.nodeid)] = self._waits(item)
+        if hasattr(session.config, "workeroutput"):
+            session.config.workeroutput["durations"] = (self.tests, self.waits)
+            return
+        measured = {name: seconds + self.waits.get(name, 0.0) for name, seconds in self.tests.items()}
+        files = {name.partition("::")[0] for name in measured}
+        others = {name: seconds for name, seconds in read().items() if is_elsewhere(name, files)}
+        rows = sorted((seconds, name) for name, seconds in {**others, **measured}.items() if seconds >= KEPT)
         lines = [f"{seconds:.1f} {name}" for seconds, name in reversed(rows)]
         head = f"# Processor time [s] of tests over {KEPT} s; written by pytest --measure."
         TABLE.write_text("\n".join([head, *lines, ""]), encoding="utf-8")
@@ -76,6 +90,12 @@ class Measuring:
         names = getattr(item, "fixturenames", ())
         own = (key for key in self.fixtures if item.nodeid.startswith(key.rpartition("::")[0]))
         return sum(self.fixtures[key] for key in own if key.rpartition("::")[2] in names)
+
+
+def is_elsewhere(name: str, files: set[str]) -> bool:
+    """Return whether a test is in a file that is there and not among some."""
+    file = name.partition("::")[0]
+    return file not in files and (TABLE.parents[1] / file).exists()
 
 
 def processor_time() -> float:
