@@ -2,13 +2,15 @@
 
 - `directions`: what may vary about a machine, and what moves with it.
 - `forces`: forces to first order; `pose`: closures of machines whose legs differ, of which
-  `identifiability` says what a calibration can find; `draws`: machines drawn at
+  `identifiability` says what a calibration can find; `estimation`: inertial parameters from measured forces
+  and the design; `draws`: machines drawn at
   random, in blocks; `tolerance`: all of it; `results`, `tables`.
 - `sobol`: Sobol' indices of anything; `sensitivity`: of figures of forces, and their exact derivatives.
 - `files`: what is uncertain, in a file; `tables`: of all results.
 """
 
 from p3dof.tolerances.draws import DrawnForces, DrawnPoses
+from p3dof.tolerances.estimation import ParameterEstimate, estimate_parameters, prior_deviations
 from p3dof.tolerances.files import Uncertainty, read_uncertainty
 from p3dof.tolerances.identifiability import Identifiability, identifiability
 from p3dof.tolerances.results import ForceTolerance, PoseTolerance
@@ -24,10 +26,13 @@ __all__ = [
     "Identifiability",
     "LocalSensitivity",
     "MatchedSamples",
+    "ParameterEstimate",
     "PoseTolerance",
     "SobolIndices",
     "Uncertainty",
+    "estimate_parameters",
     "identifiability",
+    "prior_deviations",
     "read_uncertainty",
     "sensitivity",
     "sensitivity_table",
