@@ -11,9 +11,10 @@ import scipy.linalg
 from hypothesis import given, settings
 from lagrange import LagrangeModel
 from machines import SEEDS, random_machine, random_states
+from table_numbers import check_table, shows
 
 import p3dof
-from p3dof.indices import COLUMNS, DEFINITIONS
+from p3dof.indices import COLUMNS, DEFINITIONS, indices_table
 from p3dof.reactions.stiffness import RodSection
 
 ROBOT = p3dof.load()
@@ -402,3 +403,36 @@ def test_every_index_has_its_definition_and_shape():
     assert set(found.columns) == set(COLUMNS)
     assert ROBOT.indices([0, 0, 0]).lti.shape == ()
     assert len(found) == 2
+
+
+@shows("p3dof.indices.tables.indices_table")
+def test_the_table_has_indices_at_few_poses_and_their_range_over_more():
+    geometry = ROBOT.parameters.geometry
+    poses = np.array([[0.1, 0.05, -0.5], [0, 0, 0.5], [0.05, 0, 0.2], [-0.1, 0, 0], [0.12, 0, 0.3],
+                      [0, 0, -0.4], [0.02, 0, 0.1], [0.3, 0, 0]])  # fmt: skip
+    length, wanted = 0.08, []
+    for pose in poses[:-1]:
+        J = own_jacobian(geometry, pose)
+        values = np.linalg.svd(J @ np.diag([1, 1, 1 / length]), compute_uv=False)
+        drops = -rod_directions(geometry, pose)[:, 2]
+        wanted.append([values[2] / values[0], *drops, np.abs(np.linalg.inv(J)).sum(axis=1)[2]])
+    wanted = np.array([*wanted, [np.nan] * 5])
+    names, units = ("lci", "iti_a", "iti_b", "iti_c", "accuracy_theta"), ("1", "1", "1", "1", "rad/m")
+
+    def table(some):
+        found = ROBOT.indices(some, length=length, on_invalid="nan")
+        return indices_table(found, {name: found.column(name) for name in names})
+
+    check_table(
+        table(poses[[0, 1, 7]]),
+        {name: (*wanted[[0, 1, 7], k], units[k]) for k, name in enumerate(names)},
+        title=(80, " mm"),
+        header=(100, 50, -28.65, 0, 0, 28.65, 300, 0, 0),
+        note=(300, 0, 0, "serial A"),
+    )
+    good = wanted[:-1]
+    ranges = {
+        name: (good[:, k].min(), good[:, k].sum() / 7, good[:, k].max(), units[k])
+        for k, name in enumerate(names)
+    }
+    check_table(table(poses), ranges, title=(80, "over", 8), note=(300, 0, 0, "serial A"))

@@ -18,6 +18,7 @@ from p3dof.compiled.many import (
     HISTORY_WIDTH,
     INPUTS,
     RESULT_WIDTH,
+    RESULTS,
     Engine,
     empty_inputs,
     set_machines,
@@ -203,6 +204,9 @@ class Batch:
         engine.run(
             self.level, form.symmetric, rows, results, cancel, noise, history, self.lanes, form.friction
         )
+        none = results[:, RESULTS["samples"]][:, 0] == 0  # of no tick there is no largest one
+        for name in ("peak_error", "peak_force"):
+            results[none, RESULTS[name]] = np.nan
         return results, history
 
     def _rows(self, runs: NDArray[np.int64], form: _Form) -> FloatArray:
