@@ -312,6 +312,71 @@ def test_what_is_not_understood_is_one_clear_error(xml, message):
         load_robot(xml)
 
 
+BUSHING = """
+<drake:linear_bushing_rpy>
+  <drake:bushing_frameA name="lower"/><drake:bushing_frameC name="base"/>
+  <drake:bushing_force_stiffness value="3e4 3e4 3e4"/>
+</drake:linear_bushing_rpy>"""
+MIMIC = """
+<gazebo>
+  <plugin filename="libroboticsgroup_upatras_gazebo_mimic_joint_plugin.so" name="{name}">
+    <joint>shoulder</joint><mimicJoint>elbow</mimicJoint><multiplier>-1.0</multiplier>
+  </plugin>
+</gazebo>"""
+RATE = """
+<gazebo>
+  <plugin filename="libgazebo_ros_control.so" name="control"><loop_rate>1000</loop_rate></plugin>
+  <sensor name="imu" type="imu"><plugin name="imu"><constraint_loop>1</constraint_loop></plugin></sensor>
+</gazebo>"""
+
+
+def line_of(text, part):
+    return text[: text.index(part)].count("\n") + 1
+
+
+def test_a_bushing_that_closes_a_loop_is_named_with_its_line(tmp_path):
+    path, text = tmp_path / "four_bar.urdf", chain(BUSHING)
+    path.write_text(text, encoding="utf-8")
+    line = line_of(text, "<drake:linear_bushing_rpy")
+    with pytest.raises(
+        ModelError, match=rf"four_bar\.urdf, line {line}: <drake:linear_bushing_rpy> looks like"
+    ):
+        load_robot(path)
+    assert load_robot(path, on_unknown="ignore").model.nv == 2
+
+
+def test_a_plugin_that_ties_joints_in_its_simulator_is_named_with_its_line(tmp_path):
+    path, text = tmp_path / "gripper.urdf", chain(MIMIC.format(name="follow"))
+    path.write_text(text, encoding="utf-8")
+    told = (
+        rf"gripper\.urdf, line {line_of(text, '<plugin')}: <plugin name='follow'> ties the joint 'elbow' "
+        "to others in its simulator only, and is left out"
+    )
+    with pytest.warns(ModelWarning, match=told):
+        loaded = load_robot(path)
+    assert loaded.actuated == ("shoulder", "elbow")
+    with pytest.warns(ModelWarning, match="<plugin name='closed_loop_plugin'> ties joints"):
+        load_robot(chain('<gazebo><plugin name="closed_loop_plugin"/></gazebo>'))
+
+
+@pytest.mark.parametrize(
+    ("xml", "options"),
+    [
+        (chain(MIMIC.format(name="x"), second='<mimic joint="shoulder"/>'), {}),  # the tree has it too
+        (chain(MIMIC.format(name="x")), {"mimic": False}),
+        (chain(MIMIC.format(name="x")), {"on_unknown": "ignore"}),
+        (
+            chain(MIMIC.format(name="x")),
+            {"sidecar": Sidecar((), ("shoulder",), (Coupling("elbow", "shoulder", (0.0, 1.0)),))},
+        ),
+        (chain(MIMIC.format(name="x").replace("elbow", "wheel")), {}),  # no joint that moves
+        (chain(RATE), {}),  # the rate of a control loop
+    ],
+)
+def test_what_ties_nothing_that_is_loose_says_nothing(xml, options):
+    load_robot(xml, **options)  # warnings are errors
+
+
 def test_what_is_not_understood_may_be_left_out_by_the_users_own_word():
     assert load_robot(chain('<loop_joint name="x"/>'), on_unknown="ignore").model.nv == 2
     with pytest.raises(InputError, match="on_unknown: expected 'raise' or 'ignore', got 'skip'"):

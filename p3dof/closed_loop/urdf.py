@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from xml.etree import ElementTree as Xml
 
@@ -44,7 +44,7 @@ _LIMITED = ("revolute", "prismatic")
 
 def build_tree(
     text: str, source: str, root_joint: pin.JointModel | None = None
-) -> tuple[pin.Model, Xml.Element]:
+) -> tuple[pin.Model, Xml.Element, Callable[[Xml.Element], int]]:
     """Build the tree model of a URDF, of at most 1000 links and 200 degrees of freedom.
 
     Parameters
@@ -61,6 +61,8 @@ def build_tree(
     model : pin.Model
     robot : xml.etree.ElementTree.Element
         What the file says, for what Pinocchio does not read of it.
+    line_of : callable
+        Returns the line of an element of the file.
 
     Raises
     ------
@@ -82,7 +84,7 @@ def build_tree(
         raise ModelError(f"{source}: Pinocchio cannot read it: {message}") from error
     if model.nv > MAX_FREEDOMS:
         raise ModelError(f"{source}: expected at most {MAX_FREEDOMS} degrees of freedom, got {model.nv}")
-    return model, robot
+    return model, robot, reader.line_of
 
 
 def _bare(robot: Xml.Element) -> str:

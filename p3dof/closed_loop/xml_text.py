@@ -60,7 +60,7 @@ def is_text(source: object) -> bool:
 
 
 class XmlReader:
-    """Reads XML into elements, whose names keep their prefixes.
+    """Reads XML into elements, whose names keep their prefixes; text is kept in ``<plugin>`` only.
 
     Parameters
     ----------
@@ -74,11 +74,16 @@ class XmlReader:
         self._parser = expat.ParserCreate("utf-8")
         self._tree = Xml.TreeBuilder()
         self._count = 0
+        self._lines: dict[int, int] = {}
 
     @property
     def line(self) -> int:
         """Where the parser is."""
         return self._parser.CurrentLineNumber
+
+    def line_of(self, element: Xml.Element) -> int:
+        """Return the line on which an element of the tree that was read begins."""
+        return self._lines[id(element)]
 
     def fail(self, message: str, line: int | None = None) -> NoReturn:
         """Raise ModelError with the source and the line."""
@@ -94,6 +99,7 @@ class XmlReader:
         """
         parser = self._parser
         parser.StartElementHandler, parser.EndElementHandler = self._start, self._end
+        parser.CharacterDataHandler = self._data
         # Robots have no use for entities; refusing the document type stops expansion attacks.
         parser.StartDoctypeDeclHandler = lambda *_: self.fail("a document type declaration is not allowed")
         try:
@@ -116,8 +122,12 @@ class XmlReader:
             self.fail(f"expected at most {MAX_ELEMENTS} elements")
         if len(attributes) > MAX_ATTRIBUTES:
             self.fail(f"expected at most {MAX_ATTRIBUTES} attributes, <{tag:.80}> has {len(attributes)}")
-        self._tree.start(tag, attributes)
+        self._lines[id(self._tree.start(tag, attributes))] = self.line
         self.visit(tag, attributes)
+
+    def _data(self, text: str) -> None:
+        if "plugin" in self.path:
+            self._tree.data(text)
 
     def _end(self, tag: str) -> None:
         self.path.pop()

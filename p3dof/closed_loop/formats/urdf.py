@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from p3dof.checks import shown
 from p3dof.closed_loop.formats.joint_types import with_types
-from p3dof.closed_loop.formats.urdf_tags import Declared, declared
+from p3dof.closed_loop.formats.urdf_tags import Declared, declared, tying_plugins
 from p3dof.closed_loop.open_ends import open_ends
 from p3dof.closed_loop.passive import losses_of, with_armature
 from p3dof.closed_loop.sidecar import Sidecar, SidecarLike, sidecar_of
@@ -65,8 +65,14 @@ def read(
     if on_unknown not in ("raise", "ignore"):
         raise InputError(f"on_unknown: expected 'raise' or 'ignore', got {shown(on_unknown)}")
     text, name = read_xml(source)
-    model, robot = build_tree(text, name, root_joint)
-    found = declared(robot, model, name, mimic, ignore_unknown=on_unknown == "ignore")
+    model, robot, line_of = build_tree(text, name, root_joint)
+    ignore = on_unknown == "ignore"
+    found = declared(robot, model, name, mimic, line_of, ignore_unknown=ignore)
+    given = () if sidecar is None else sidecar.couplings
+    tied = {*found.dependent, *(coupling.joint for coupling in given)}
+    free = {str(joint) for joint in model.names} - tied if mimic else set()
+    for element, words in () if ignore else tying_plugins(robot, free):
+        warnings.warn(f"{name}, line {line_of(element)}: {words}", ModelWarning, stacklevel=3)
     if sidecar is None:
         sign = "" if is_tree or found.closures else open_ends(None if is_text(source) else name, robot, model)
         if sign:

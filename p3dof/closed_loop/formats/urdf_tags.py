@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
 from typing import NoReturn
 from xml.etree import ElementTree as Xml
@@ -38,9 +38,11 @@ LOOP_KINDS = {
 
 _BALL = "drake:ball_constraint"
 _LOOP_LIKE = re.compile(
-    r"loop|coupling|constraint|closure|tendon|equality|drake:joint|drake:mimic", re.IGNORECASE
+    r"loop|coupling|constraint|closure|tendon|equality|bushing|drake:joint|drake:mimic", re.IGNORECASE
 )
 """Names of elements that close loops or tie joints in some dialect of URDF."""
+_TYING = re.compile(r"mimic|closed.?loop|loop.?clos|constraint", re.IGNORECASE)
+"""Names of plug-ins of simulators, and of elements in them, that do so."""
 _ELSEWHERE = ("link", "transmission", "ros2_control", "material", "sensor")
 """Elements of a robot whose contents are about something else."""
 
@@ -66,7 +68,12 @@ class Declared:
 
 
 def declared(
-    robot: Xml.Element, model: pin.Model, source: str, mimic: bool, ignore_unknown: bool
+    robot: Xml.Element,
+    model: pin.Model,
+    source: str,
+    mimic: bool,
+    line_of: Callable[[Xml.Element], int],
+    ignore_unknown: bool,
 ) -> Declared:
     """Return the loops that a URDF declares; their frames are added to its model.
 
@@ -80,6 +87,8 @@ def declared(
         What to call the file in an error.
     mimic : bool
         Whether ``<mimic>`` couples joints.
+    line_of : callable
+        Returns the line of an element.
     ignore_unknown : bool
         Leave out what looks like a loop and is not understood.
 
@@ -107,8 +116,10 @@ def declared(
     reader.independent(ignore_unknown)
     if not ignore_unknown:
         for element, words in unknown(robot):
-            message = f"{words} looks like a loop, and is not understood (on_unknown='ignore' leaves it out)"
-            reader.fail(element, message)
+            raise ModelError(
+                f"{source}, line {line_of(element)}: {words} looks like a loop, and is not understood "
+                "(on_unknown='ignore' leaves it out)"
+            )
     return reader.found
 
 
@@ -117,11 +128,53 @@ def unknown(robot: Xml.Element) -> Iterator[tuple[Xml.Element, str]]:
     for element in robot:
         if element.tag in {"loop", "coupling", _BALL} or element.tag in _ELSEWHERE:
             continue
-        for inner in element.iter():
+        for inner in _without_plugins(element):
             joint = element.tag == "gazebo" and inner.tag == "joint" and _first(inner, "child") is not None
             if joint or _LOOP_LIKE.search(inner.tag):
                 where = "" if inner is element else f" in <{element.tag}>"
                 yield inner, f"<{inner.tag}>{where}"
+
+
+def tying_plugins(robot: Xml.Element, free: Collection[str]) -> Iterator[tuple[Xml.Element, str]]:
+    """Yield plug-ins of simulators that tie joints which nothing else ties, with words for them.
+
+    Parameters
+    ----------
+    robot : xml.etree.ElementTree.Element
+        The file.
+    free : collection of str
+        Joints that move by themselves.
+
+    Yields
+    ------
+    element : xml.etree.ElementTree.Element
+        The plug-in.
+    words : str
+        What it does, and what to do about it.
+    """
+    for plugin in robot.iter("plugin"):
+        parts = [part for part in plugin.iter() if part is not plugin and _TYING.search(part.tag)]
+        if not parts and not _TYING.search(f"{plugin.get('name', '')} {plugin.get('filename', '')}"):
+            continue
+        followers = [(part.text or part.get("name") or "").strip() for part in parts]
+        loose = [name for name in followers if name in free]
+        if not loose and (followers or not free):
+            continue
+        what = f"ties the joint {', '.join(map(shown, loose))} to others" if loose else "ties joints"
+        name = plugin.get("name") or plugin.get("filename") or ""
+        yield (
+            plugin,
+            f"<plugin name={shown(name)}> {what} in its simulator only, and is left out: here they move by "
+            "themselves (give <mimic>, or couplings or closures in a sidecar)",
+        )
+
+
+def _without_plugins(element: Xml.Element) -> Iterator[Xml.Element]:
+    """Yield an element and all in it but plug-ins, whose settings have their own names (``<loop_rate>``)."""
+    yield element
+    for inner in element:
+        if inner.tag != "plugin":
+            yield from _without_plugins(inner)
 
 
 class _Reader:
