@@ -214,12 +214,13 @@ def peak_of(R: float) -> float:
     return float(np.abs(p3dof.load(machine).inverse_dynamics(SHORT, method="pinocchio").forces).max())
 
 
-OPTIMUM_TABLES = tuple(
-    f"p3dof.optimisation.tables.{name}" for name in ("optimum_tables", "_changes", "_limits", "_checks")
+@shows(
+    "p3dof.optimisation.checking.Check.difference",
+    "p3dof.optimisation.tables.optimum_tables",
+    "p3dof.optimisation.tables._changes",
+    "p3dof.optimisation.tables._limits",
+    "p3dof.optimisation.tables._checks",
 )
-
-
-@shows("p3dof.optimisation.checking.Check.difference", *OPTIMUM_TABLES)
 def test_tables_of_an_optimum_have_the_forces_of_its_machine(monkeypatch: pytest.MonkeyPatch) -> None:
     """The wider the base, the less the peak: the best one is at the bound of the width, 2R."""
     assert np.all(np.diff([peak_of(R) for R in (0.2, 0.22, 0.24)]) < 0)
