@@ -229,7 +229,8 @@ def test_universal_joints_have_their_axes_and_couplings_their_offset():
     assert '<sdf version="1.11">' in sdf
     mimic = Xml.fromstring(sdf).find(".//mimic")  # noqa: S314 - our own text
     assert mimic.get("joint") == "first"
-    assert [part.text for part in mimic] == ["-2", "0", "0"]  # zero is where the coupling holds
+    numbers = [float(part.text) for part in mimic]
+    assert numbers == pytest.approx([-2, 0, 0], abs=1e-15)  # zero is where the coupling holds
     mimic = Xml.fromstring(text(loop, drake=True)).find(f".//{DRAKE}mimic")  # noqa: S314 - likewise
     assert mimic.attrib == {"joint": "first", "multiplier": "-2", "offset": "0.1"}
     model = loop.model
