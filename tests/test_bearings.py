@@ -107,6 +107,17 @@ def test_what_misfits_add_is_told(robot):
     (told,) = (words for words in report.warnings if "misfit" in words)
     most = np.linalg.norm(reactions["hinge_lower"].fit[:, 0][:, [0, 2]], axis=-1).max()
     assert f"hinge_lower {most:.3g} N" in told
+    for share, count in ((1.0, 4), (0.75, 2)):  # those above a twentieth of the load, the largest first
+        stiffness = Stiffness(misfit=Misfit(share * 20e-6, share * 1e-4))
+        reactions = robot.reactions(paper_motion(21), "elastic", stiffness=stiffness)
+        report = bearing_life(PAPER, reactions, Bearings(BALL), stiffness=stiffness)
+        peaks = {one.joint: one.peak_load for one in report.bearings}
+        added = {name: np.hypot(*reactions[name].fit[:, 0][:, [0, 2]].T).max() for name in peaks}
+        order = sorted(added, key=added.get, reverse=True)
+        much = [f"{name} {added[name]:.3g} N" for name in order if added[name] > peaks[name] / 20]
+        (told,) = (words for words in report.warnings if "misfit" in words)
+        assert told.startswith(f"misfits of assembly add up to {', '.join(much)} across")
+        assert len(much) == count
     plain = bearing_life(PAPER, robot.reactions(paper_motion(21), "elastic"), Bearings(BALL))
     assert not any("misfit" in words for words in plain.warnings)
 
@@ -340,6 +351,7 @@ def test_rest_and_standing_still(robot, elastic):
     for life in (*report.bearings, *report.guides):
         assert life.life == life.hours == math.inf
         assert math.isnan(life.mean_load)
+        assert (life.way if hasattr(life, "way") else life.revolutions) == 0
     assert "–" in str(bearings_table(report).rows)
 
 
@@ -379,6 +391,9 @@ def test_bad_arguments(robot, elastic):
         Bearings(joints={"slide_a": BALL})
     with pytest.raises(ParameterError, match=r"joints: expected names of slide_a, .*'elbow'"):
         Bearings(joints={"elbow": BALL})
+    with pytest.raises(ParameterError, match="moments: expected three positive"):
+        replace(GUIDE, moments=(1.0, 0.0, 1.0))
+    assert replace(GUIDE, moments=[0.2, 0.1, 0.3]).moments == (0.2, 0.1, 0.3)  # of a small carriage
     with pytest.raises(ParameterError, match="guides: expected a Guide"):
         Bearings(guides=BALL)
 

@@ -276,3 +276,11 @@ def test_an_axis_that_only_drives_takes_nothing_back():
     used = {rating.name: rating.required for rating in axis.ratings}
     assert used["power"] == axis.peak_power > 10
     assert used["regeneration"] == axis.negative_work == 0
+
+
+def test_a_small_torque_is_more_than_none():
+    force = np.outer([0.0, 1e-6], np.ones(3))
+    cycle = Cycle([0, 1], force, 0 * force, 0 * force)
+    peak = next(rating for rating in size_of(cycle, PLAIN).axes[0].ratings if rating.name == "peak torque")
+    assert peak.required == pytest.approx(1e-6 * 0.01 / (2 * math.pi), rel=1e-12)
+    assert peak.time == 1.0

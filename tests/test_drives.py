@@ -242,6 +242,13 @@ def test_stages_lose_power_in_its_direction():
     )
 
 
+def test_a_drive_is_called_by_its_parts_in_their_order():
+    screw = Screw(0.01, inertia=0.0, name="16x10")
+    assert Drive(Motor(1, 3, 500, 0.0, name="M1"), screw, Gear(3, name="i3")).name == "M1 + i3 + 16x10"
+    assert Drive(Motor(1, 3, 500, 0.0, name="M1"), screw).name == "M1 + 16x10"
+    assert Drive(Motor(1, 3, 500, 0.0, name="M1"), screw, name="axis").name == "axis"
+
+
 def test_a_screw_holds_itself_when_half_is_lost():
     assert Screw(0.005, 0.5, inertia=0.0).efficiency_back == 0
     held = Drive(Motor(1, 3, 500, 0.0), Screw(0.005, 0.5, inertia=0.0))
