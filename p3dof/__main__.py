@@ -3,6 +3,7 @@
 Hardly anything is imported before Ctrl-C is looked after: the commands take half a second to load.
 """
 
+import atexit
 import gc
 import os
 import signal
@@ -42,6 +43,8 @@ def main() -> int:
         )
         if signal.getsignal(number) is usual
     }
+    atexit.register(_handle, dict.fromkeys(watched, signal.SIG_IGN))  # the last thing that is done
+    sys.unraisablehook = _unraisable
     try:
         _handle(dict.fromkeys(watched, _leave))  # an exception may be lost in the import of a C extension
         from p3dof.cli import main as run
@@ -51,7 +54,9 @@ def main() -> int:
         _handle(dict.fromkeys(watched, _leave))  # nothing is left to tidy up
     except KeyboardInterrupt:
         _leave(signal.SIGTERM if _told else signal.SIGINT)
-    return TERMINATED if _told and code == INTERRUPTED else code
+    if code == INTERRUPTED:  # told and tidied up; after one within exec, Python would end by SIGINT
+        os._exit(TERMINATED if _told else INTERRUPTED)
+    return code
 
 
 _told: list[int] = []
@@ -67,6 +72,20 @@ def _terminate(number: int, _frame: FrameType | None) -> NoReturn:
     """End as after Ctrl-C: whatever is under way is tidied up."""
     _told.append(number)
     raise KeyboardInterrupt("terminated")
+
+
+def _unraisable(lost: Any) -> None:
+    """Raise Ctrl-C again a moment later where nothing can be raised, as in the end of an object."""
+    if not isinstance(lost.exc_value, KeyboardInterrupt) or not hasattr(signal, "setitimer"):
+        sys.__unraisablehook__(lost)
+        return
+    words = lost.exc_value.args
+
+    def again(*_: object) -> NoReturn:
+        raise KeyboardInterrupt(*words)
+
+    signal.signal(signal.SIGALRM, again)
+    signal.setitimer(signal.ITIMER_REAL, 1e-3)
 
 
 def _hurry() -> None:

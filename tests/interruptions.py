@@ -150,6 +150,15 @@ def processes_of(folder: Path) -> list[psutil.Process]:
     return found
 
 
+def seconds_of(job: Job, folder: Path) -> float:
+    """Let a job come to its end; return how long it works once it looks after signals."""
+    process = start(job, folder)
+    wait_until(lambda: ready(process), process)
+    begun = time.monotonic()
+    process.communicate(timeout=600)
+    return time.monotonic() - begun
+
+
 def finish(job: Job, folder: Path, *more: str) -> dict[str, bytes]:
     """Let a job come to its end; return what it has written."""
     process = start(job, folder, *more)
@@ -176,7 +185,7 @@ def end(
     word, code = {signal.SIGINT: ("interrupted", 130), signal.SIGTERM: ("terminated", 143)}[number]
     where = f"{job.command[0]} after {number.name}"
     if process.returncode == 0:
-        assert error == "", where
+        assert error == "", f"{where}: {error}"
     else:
         assert process.returncode == code, f"{where}: {process.returncode}, {error}"
         assert error.startswith((f"p3dof: error: {word}", "p3dof: error: interrupted: ")), f"{where}: {error}"

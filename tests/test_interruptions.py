@@ -11,7 +11,7 @@ from pathlib import Path
 
 import psutil
 import pytest
-from interruptions import JOBS, end, finish, prepare
+from interruptions import JOBS, end, finish, prepare, seconds_of
 
 pytestmark = [
     pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="Linux"),
@@ -67,11 +67,11 @@ def test_a_job_that_is_ended_on_its_way_leaves_nothing_and_goes_on_to_the_same(
 def test_jobs_that_are_ended_at_random_moments(name, tmp_path, tmp_path_factory, request):
     rng = random.Random(f"{request.config.getoption('--hypothesis-seed')} {name}")  # noqa: S311 - no secret
     job, told = JOBS[name], []
-    begun = time.monotonic()
     whole = whole_of(job, tmp_path_factory)
-    seconds = time.monotonic() - begun
+    prepare(tmp_path)
+    seconds = seconds_of(job, tmp_path)
     for trial in range(int(os.environ.get("P3DOF_MOMENTS", "20"))):
-        folder = tmp_path / str(trial)
+        folder = tmp_path / f"trial {trial}"
         folder.mkdir()
         prepare(folder)
         number, wait = rng.choice((signal.SIGINT, signal.SIGTERM)), rng.uniform(0, seconds)

@@ -255,3 +255,33 @@ def test_a_time_outside_the_motion_is_refused(tmp_path, capsys, monkeypatch, com
     error = capsys.readouterr().err
     assert "--at: expected a time of the motion, from 0 to 1 s, got" in error
     assert not list(tmp_path.iterdir())
+
+
+LOST = """
+import signal, sys, time
+import p3dof.cli
+module = sys.modules["p3dof.cli.app"]
+class Ending:
+    def __del__(self):
+        signal.raise_signal(signal.{number})
+        list(range(10))
+def called(arguments):
+    with module._hidden_from_click():
+        Ending()
+        time.sleep(60)
+module._called = called
+import p3dof.__main__
+sys.exit(p3dof.__main__.main())
+"""
+
+
+@pytest.mark.skipif(sys.platform.startswith("win"), reason="POSIX signals")
+@pytest.mark.parametrize(
+    ("number", "told", "code"), [("SIGINT", "interrupted", 130), ("SIGTERM", "terminated", 143)]
+)
+@pytest.mark.usefixtures("ctrl_c")
+def test_a_signal_where_nothing_can_be_raised_ends_the_program_all_the_same(number, told, code):
+    """Python only prints an exception that comes at the end of an object."""
+    script = LOST.format(number=number)
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (code, f"p3dof: error: {told}\n")
