@@ -441,11 +441,11 @@ def test_inverse_dynamics_of_many_samples_is_done_by_arrays_with_idle_freedoms_t
     np.testing.assert_allclose(
         forces.tau[good], found.tau[good], rtol=0, atol=1e-9 * np.nanmax(np.abs(found.tau))
     )
-    assert np.array_equal(forces.conditioning[good], np.zeros(count - 1))  # as of single samples
+    assert forces.conditioning[good].min() > 0.0
     for i in (0, 3):
         one = single(q[i], v[i], a[i])
         np.testing.assert_allclose(forces.tau[i], one.tau, rtol=0, atol=1e-10 * np.abs(one.tau).max())
-        assert one.conditioning == 0.0
+        assert forces.conditioning[i] == pytest.approx(one.conditioning, rel=1e-10)
 
 
 def test_frames_are_prescribed_at_many_samples_by_arrays(monkeypatch):

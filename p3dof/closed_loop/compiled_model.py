@@ -16,7 +16,6 @@ from p3dof.closed_loop.batch.results import (
     BatchForwardDynamics,
     BatchHybridDynamics,
     BatchInverseDynamics,
-    Prescribed,
 )
 from p3dof.closed_loop.batch.states import BatchStates
 from p3dof.closed_loop.batch_model import BatchTarget
@@ -68,7 +67,9 @@ class CompiledModel(CompilingModel):
             return super().inverse_dynamics_batch(*given, stop)
         found, good = done
         core, at = self._core(states[0])
-        evidence = BatchEvidence(np.full(len(at), np.nan), lambda some: core._batch_dynamics.held(at[some]))
+        evidence = BatchEvidence(
+            np.full(len(at), np.nan), lambda some: core._batch_dynamics.conditioning(at[some])
+        )
         residual = found["residual"][:, 0]
         result = BatchInverseDynamics(found["tau"], residual, found["closure_error"], {}, evidence)
 
@@ -157,9 +158,8 @@ class CompiledModel(CompilingModel):
             return super().hybrid_dynamics_batch(*given, stop)
         found, good = done
         core, at = self._core(q_)
-        asked = Prescribed(np.array(self.actuated_v), wanted, (), np.zeros((len(wanted), 0)))
         evidence = BatchEvidence(
-            np.full(len(at), np.nan), lambda which: core._batch_hybrid._conditioning(at[which], asked)
+            np.full(len(at), np.nan), lambda some: core._batch_dynamics.conditioning(at[some])
         )
         result = BatchHybridDynamics(
             found["tau"], found["a"], found["residual"][:, 0], found["closure_error"], {}, evidence

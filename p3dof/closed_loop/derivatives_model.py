@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.derivatives import (
@@ -21,10 +21,8 @@ from p3dof.closed_loop.linearised import Acting, Linearised, Motion
 from p3dof.closed_loop.loop_model import External
 from p3dof.closed_loop.minimal_model import MinimalModel, Names
 from p3dof.closed_loop.prescriptions import ByName, joint_freedoms
+from p3dof.closed_loop.results import determined
 from p3dof.errors import InputError
-
-_UNIQUE = 1e-7
-"""Size of the undetermined part of a multiplier from which on it is not unique."""
 
 
 class DerivativesModel(MinimalModel):
@@ -204,8 +202,7 @@ class DerivativesModel(MinimalModel):
             linear = self._linearised(at, motion, external)
             by_a, by_y = linear.forward()
             m, n = len(self.actuated_v), len(at.v)
-            svd = at.point.svd
-            unique: NDArray[np.bool_] = np.all(np.abs(svd.U[:, svd.rank :]) <= _UNIQUE, axis=1)
+            unique = determined(at.point.svd, None, self.actuated_v)
             given = np.concatenate((np.zeros((m, 2 * n)), np.eye(m)), axis=1)
             by_lambda = where_unique(linear.multipliers(by_a, given), unique)
         units = setting.v[at.v]

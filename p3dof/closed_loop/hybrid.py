@@ -135,6 +135,9 @@ class Hybrid:
         own = partition.rows < closures
         if len(own) - np.count_nonzero(own) != size:
             return None  # some are redundant
+        of_closures = split.weights[len(own) - size :]
+        if np.abs(of_closures).max(initial=0.0) > task.point.rank_tolerance:
+            return None  # what is prescribed follows from the closures: these have more rows than are chosen
         # The chosen rows of S are the last ones, in their order. Unknown are Z | P | a.
         known, free, idle = len(own) - size, partition.free, len(partition.free)
         asked = np.zeros((len(own), idle + size + 1), order="F")
@@ -174,7 +177,7 @@ class Hybrid:
                 break
             tau = tau + more
             a -= Z.dot(change)
-        result = self._result(task, left, tau, a, None)
+        result = self._result(task, left, tau, a)
         opened, off = result.evidence.opening, result.evidence.off
         forces = (tau.dot(tau) + left.dot(left)) / len(left)  # no more than the largest ones, squared
         rates = max(1.0, a.dot(a) / len(a), task.drift.dot(task.drift) / max(1, len(task.drift)))
@@ -213,18 +216,11 @@ class Hybrid:
         fits = missing <= _ACCURACY * size or missing <= _ACCURACY * terms.scale(point.q, v, a, external)
         if not fits:  # also when something is not a number
             _refuse(missing, actuation, len(wanted), len(tau))
-        return self._result(task, force, tau, a, actuation)
+        return self._result(task, force, tau, a)
 
-    def _result(
-        self,
-        task: _Task,
-        force: FloatArray,
-        tau: FloatArray,
-        a: FloatArray,
-        actuation: Decomposition | None,
-    ) -> HybridDynamics:
+    def _result(self, task: _Task, force: FloatArray, tau: FloatArray, a: FloatArray) -> HybridDynamics:
         opening, off = task.point.J.dot(a) + task.drift, task.S.dot(a) - task.wanted
-        evidence = PrescribedMotion(task.point, force, self._actuated, task.S, (opening, off), actuation)
+        evidence = PrescribedMotion(task.point, force, self._actuated, task.S, (opening, off))
         return HybridDynamics(read_only(tau), read_only(a), evidence)
 
 

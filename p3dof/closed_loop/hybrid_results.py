@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.closures import ClosurePoint, max_abs
-from p3dof.closed_loop.linear import RANK_TOLERANCE, Decomposition
-from p3dof.closed_loop.results import ClosureForces, determined, read_only
+from p3dof.closed_loop.results import ActuatedForces
 
 
-class PrescribedMotion(ClosureForces):
-    """What closures have to bear where accelerations are prescribed; also see `ClosureForces`.
+class PrescribedMotion(ActuatedForces):
+    """What closures have to bear where accelerations are prescribed; also see `ActuatedForces`.
 
     Parameters
     ----------
@@ -25,8 +24,6 @@ class PrescribedMotion(ClosureForces):
         S, the matrix from accelerations to the prescribed ones.
     errors : tuple of (rows,) and (size,) array
         What is left of accelerations at the closures, and of the prescribed ones.
-    actuation : Decomposition, optional
-        Of the matrix that maps forces of the actuators to their effect on these; None if it is regular.
     """
 
     def __init__(
@@ -36,37 +33,10 @@ class PrescribedMotion(ClosureForces):
         actuated_v: NDArray[np.int_],
         prescribed: FloatArray,
         errors: tuple[FloatArray, FloatArray],
-        actuation: Decomposition | None,
     ) -> None:
-        super().__init__(point, force)
+        super().__init__(point, force, actuated_v)
         self.opening, self.off = errors
-        self._actuated_v, self._prescribed, self._actuation = actuated_v, prescribed, actuation
-
-    @cached_property
-    def seen(self) -> Decomposition:
-        """S N decomposed, N being the orthonormal free motions."""
-        S = self._prescribed
-        return Decomposition.of(S @ self.point.svd.null_space, RANK_TOLERANCE, max(1.0, max_abs(S)))
-
-    @property
-    def rank(self) -> int:
-        """Rank of the closures' Jacobian."""
-        return self.point.svd.rank
-
-    @property
-    def mobility(self) -> int:
-        """Free motions of the closed mechanism."""
-        return self.point.J.shape[1] - self.rank
-
-    @property
-    def tau_unique(self) -> bool:
-        """Whether the forces are determined."""
-        return self._actuation is None or self._actuation.rank == len(self._actuated_v)
-
-    @cached_property
-    def unique(self) -> NDArray[np.bool_]:
-        """Which multipliers are determined (rows,)."""
-        return read_only(determined(self.point.svd, self._actuation, self._actuated_v))
+        self._prescribed = prescribed
 
     @property
     def prescribed_residual(self) -> float:
@@ -78,10 +48,11 @@ class PrescribedMotion(ClosureForces):
         """The largest relative acceleration that is left at a closure."""
         return max_abs(self.opening) * max(1.0, self._length)
 
-    @property
-    def conditioning(self) -> float:
-        """The smallest singular value of S N."""
-        return float(self.seen.s[-1]) if self.seen.s.size else 1.0
+    @cached_property
+    def prescribed_conditioning(self) -> float:
+        """The smallest singular value of S N; one without any."""
+        s = np.linalg.svd(self._prescribed @ self.point.svd.null_space, compute_uv=False)
+        return float(s[-1]) if s.size else 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +95,7 @@ class HybridDynamics:
 
     @property
     def tau_unique(self) -> bool:
-        """Whether `tau` is determined; not so if actuators can work against each other without any motion."""
+        """Whether `tau` is determined, as in `InverseDynamics`."""
         return self.evidence.tau_unique
 
     @property
@@ -139,11 +110,17 @@ class HybridDynamics:
 
     @property
     def conditioning(self) -> float:
+        """Smallest singular value of Nᵀ B, as in `InverseDynamics`."""
+        return self.evidence.conditioning
+
+    @property
+    def prescribed_conditioning(self) -> float:
         """Smallest singular value of S N: how well the prescribed accelerations are seen.
 
         S picks them, and N are the orthonormal free motions. It is 0 where they cannot be chosen freely.
+        Where those of the actuated joints are prescribed it is the `conditioning`.
         """
-        return self.evidence.conditioning
+        return self.evidence.prescribed_conditioning
 
     @property
     def residual(self) -> float:

@@ -11,7 +11,7 @@ from p3dof.checks import FloatArray, frozen_array
 from p3dof.closed_loop.assembly_model import whole
 from p3dof.closed_loop.base_parameters import BaseParameters, base_parameters, random_motions
 from p3dof.closed_loop.derivatives_model import DerivativesModel
-from p3dof.closed_loop.linear import RANK_TOLERANCE, Decomposition
+from p3dof.closed_loop.linear import actuation_of
 from p3dof.closed_loop.loop_model import External
 from p3dof.closed_loop.minimal import stacked
 from p3dof.closed_loop.minimal_model import Names
@@ -70,7 +70,7 @@ class IdentificationModel(DerivativesModel):
             at = self._independent(q, coordinates, v)
             setting.core._moving(at.point.q, v / setting.v, a / setting.v)
         free = at.point.svd.null_space
-        actuation = Decomposition.of(free[self.actuated_v].T, RANK_TOLERANCE, 1.0)
+        actuation = actuation_of(at.point.svd, self.actuated_v)
         to_tau = actuation.pseudo_inverse @ free.T  # of generalised forces: the smallest ones
         to_tau = setting.force[self.actuated_v, None] * to_tau / setting.force
         N, Y = setting.motion(at), self._regressor.rows(q, v, a)

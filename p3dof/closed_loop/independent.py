@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray, shown
 from p3dof.closed_loop.closures import ClosurePoint
-from p3dof.closed_loop.linear import RANK_TOLERANCE, Decomposition
+from p3dof.closed_loop.linear import RANK_TOLERANCE, Decomposition, actuation_of
 from p3dof.closed_loop.sidecar import suggestion
 from p3dof.errors import InputError, SingularityError
 
@@ -124,7 +124,7 @@ def default_coordinates(
     (n,) array of int
     """
     N = point.svd.null_space
-    if len(actuated) == N.shape[1] and Decomposition.of(N[actuated], RANK_TOLERANCE, 1.0).rank == N.shape[1]:
+    if len(actuated) == N.shape[1] == actuation_of(point.svd, actuated).rank:
         return actuated
     choice = preferred()
     if choice is not None and len(choice) == N.shape[1]:

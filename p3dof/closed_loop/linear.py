@@ -7,6 +7,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray
 
@@ -19,6 +20,8 @@ Jacobian mix metres and radians, so the fraction has no exact meaning: the room 
 harmless for machines of about the size of the unit of length; see `p3dof.closed_loop.units`.
 """
 
+UNIQUE = 1e-7
+"""Share of an undetermined change from which on a force, or a motion, takes part in it."""
 _REGULAR = 1e-12
 """Least reciprocal condition number of A Aᵀ for an A that is of full rank without doubt."""
 
@@ -78,6 +81,11 @@ class Decomposition:
         r = self.rank
         return (self.Vt[:r].T / self.s[:r]) @ self.U[:, :r].T
 
+    @property
+    def least(self) -> float:
+        """The smallest singular value; one without any."""
+        return float(self.s[-1]) if self.s.size else 1.0
+
     def solve(self, b: FloatArray) -> FloatArray:
         """Return the shortest x (n,) that minimises |A x - b|, for b (m,)."""
         r = self.rank
@@ -87,6 +95,33 @@ class Decomposition:
         """Return the shortest y (m,) that minimises |Aᵀ y - f|; f is (n,), or (n, k) for k of them."""
         r = self.rank
         return (self.U[:, :r] / self.s[:r]) @ (self.Vt[:r] @ f)
+
+
+def actuation_of(closures: Decomposition, actuated_v: NDArray[np.int_]) -> Decomposition:
+    """Return Nᵀ B decomposed: what the actuators do to the orthonormal free motions N.
+
+    All that is said of unique forces and of conditioning is read from it:
+
+    - forces of the actuators are determined where its rank is their number: none of them can change without
+      moving something, all others staying as they are or not;
+    - the actuators hold the mechanism, whatever acts, where its rank is the mobility;
+    - the conditioning is its smallest singular value: how much the least effective forces do, or, with more
+      actuators than freedoms, how much of the least resisted motion they see. It is more than the rank
+      tolerance where the former holds, or with spare actuators the latter, and nowhere else.
+
+    Parameters
+    ----------
+    closures : Decomposition
+        Of the closures' Jacobian.
+    actuated_v : (n_actuated,) array of int
+        Indices of the actuated joints in v.
+
+    Returns
+    -------
+    Decomposition
+        Of a matrix (mobility, n_actuated).
+    """
+    return Decomposition.of(closures.null_space[actuated_v].T, RANK_TOLERANCE, 1.0)
 
 
 def least_norm(A: FloatArray, b: FloatArray, relative: float) -> FloatArray:

@@ -32,7 +32,7 @@ from p3dof.closed_loop.closure_tangents import ClosureTangents
 from p3dof.closed_loop.closures import LoopKinematics
 from p3dof.closed_loop.constraints import Coupling
 from p3dof.closed_loop.independent import Independent, IndexArray
-from p3dof.closed_loop.linear import RANK_TOLERANCE, Decomposition
+from p3dof.closed_loop.linear import RANK_TOLERANCE, Decomposition, actuation_of
 from p3dof.closed_loop.tree_tangents import Tree, TreeMotion
 from p3dof.errors import DynamicsError, SingularityError
 
@@ -148,11 +148,11 @@ class Linearised:
             )
         a = np.concatenate((self.a_by_q, self.a_by_v, N), axis=1)
         force = np.concatenate((self.force, self.M @ N), axis=1)
-        actuation = Decomposition.of(self._svd.null_space[actuated].T, RANK_TOLERANCE, 1.0)
+        actuation = actuation_of(self._svd, actuated)
         if actuation.rank < n:
             raise SingularityError(
                 f"the actuators cannot hold the mechanism here: they resist {actuation.rank} of its {n} free "
-                f"motions (smallest singular value {float(actuation.s[-1]):.1e})"
+                f"motions (smallest singular value {actuation.least:.1e})"
             )
         tau: FloatArray = actuation.pseudo_inverse @ (self._svd.null_space.T @ force)
         tau[:, :n] += self._least(actuation)

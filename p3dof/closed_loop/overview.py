@@ -8,11 +8,9 @@ import numpy as np
 import pinocchio as pin
 
 from p3dof.checks import FloatArray
-from p3dof.closed_loop.linear import RANK_TOLERANCE, Decomposition
+from p3dof.closed_loop.linear import UNIQUE, actuation_of
 from p3dof.closed_loop.loop_model import LoopModel
-
-_OPEN = 1e-7
-"""Size of an undetermined share of a multiplier, or of an idle motion in a joint, that counts."""
+from p3dof.closed_loop.results import determined
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,20 +55,19 @@ def overview(loop: LoopModel, q: FloatArray) -> Overview:
     InputError
         If `q` has the wrong shape, is not finite or not normalised.
     """
-    J, rank = loop.closure_jacobian(q), loop.rank(q)
-    U, _, Vt = np.linalg.svd(J, full_matrices=True)
-    N = Vt[rank:].T
-    actuation = Decomposition.of(N[loop.actuated_v], RANK_TOLERANCE, 1.0)
-    still = np.abs(N @ actuation.null_space).max(axis=1, initial=0.0) > _OPEN
+    core, own = (loop, q) if loop._scaled is None else (loop._scaled.core, loop._scaled.q(q))
+    svd = core._at(own).svd
+    actuation = actuation_of(svd, loop.actuated_v)
+    unseen = actuation.U[:, actuation.rank :]
+    still = np.abs(svd.null_space @ unseen).max(axis=1, initial=0.0) > UNIQUE
     model = loop.model
     idle = [i for i in range(1, model.njoints) if still[_freedoms(model, i)].any()]
-    undetermined = np.abs(U[:, rank:]).max(axis=1, initial=0.0) > _OPEN
     return Overview(
-        rank,
-        model.nv - rank,
+        svd.rank,
+        model.nv - svd.rank,
         actuation.rank,
         tuple(str(model.names[i]) for i in idle),
-        undetermined,
+        ~determined(svd, None, loop.actuated_v),
     )
 
 

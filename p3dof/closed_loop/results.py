@@ -12,10 +12,7 @@ from typing_extensions import Self
 
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.closures import ClosurePoint, max_abs
-from p3dof.closed_loop.linear import RANK_TOLERANCE, Decomposition
-
-_UNIQUE = 1e-7
-"""Size of the undetermined part of a multiplier from which on it is not unique."""
+from p3dof.closed_loop.linear import UNIQUE, Decomposition, actuation_of
 
 
 class ClosureForces:
@@ -94,8 +91,8 @@ class ActuatedForces(ClosureForces):
 
     @cached_property
     def actuation(self) -> Decomposition:
-        """Nᵀ B decomposed, N being the orthonormal free motions."""
-        return Decomposition.of(self.point.svd.null_space[self._actuated_v].T, RANK_TOLERANCE, 1.0)
+        """See `actuation_of`."""
+        return actuation_of(self.point.svd, self._actuated_v)
 
     @property
     def rank(self) -> int:
@@ -119,9 +116,8 @@ class ActuatedForces(ClosureForces):
 
     @property
     def conditioning(self) -> float:
-        """The smallest singular value of Nᵀ B; zero with fewer actuators than mobility."""
-        mobility, count = self.mobility, len(self._actuated_v)
-        return 1.0 if not mobility else 0.0 if count < mobility else float(self.actuation.s[-1])
+        """The smallest singular value of Nᵀ B; one without any."""
+        return self.actuation.least
 
 
 class AcceleratedClosures(ClosureForces):
@@ -184,7 +180,10 @@ class InverseDynamics:
 
     @property
     def tau_unique(self) -> bool:
-        """Whether `tau` is determined; not so if the mechanism has more actuators than mobility."""
+        """Whether `tau` is determined: no actuator's force can change with nothing but closures bearing it.
+
+        Not so if the mechanism has more actuators than mobility, or where it is singular.
+        """
         return self.evidence.tau_unique
 
     @property
@@ -199,10 +198,10 @@ class InverseDynamics:
 
     @property
     def conditioning(self) -> float:
-        """Smallest singular value of Nᵀ B, between 0 and 1, N being orthonormal.
+        """Smallest singular value of Nᵀ B, between 0 and 1, N being orthonormal free motions.
 
-        It tells how much of the least resisted free motion is seen by the actuators, and is 0 where they
-        cannot hold the mechanism.
+        Up to rounding it is 0 where the actuators cannot hold the mechanism although there are enough of
+        them, and where forces of some of them do nothing although there are none to spare; nowhere else.
         """
         return self.evidence.conditioning
 
@@ -266,7 +265,7 @@ def determined(
     svd : Decomposition
         Of the closures' Jacobian.
     actuation : Decomposition, optional
-        Of a matrix that maps forces of the actuators to their effect; None if it is regular.
+        Of what the actuators do to the free motions, see `actuation_of`; None if their forces are given.
     actuated_v : (n_actuated,) array of int
         Indices of the actuated joints in v.
 
@@ -275,12 +274,12 @@ def determined(
     (rows,) array of bool
     """
     open_ = np.abs(svd.U[:, svd.rank :])
-    fixed = np.all(open_ <= _UNIQUE, axis=1)
+    fixed = np.all(open_ <= UNIQUE, axis=1)
     if actuation is not None and actuation.rank < len(actuated_v):
         forces = np.zeros((svd.Vt.shape[1], len(actuated_v) - actuation.rank))
         forces[actuated_v] = actuation.null_space
         effect = np.abs(svd.solve_transpose(forces))
-        fixed = fixed & np.all(effect <= _UNIQUE * effect.max(initial=0.0), axis=1)
+        fixed = fixed & np.all(effect <= UNIQUE * effect.max(initial=0.0), axis=1)
     return np.asarray(fixed)
 
 

@@ -10,22 +10,20 @@ independent rows as there are passive joints give
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.batch.closures import ClosureRows
+from p3dof.closed_loop.batch.conditioning import WELL, BatchConditioning, Choice, choose, follow
 from p3dof.closed_loop.batch.kinematics import Samples, Sweep
 from p3dof.closed_loop.batch.linear import (
     FEW,
     PROBES,
     BoolArray,
-    IndexArray,
     apply,
     blocks,
-    independent_rows,
     inverse_norms,
     largest,
     norms,
@@ -36,15 +34,12 @@ from p3dof.closed_loop.batch.linear import (
 from p3dof.closed_loop.batch.results import BatchEvidence, BatchInverseDynamics
 from p3dof.closed_loop.closures import LoopKinematics
 from p3dof.closed_loop.coordinates import rounding
-from p3dof.closed_loop.linear import RANK_TOLERANCE, Decomposition
+from p3dof.closed_loop.linear import RANK_TOLERANCE
 from p3dof.closed_loop.loop_model import LoopModel
-from p3dof.closed_loop.results import ActuatedForces
 from p3dof.closed_loop.rotations import cross
 from p3dof.errors import InputError, P3dofError
 from p3dof.threads import Workspace
 
-WELL = 1e6
-"""Largest condition number of a square system in a batch."""
 CONSISTENT = 1e-9
 """Largest relative error of velocities and accelerations in a batch."""
 _HELD = 1e-5
@@ -55,17 +50,6 @@ _NOTHING = 1e-10
 """Largest force that idle freedoms may need in a batch, relative to those in the equation of motion."""
 _CHOICES = 3
 """How many times the independent rows are chosen before the rest is left to the single samples."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Choice:
-    """Independent rows of closures, the others, the joints that follow by these, idle ones, all others."""
-
-    rows: IndexArray
-    left: IndexArray
-    passive: IndexArray
-    idle: IndexArray
-    free: IndexArray
 
 
 class BatchDynamics(Workspace):
@@ -84,7 +68,9 @@ class BatchDynamics(Workspace):
         self._sweep = Sweep(loop.model)
         self._closures = ClosureRows(kinematics, self._sweep)
         self._passive = np.setdiff1d(np.arange(loop.model.nv), loop.actuated_v)
-        self._chosen: _Choice | None = None
+        self._chosen: Choice | None = None
+        self.conditioning = BatchConditioning(kinematics, self._sweep, self._closures, loop.actuated_v)
+        """Returns that of `InverseDynamics` (N,) at configurations (N, nq)."""
 
     def inverse_dynamics(
         self,
@@ -118,7 +104,7 @@ class BatchDynamics(Workspace):
         tau = np.full((count, len(loop.actuated)), np.nan)
         residual, known = np.full((2, count), np.nan)
         gaps = np.full((count, self._kinematics.size), np.nan)
-        evidence = BatchEvidence(known, lambda which: self._conditioning(q[which]))
+        evidence = BatchEvidence(known, lambda which: self.conditioning(q[which]))
         result = BatchInverseDynamics(tau, residual, gaps, {}, evidence)
         self._pool = pin.ModelPool(loop.model, 1)  # with a copy of the model as it is now
         for block in blocks(count, sized(self._kinematics.size, loop.model.nv)):
@@ -145,38 +131,6 @@ class BatchDynamics(Workspace):
     def errors(self, q: FloatArray) -> FloatArray:
         """Return how far the closures are open (N, rows) at configurations (N, nq)."""
         return self._closures.errors(q, self._closures.frames(self._sweep.at(q)))
-
-    def held(self, q: FloatArray) -> FloatArray:
-        """Return the conditioning (N,) at configurations (N, nq), also with spare actuators."""
-        if not len(q) or len(self._loop.actuated_v) <= self._loop.mobility(q[0]):
-            return self._conditioning(q)
-        return np.array([self._conditioning_alone(row) for row in q])
-
-    def _conditioning(self, q: FloatArray) -> FloatArray:
-        """Return the conditioning (N,) at configurations (N, nq)."""
-        found, count = np.zeros(len(q)), len(self._loop.actuated_v)
-        for block in blocks(len(q), sized(self._kinematics.size, self._loop.model.nv)):
-            samples = self._sweep.at(q[block])
-            J = self._closures.jacobian(q[block], samples, self._closures.frames(samples))
-            choice = self._choice(J[0])
-            if len(choice.rows) != len(choice.passive):
-                found[block] = [self._conditioning_alone(row) for row in q[block]]
-                continue
-            JR = J[:, choice.rows]
-            Jp, Jf = JR[:, :, choice.passive], JR[:, :, choice.free]
-            with np.errstate(all="ignore"):
-                x = solve(Jp, with_probes(Jf))
-                well = norms(Jp) * inverse_norms(x) <= WELL
-            N = np.where(well[:, None, None], x[:, :, PROBES:], 0.0)
-            # The rows of the free joints are those of 1, so that the orthonormal ones are (1 + NᵀN)^(-1/2).
-            longest = 1.0 + np.linalg.eigvalsh(np.swapaxes(N, -1, -2) @ N).max(axis=1, initial=0.0)
-            found[block] = 0.0 if len(choice.free) > count else 1.0 / np.sqrt(longest)
-            found[block[~well]] = [self._conditioning_alone(row) for row in q[block[~well]]]
-        return found
-
-    def _conditioning_alone(self, q: FloatArray) -> float:
-        point, nothing = self._kinematics.at(q), np.zeros(self._loop.model.nv)
-        return ActuatedForces(point, nothing, self._loop.actuated_v).conditioning
 
     def power(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """Return the rate of change of the mechanical energy (N,) [W]; see `energy.energy_rate`."""
@@ -245,7 +199,7 @@ class BatchDynamics(Workspace):
             if not len(todo):
                 break
             if self._chosen is None:
-                self._chosen = self._choice(J[todo[0]])
+                self._chosen = choose(J[todo[0]], self._loop.actuated_v)
             choice, every = self._chosen, slice(None) if len(todo) == len(J) else todo
             if len(choice.passive) + len(choice.idle) == len(self._passive):
                 tau[todo], residual[todo], good[todo] = self._by(choice, J[every], f[every])
@@ -253,7 +207,7 @@ class BatchDynamics(Workspace):
                 self._chosen = None
         return tau, residual, good
 
-    def _by(self, choice: _Choice, J: FloatArray, f: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+    def _by(self, choice: Choice, J: FloatArray, f: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Return forces and residual of samples by a choice, and where they are good."""
         passive, free, count = choice.passive, choice.free, len(self._loop.actuated_v)
         JR = J[:, choice.rows] if len(choice.left) else J
@@ -269,44 +223,6 @@ class BatchDynamics(Workspace):
             missing = rest[:, count:]
             well &= largest(missing) <= _NOTHING * largest(f)  # idle freedoms move as they must
         return rest[:, :count], np.maximum(largest(left), largest(missing)), well
-
-    def _choice(self, J: FloatArray) -> _Choice:
-        """Return independent rows, and the joints that follow by these."""
-        passive, rank = self._passive, len(self._passive)
-        rows, chosen = independent_rows(J[:, passive], rank), passive
-        if len(rows) < rank:
-            rank = Decomposition.of(J).rank
-            rows = independent_rows(J, rank)
-            chosen = passive[independent_rows(J[rows][:, passive].T, rank)]
-            if len(chosen) < len(rows):
-                chosen = passive[:0]  # joints that are actuated follow from others, too
-        idle = np.setdiff1d(passive, chosen) if len(chosen) else passive[:0]
-        left = np.setdiff1d(np.arange(len(J)), rows)
-        return _Choice(rows, left, chosen, idle, np.concatenate((self._loop.actuated_v, idle)))
-
-
-def follow(others: FloatArray, weights: FloatArray, J: FloatArray, size: FloatArray) -> BoolArray:
-    """Whether rows that were left out follow from those that were chosen.
-
-    Parameters
-    ----------
-    others : (n, left, k) array
-        Their entries of the free joints.
-    weights : (n, rows, left) array
-        What gives their entries of the joints that follow, from those of the chosen rows.
-    J : (n, rows, k) array
-        The chosen rows' entries of the free joints.
-    size : (n,) array
-        Norms of all rows.
-
-    Returns
-    -------
-    (n,) array of bool
-    """
-    if not others.shape[1]:
-        return np.ones(len(others), dtype=bool)
-    apart = norms(others - np.swapaxes(weights, -1, -2) @ J)
-    return np.asarray(apart <= RANK_TOLERANCE * size / np.sqrt(J.shape[1] + others.shape[1]))
 
 
 def generalised(

@@ -20,10 +20,10 @@ import pinocchio as pin
 
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.batch.closures import ClosureRows
+from p3dof.closed_loop.batch.conditioning import WELL, BatchConditioning
 from p3dof.closed_loop.batch.dynamics import (
     CONSISTENT,
     TIGHT,
-    WELL,
     generalised,
 )
 from p3dof.closed_loop.batch.kinematics import Pair, Sweep
@@ -102,6 +102,8 @@ class BatchHybrid(Workspace):
         self._sweep, self._data = Sweep(loop.model), loop.model.createData()
         self._upper = np.triu(np.ones((loop.model.nv, loop.model.nv))) - np.eye(loop.model.nv) / 2
         self._known: dict[object, tuple[ClosureRows, list[_Choice]]] = {}
+        closures = ClosureRows(kinematics, self._sweep)
+        self._conditioning = BatchConditioning(kinematics, self._sweep, closures, loop.actuated_v)
 
     def solve(
         self,
@@ -133,7 +135,7 @@ class BatchHybrid(Workspace):
         """
         count, rows, nv = len(q), self._kinematics.size, self._model.nv
         result = BatchHybridDynamics.empty(count, len(self._actuated), nv, rows)
-        result.evidence.find = lambda which: self._conditioning(q[which], prescribed)
+        result.evidence.find = lambda which: self._conditioning(q[which])
         done = np.zeros(count, dtype=bool)
         self._pool = pin.ModelPool(self._model, 1)  # with a copy of the model as it is now
         if count >= FEW and prescribed.size == len(self._actuated):
@@ -264,23 +266,6 @@ class BatchHybrid(Workspace):
             T = P - Z @ (H @ (np.swapaxes(MZ, -1, -2) @ P))
         G = inverse(np.swapaxes(T[:, self._actuated], -1, -2))
         return _Motions(N, T, Z, H, G), well
-
-    def _conditioning(self, q: FloatArray, prescribed: Prescribed) -> FloatArray:
-        """Return the conditioning (n,) of the prescribed accelerations at configurations (n, nq)."""
-        closures, _ = self._rows(prescribed)
-        size, at, found = self._kinematics.size, prescribed.at, np.zeros(len(q))
-        for block in blocks(len(q), sized(max(size, self._model.nv), self._model.nv)):
-            samples = self._sweep.at(q[block])
-            rows = closures.jacobian(q[block], samples, closures.frames(samples))
-            picks = np.broadcast_to(np.eye(self._model.nv)[at], (len(block), len(at), self._model.nv))
-            S = np.concatenate((picks, rows[:, size:]), axis=1)
-            _, s, Vt = np.linalg.svd(rows[:, :size])
-            ranks = np.count_nonzero(s > RANK_TOLERANCE * s[:, :1], axis=1) if size else np.zeros(len(S), int)
-            for rank in np.unique(ranks):
-                alike = ranks == rank
-                seen = np.linalg.svd(S[alike] @ np.swapaxes(Vt[alike, rank:], -1, -2), compute_uv=False)
-                found[block[alike]] = seen[:, -1] if seen.shape[1] else 1.0
-        return found
 
     def _solution(
         self, motions: _Motions, q: FloatArray, v: FloatArray, a: FloatArray, acting: FloatArray

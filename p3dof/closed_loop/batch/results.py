@@ -114,7 +114,7 @@ class BatchHybridDynamics:
 
     @property
     def conditioning(self) -> FloatArray:
-        """Smallest singular value of S N (N,), as in `HybridDynamics`."""
+        """Smallest singular value of Nᵀ B (N,), as in `InverseDynamics`."""
         return self.evidence.conditioning
 
     def put(self, i: int, one: HybridDynamics, gaps: FloatArray) -> None:

@@ -16,7 +16,8 @@ from p3dof.closed_loop.assembly import TOLERANCE, Assembler
 from p3dof.closed_loop.assembly_model import TargetLike
 from p3dof.closed_loop.assembly_results import Assembly, State
 from p3dof.closed_loop.batch.assembly import BatchSystem, Goals, settle
-from p3dof.closed_loop.batch.dynamics import CONSISTENT, WELL, redundant
+from p3dof.closed_loop.batch.conditioning import WELL
+from p3dof.closed_loop.batch.dynamics import CONSISTENT, redundant
 from p3dof.closed_loop.batch.kinematics import Sweep
 from p3dof.closed_loop.batch.linear import FEW, BoolArray, IndexArray, apply, blocks, largest, norms
 from p3dof.closed_loop.batch.targets import Targets
