@@ -20,6 +20,7 @@ MODULES := page/node_modules/.package-lock.json
 
 LOWEST := .venv-lowest
 COUNT ?= 300
+GROUPS ?= 0
 ONLY ?=
 
 .PHONY: help demo quick test lint types layers generated pytest levels docs fuzz sanitize mutants lowest benchmark export
@@ -92,7 +93,7 @@ sanitize: $(DEV) ## the compiled extension under the sanitizers of gcc
 
 # Breaks the sources on purpose, COUNT times (0: in every way), and lists what no test notices.
 mutants: $(DEV) ## break the sources in COUNT places, and list what no test notices
-	$(BIN)/python tests/mutants.py --count $(COUNT) --seed $(SEED) --only "$(ONLY)"
+	$(BIN)/python tests/mutants.py --count $(COUNT) --groups $(GROUPS) --seed $(SEED) --only "$(ONLY)"
 
 # A quick part of the tests with the lowest versions that pyproject.toml declares. Their own deprecated calls of
 # newer libraries beneath them are none of ours.

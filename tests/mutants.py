@@ -7,7 +7,9 @@
 
 Each mutant is one changed operator, sign, comparison, number, function or returned array in one of the
 modules below. A child process imports the mutated module and runs the module's tests until the first fails.
-Messages, indices and annotations stay. A survivor is a line for a person to judge: it may be equivalent.
+Messages, indices and annotations stay. A survivor is a line for a person to judge: if it is equivalent, or a
+matter of speed alone, it goes into ``mutants_survivors.txt`` with a reason, and is not tried again. Others
+make the command fail: CI tries a small sample, another one with every commit.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ from __future__ import annotations
 import argparse
 import ast
 import copy
+import functools
 import importlib.abc
 import importlib.util
 import os
@@ -23,97 +26,178 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, TypeAlias
 
 ROOT = Path(__file__).parents[1]
+SURVIVORS = ROOT / "tests/mutants_survivors.txt"
 SHARED = ("evidence", "thresholds", "manipulator", "virtual_power", "friction", "kinematics", "minimal")
 CLOSED = ("evidence", "thresholds", "closed_loop", "closed_loop_assembly", "manipulator", "closed_loop_batch")
 LOOPS = ("loop_minimal", "loop_derivatives", "loop_identification", "loop_margins")
 FILES = ("mjcf_traits", "write_mjcf", "write_sdf")
+READ = ("mjcf_traits", "robot_mjcf", "robot_files", "closed_loop_files", "pinocchio_models")
 RUNS = ("evidence", "thresholds", "control")
+ROBOTS = ("any_robot", "robot_runs")
+KINDS = ("closure_kinds", "couplings", "closed_loop", "scale")
+PRINTED = ("codegen::test_generated_kernels_are_up_to_date",)
 TESTS = {
+    # Formulas and the machine.
     "p3dof/algebra.py": SHARED,
-    "p3dof/paper/formulas.py": SHARED,
-    "p3dof/paper/friction.py": SHARED,
-    "p3dof/paper/inertials.py": SHARED,
-    "p3dof/paper/recursion.py": SHARED,
-    "p3dof/paper/virtual_power.py": SHARED,
-    "p3dof/kinematics/bodies.py": SHARED,
-    "p3dof/kinematics/forward.py": SHARED,
-    "p3dof/kinematics/inverse.py": SHARED,
+    "p3dof/checks.py": ("checks", "bad_input", "parameters"),
+    "p3dof/samples.py": ("evidence", "gate", "methods"),
+    "p3dof/outputs.py": ("outputs",),
+    "p3dof/threads.py": ("threads",),
+    "p3dof/files/": ("files", "outputs"),
+    "p3dof/tables/": ("tables", "every_number", "shown_tables"),
+    "p3dof/tracing/": ("tracing", "minimal"),
+    "p3dof/integrators/": ("integrators",),
+    "p3dof/paper/": SHARED,
+    "p3dof/kinematics/": SHARED,
     "p3dof/kinematics/gate.py": (*SHARED, "gate"),
     "p3dof/kinematics/validity.py": (*SHARED, "gate"),
-    "p3dof/methods/equations_of_motion.py": SHARED,
-    "p3dof/methods/evidence.py": SHARED,
-    "p3dof/methods/closed_form.py": SHARED,
-    "p3dof/methods/pinocchio.py": (*SHARED, "gate", "methods"),
-    "p3dof/methods/pinocchio_friction.py": SHARED,
-    "p3dof/methods/exceedances.py": SHARED,
-    "p3dof/methods/results.py": (*SHARED, "utilisation"),
-    "p3dof/methods/virtual_power.py": (*SHARED, "gate"),
+    "p3dof/parameters/": ("parameters", "parameter_data", "units", "shown_tables", "actuators"),
+    "p3dof/motion/": ("motion", "shown_tables"),
+    "p3dof/motion/joint_files.py": ("cli_loop", "joint_data"),
     "p3dof/motion/states.py": ("states", "wrenches", *SHARED),
     "p3dof/motion/wrenches.py": ("wrenches", "motion"),
-    "p3dof/closed_loop/closures.py": CLOSED,
-    "p3dof/closed_loop/forward.py": CLOSED,
-    "p3dof/closed_loop/inverse.py": CLOSED,
-    "p3dof/closed_loop/partitions.py": (*CLOSED, "hybrid_dynamics"),
-    "p3dof/closed_loop/terms.py": (*CLOSED, "hybrid_dynamics"),
-    "p3dof/closed_loop/energy.py": CLOSED,
-    "p3dof/closed_loop/hybrid.py": ("hybrid_dynamics",),
-    "p3dof/closed_loop/formats/mjcf_tendons.py": FILES,
-    "p3dof/closed_loop/writers/bodies.py": FILES,
-    "p3dof/closed_loop/writers/chains.py": FILES,
-    "p3dof/closed_loop/writers/mjcf.py": FILES,
-    "p3dof/closed_loop/writers/mjcf_loops.py": FILES,
-    "p3dof/closed_loop/writers/mjcf_tendons.py": FILES,
-    "p3dof/closed_loop/writers/sdf.py": FILES,
-    "p3dof/closed_loop/batch/hybrid.py": ("hybrid_dynamics",),
-    "p3dof/closed_loop/compiled/tree.py": ("compiled_loops",),
-    "p3dof/closed_loop/compiled/dynamics.py": ("compiled_loops",),
-    "p3dof/closed_loop/compiled/loops.py": ("compiled_loops",),
-    "p3dof/closed_loop/compiled/couplings.py": ("compiled_loops",),
-    "p3dof/closed_loop/compiled/passive.py": ("compiled_loops",),
-    "p3dof/closed_loop/compiled/pivots.py": ("compiled_loops",),
-    "p3dof/closed_loop/compiled/formulas.py": ("compiled_loops",),
-    "p3dof/closed_loop/compiled/functions.py": ("compiled_loops",),
-    "p3dof/closed_loop/compiled/function.py": ("compiled_loops",),
-    "p3dof/closed_loop/compiled/limits.py": ("compiled_loops",),
-    "p3dof/closed_loop/compiled/rates.py": ("compiled_loops",),
-    "p3dof/closed_loop/tree_tangents.py": LOOPS,
-    "p3dof/closed_loop/closure_tangents.py": LOOPS,
-    "p3dof/closed_loop/coupling_tangents.py": LOOPS,
-    "p3dof/closed_loop/independent.py": LOOPS,
-    "p3dof/closed_loop/simple_joints.py": LOOPS,
-    "p3dof/closed_loop/linearised.py": LOOPS,
-    "p3dof/closed_loop/minimal.py": LOOPS,
-    "p3dof/closed_loop/minimal_model.py": LOOPS,
-    "p3dof/closed_loop/derivatives_model.py": LOOPS,
-    "p3dof/closed_loop/regressor.py": ("loop_identification",),
-    "p3dof/closed_loop/base_parameters.py": ("loop_identification", "loop_margins"),
-    "p3dof/closed_loop/margins.py": ("loop_margins",),
-    "p3dof/closed_loop/margins_model.py": ("loop_margins",),
-    "p3dof/closed_loop/modes.py": ("assembly_far",),
-    "p3dof/closed_loop/trust.py": ("assembly_far",),
-    "p3dof/closed_loop/linear.py": CLOSED,
-    "p3dof/closed_loop/configuration_rates.py": ("any_robot",),
-    "p3dof/closed_loop/reaction_algebra.py": ("any_robot", "reactions", "closure_kinds"),
-    "p3dof/closed_loop/reactions_batch.py": ("any_robot", "reactions"),
-    "p3dof/closed_loop/batch/energy.py": ("any_robot",),
-    "p3dof/closed_loop/batch/dynamics.py": ("evidence", "closed_loop_batch", "manipulator"),
-    "p3dof/closed_loop/batch/kinematics.py": (
-        "evidence",
-        "closed_loop_batch",
-        "manipulator",
-        "closure_kinds",
+    "p3dof/methods/": ("utilisation", "shown_tables", *SHARED, "gate", "methods"),
+    "p3dof/methods/pinocchio_friction.py": SHARED,
+    "p3dof/methods/regressor.py": ("reduced",),
+    # The paper's method compiled, and C.
+    "p3dof/compiled/": (*PRINTED, "reduced", "minimal", "kernels"),
+    "p3dof/compiled/designs.py": ("designs",),
+    "p3dof/compiled/runs.py": ("lanes", "runs_in_c"),
+    "p3dof/codegen/": (
+        *PRINTED,
+        "shown_tables",
+        "codegen_names",
+        "codegen_chains",
+        "codegen",
+        "loop_codegen",
     ),
-    "p3dof/simulation/controllers.py": RUNS,
+    "p3dof/codegen/page_wasm.py": ("page_wasm",),
+    # Any robot.
+    "p3dof/closed_loop/": (*KINDS, *CLOSED, "reactions", "elastic_reactions", "any_robot", "loop_minimal"),
+    "p3dof/closed_loop/tables.py": ("shown_tables",),
+    "p3dof/closed_loop/motors.py": ("shown_tables", "joint_data"),
+    "p3dof/closed_loop/assembly": (*CLOSED, "assembly_far", "assembly_targets"),
+    "p3dof/closed_loop/batch/": (*CLOSED, "closure_kinds", "batch_targets", "any_robot"),
+    "p3dof/closed_loop/batch/energy.py": ("any_robot",),
+    "p3dof/closed_loop/batch/hybrid.py": ("hybrid_dynamics",),
+    "p3dof/closed_loop/closure_kinds.py": KINDS,
+    "p3dof/closed_loop/closure_joints.py": ("reactions", "any_robot", "elastic_reactions"),
+    "p3dof/closed_loop/closure_tangents.py": LOOPS,
+    "p3dof/closed_loop/closure_wrenches.py": ("closure_wrenches",),
+    "p3dof/closed_loop/compiled/": ("compiled_loops",),
+    "p3dof/closed_loop/compiled/run": ("compiled_runs", "robot_runs_in_c"),
+    "p3dof/closed_loop/compiled/settling.py": ("compiled_runs", "robot_runs_in_c"),
+    "p3dof/closed_loop/compiled/solutions.py": ("compiled_loops", "following"),
+    "p3dof/closed_loop/compiled/sweep.py": ("compiled_loops", "compiled_runs"),
+    "p3dof/closed_loop/compliance.py": ("elastic_reactions",),
+    "p3dof/closed_loop/configuration_rates.py": ("any_robot",),
+    "p3dof/closed_loop/couplings.py": KINDS,
+    "p3dof/closed_loop/coupling_tangents.py": LOOPS,
+    "p3dof/closed_loop/base_parameters.py": ("loop_identification", "loop_margins"),
+    "p3dof/closed_loop/derivatives": LOOPS,
+    "p3dof/closed_loop/formats/": READ,
+    "p3dof/closed_loop/hybrid": ("hybrid_dynamics",),
+    "p3dof/closed_loop/identification_model.py": ("loop_identification",),
+    "p3dof/closed_loop/independent.py": LOOPS,
+    "p3dof/closed_loop/joint_data.py": ("joint_data", "any_robot"),
+    "p3dof/closed_loop/linearised.py": LOOPS,
+    "p3dof/closed_loop/locks.py": ("locks",),
+    "p3dof/closed_loop/margins": ("loop_margins",),
+    "p3dof/closed_loop/minimal": LOOPS,
+    "p3dof/closed_loop/modes.py": ("assembly_far",),
+    "p3dof/closed_loop/open_": ("reactions", "elastic_reactions", "any_robot"),
+    "p3dof/closed_loop/partitions.py": (*CLOSED, "hybrid_dynamics"),
+    "p3dof/closed_loop/passive.py": ("joint_data", "any_robot", "loop_minimal"),
+    "p3dof/closed_loop/prescriptions.py": ("hybrid_dynamics",),
+    "p3dof/closed_loop/reaction": ("any_robot", "reactions", "closure_kinds"),
+    "p3dof/closed_loop/regressor.py": ("loop_identification",),
+    "p3dof/closed_loop/relative_motion.py": KINDS,
+    "p3dof/closed_loop/scaled_model.py": ("scale",),
+    "p3dof/closed_loop/sidecar": ("closed_loop_files", "sidecar_schema", "joint_data"),
+    "p3dof/closed_loop/simple_joints.py": LOOPS,
+    "p3dof/closed_loop/terms.py": (*CLOSED, "hybrid_dynamics"),
+    "p3dof/closed_loop/tree_tangents.py": LOOPS,
+    "p3dof/closed_loop/trust.py": ("assembly_far",),
+    "p3dof/closed_loop/turning_springs.py": ("joint_data", "any_robot", "loop_minimal"),
+    "p3dof/closed_loop/units.py": ("scale", "loop_derivatives", "reactions"),
+    "p3dof/closed_loop/urdf.py": (*READ, "closed_loop"),
+    "p3dof/closed_loop/writers/": FILES,
+    "p3dof/markup/": (*FILES, "robot_files"),
+    "p3dof/description/": ("description", "interop/masses", "interop/urdf_plus", "interop/usd", "gaps"),
+    "p3dof/description/ranges.py": ("description_workspace",),
+    "p3dof/description/shapes.py": ("viewer_shapes", "description"),
+    "p3dof/engines/": ("engines", "engines_in_time"),
+    # In time.
+    "p3dof/simulation/": (*RUNS, "following", "actuators", "robot_runs", "simulation"),
+    "p3dof/simulation/archive.py": ("simulation_files",),
+    "p3dof/simulation/compiled_": ("equal_steps_in_c", "robot_runs_in_c", "runs_in_c"),
+    "p3dof/simulation/control": RUNS,
+    "p3dof/simulation/drives.py": ("actuators",),
+    "p3dof/simulation/equations.py": (*RUNS, "minimal"),
+    "p3dof/simulation/joint_": ("robot_runs", "any_robot"),
     "p3dof/simulation/machine_plants.py": RUNS,
     "p3dof/simulation/plants.py": ("any_robot", *RUNS),
     "p3dof/simulation/reference.py": RUNS,
+    "p3dof/simulation/robot": ROBOTS,
+    "p3dof/simulation/robots_many.py": ("robot_runs_in_c", "compiled_runs"),
+    "p3dof/simulation/run.py": (*RUNS, "simulation_files", "simulation"),
+    "p3dof/simulation/tables.py": ("tables", "control"),
+    "p3dof/simulation/work.py": ("energy", "blocks_cluster"),
+    "p3dof/many_runs/": ("many_runs", "many_runs_friction", "many_runs_clients"),
+    "p3dof/energy/": ("energy", "actuators"),
+    "p3dof/reactions/": ("reactions", "elastic_reactions"),
+    "p3dof/load_friction/": ("load_friction",),
+    # Designs.
+    "p3dof/blocks/": ("reductions", "sampling_of_blocks", "blocks"),
+    "p3dof/sweeps/": ("sweeps", "run_sweeps"),
+    "p3dof/designs/": ("designs",),
+    "p3dof/tolerances/": ("worst_cases", "tolerances", "sensitivity"),
+    "p3dof/tolerances/s": ("sensitivity", "tolerances"),
+    "p3dof/optimisation/": ("optimisation", "optima", "pareto", "robust"),
+    "p3dof/optimisation/robust.py": ("robust",),
+    "p3dof/optimisation/of_time.py": ("optima", "optimisation", "bearings_of_tasks"),
+    "p3dof/workspace/": ("workspace", "workspace_forms", "workspace_maps"),
+    "p3dof/indices/": ("indices",),
+    "p3dof/tasks/": ("tasks", "fastest", "fastest_jerk"),
+    "p3dof/tasks/f": ("fastest", "tasks", "fastest_jerk"),
+    "p3dof/tasks/laws.py": ("fastest_jerk", "fastest", "tasks"),
+    "p3dof/drives/": ("winding", "drives", "drive_numbers"),
+    "p3dof/bearings/": ("bearings",),
+    "p3dof/manipulator/": ("comparison", "manipulator", "gate"),
+    "p3dof/manipulator/assessment": ("assessment",),
+    "p3dof/manipulator/balance.py": ("balance",),
+    "p3dof/manipulator/best_path.py": ("best_path",),
+    "p3dof/manipulator/design_comparison.py": ("compare_designs",),
+    "p3dof/manipulator/fastest.py": ("fastest", "tasks", "fastest_jerk"),
+    "p3dof/manipulator/sampling.py": ("sampling",),
+    "p3dof/manipulator/sizing.py": ("drives", "drive_numbers", "assessment"),
+    "p3dof/manipulator/task": ("tasks", "fastest", "assessment"),
+    "p3dof/cli/codegen.py": ("shown_tables",),
+    "p3dof/cli/loop/motion.py": ("cli_loop",),
+    "p3dof/cli/loop/simulate.py": ("shown_tables",),
+    "p3dof/cli/simulate.py": ("cli_machine",),
+    "p3dof/cli/workspace.py": ("shown_tables", "cli_workspace"),
 }
-"""Which tests look after which module, the quick ones first."""
+"""Which tests look after which modules, the quick ones first: the longest beginning of a path counts. One
+test of a file is ``file::test``."""
+
+EXCEPTIONS = {
+    "p3dof/__main__.py": "starts the command in a process of its own, where no mutant is",
+    "p3dof/cli/": "hands on to the rooms and words what they say",
+    "p3dof/errors.py": "words",
+    "p3dof/page/": "what is drawn in a browser, by Chromium",
+    "p3dof/plots/": "where lines and texts are drawn: a matter of looks; the numbers are those of the rooms",
+    "p3dof/report/": "pages of tables and figures of the rooms",
+    "p3dof/viewer/": "what is drawn in a browser, by Chromium",
+}
+"""Modules that are not broken, and why not; what `TESTS` names inside is."""
 
 SLOW = (
     "hundreds_of_times",
@@ -153,26 +237,33 @@ class Mutant:
     words: str
 
 
+Children: TypeAlias = dict[int, tuple[Mutant | None, float, str]]
+"""Running processes by their number: the mutant, when it began, the module whose tests it runs."""
+
+
 def replacements(node: ast.AST) -> Iterator[tuple[str, ast.AST]]:
     """Yield what to put in the place of a node, with words for it."""
-    new = copy.deepcopy(node)
-    if isinstance(new, ast.BinOp) and type(new.op) in OPERATORS:
-        new.op = OPERATORS[type(new.op)]()
-        yield "operator", new
-    elif isinstance(new, ast.Compare) and type(new.ops[0]) in COMPARISONS:
-        new.ops[0] = COMPARISONS[type(new.ops[0])]()
-        yield "comparison", new
-    elif isinstance(new, ast.UnaryOp) and isinstance(new.op, ast.USub | ast.Not | ast.Invert):
-        yield "sign", new.operand
-    elif isinstance(new, ast.Constant) and type(new.value) in {int, float}:
-        new.value = new.value + 1 if isinstance(new.value, int) else 1.01 * new.value or 0.01
-        yield "number", new
-    elif isinstance(new, ast.Attribute) and new.attr in NAMES:
-        new.attr = NAMES[new.attr]
-        yield "function", new
-    elif isinstance(new, ast.Return | ast.keyword) and isinstance(new.value, VALUES):
-        new.value = ast.BinOp(ast.Constant(0), ast.Mult(), new.value)
-        yield "zeroed", new
+    if isinstance(node, ast.BinOp) and type(node.op) in OPERATORS:
+        yield "operator", _with(node, op=OPERATORS[type(node.op)]())
+    elif isinstance(node, ast.Compare) and type(node.ops[0]) in COMPARISONS:
+        yield "comparison", _with(node, ops=[COMPARISONS[type(node.ops[0])](), *node.ops[1:]])
+    elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.Not | ast.Invert):
+        yield "sign", node.operand
+    elif isinstance(node, ast.Constant) and type(node.value) in {int, float}:
+        value = node.value + 1 if isinstance(node.value, int) else 1.01 * node.value or 0.01
+        yield "number", _with(node, value=value)
+    elif isinstance(node, ast.Attribute) and node.attr in NAMES:
+        yield "function", _with(node, attr=NAMES[node.attr])
+    elif isinstance(node, ast.Return | ast.keyword) and isinstance(node.value, VALUES):
+        yield "zeroed", _with(node, value=ast.BinOp(ast.Constant(0), ast.Mult(), node.value))
+
+
+def _with(node: ast.AST, **fields: Any) -> ast.AST:
+    """Return a node with other fields; what is below it is shared."""
+    new = copy.copy(node)
+    for name, value in fields.items():
+        setattr(new, name, value)
+    return new
 
 
 def _is_shape(node: ast.AST) -> bool:
@@ -197,6 +288,27 @@ def changes(tree: ast.AST) -> Iterator[tuple[ast.AST, str, int | None, ast.AST, 
             for words, new in replacements(child):
                 yield tree, field, index, new, words
             yield from changes(child)
+
+
+def longest(module: str, table: Mapping[str, Any]) -> str:
+    """Return the longest beginning of a path that a table has; empty if none."""
+    return max((place for place in table if module.startswith(place)), key=len, default="")
+
+
+def tests_of(module: str) -> tuple[str, ...]:
+    """Return the tests that look after a module; none if it is an exception, or nobody does."""
+    place = longest(module, TESTS)
+    return () if len(longest(module, EXCEPTIONS)) > len(place) else TESTS.get(place, ())
+
+
+def modules() -> list[str]:
+    """Return the modules that can be broken."""
+    return sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "p3dof").rglob("*.py"))
+
+
+def room_of(module: str) -> str:
+    """Return the room of a module."""
+    return module.split("/")[1].removesuffix(".py")
 
 
 def mutants_of(module: str) -> list[Mutant]:
@@ -252,6 +364,13 @@ class FewExamples:
                 test._hypothesis_internal_use_settings = settings(given, **few)
 
 
+def file_of(name: str) -> str:
+    """Return what pytest is given for a name of `TESTS`."""
+    place = ROOT / "tests" / name
+    file, _, test = place.name.partition("::")
+    return f"{place.parent / f'test_{file}.py'}{'::' if test else ''}{test}"
+
+
 def run_tests(mutant: Mutant | None, module: str) -> int:
     """Run a module's tests in this process, until one fails; return pytest's exit code."""
     import pytest
@@ -261,7 +380,7 @@ def run_tests(mutant: Mutant | None, module: str) -> int:
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, 1)
     os.dup2(null, 2)
-    files = [str(ROOT / "tests" / f"test_{name}.py") for name in dict.fromkeys(TESTS[module])]
+    files = [file_of(name) for name in dict.fromkeys(tests_of(module))]
     options = [
         "-x",
         "-q",
@@ -291,29 +410,50 @@ def start(mutant: Mutant | None, module: str) -> int:
         os._exit(3)
 
 
-def wait(children: dict[int, tuple[Mutant | None, float]], limit: float) -> tuple[Mutant | None, int, float]:
-    """Wait for one child; return its mutant, exit code (-1: out of time) and seconds."""
+def wait(children: Children, limit: float) -> tuple[Mutant | None, int, float, str]:
+    """Wait for one child; return its mutant, exit code (-1: out of time), processor's seconds and module."""
     while True:
         now = time.monotonic()
-        for child, (mutant, began) in list(children.items()):
-            done, status = os.waitpid(child, os.WNOHANG)
+        for child, (mutant, began, module) in list(children.items()):
+            done, status, used = os.wait4(child, os.WNOHANG)
             if done:
                 del children[child]
-                return mutant, os.waitstatus_to_exitcode(status), now - began
+                return mutant, os.waitstatus_to_exitcode(status), used.ru_utime + used.ru_stime, module
             if now - began > limit:
-                os.killpg(child, signal.SIGKILL)
-                os.waitpid(child, 0)
-                del children[child]
-                return mutant, -1, now - began
+                stop({child: children.pop(child)})
+                return mutant, -1, now - began, module
         time.sleep(0.05)
 
 
-def line_of(mutant: Mutant) -> str:
-    """Return the place of a mutant, with the changed line in words that Python reads."""
-    old = (ROOT / mutant.module).read_text(encoding="utf-8").splitlines()[mutant.line - 1].strip()
-    tree = ast.parse((ROOT / mutant.module).read_text(encoding="utf-8"))
-    new = next(ast.unparse(change[3]) for n, change in enumerate(changes(tree)) if n == mutant.number)
-    return f"{mutant.module}:{mutant.line}: {mutant.words}: {old}  ->  {new}"
+def stop(children: Children) -> None:
+    """End children, with what they have started."""
+    for child in children:
+        os.killpg(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+
+
+@functools.cache
+def keys_of(module: str) -> tuple[str, ...]:
+    """Return the mutants of a module in words that stay when lines move: what is changed, in which line."""
+    text = (ROOT / module).read_text(encoding="utf-8")
+    lines, found = text.splitlines(), []
+    for _, _, _, new, words in changes(ast.parse(text)):
+        old = lines[new.lineno - 1].strip() if hasattr(new, "lineno") else ""
+        found.append(f"{module}: {words}: {old}  ->  {ast.unparse(new)}")
+    return tuple(found)
+
+
+def known_survivors() -> dict[str, str]:
+    """Return the survivors that a person has judged, by their key, and why no test could find them."""
+    found, lines = {}, SURVIVORS.read_text(encoding="utf-8").splitlines()
+    lines = [line for line in lines if line.strip() and not line.startswith("#")]
+    for key, reason in zip(lines[::2], lines[1::2], strict=True):
+        if key.startswith(" ") or not reason.startswith("    "):
+            raise SystemExit(
+                f"{SURVIVORS.name}: expected a survivor and below it, by four spaces, why: {key}"
+            )
+        found[key] = reason.strip()
+    return found
 
 
 def say(*words: object) -> None:
@@ -322,9 +462,10 @@ def say(*words: object) -> None:
 
 
 def main() -> int:
-    """Try mutants, and list the survivors; return 1 if there are any."""
+    """Try mutants, and list the survivors; return 1 if there are any that nobody has explained."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=300, help="how many to try; 0 for all")
+    parser.add_argument("--groups", type=int, default=0, help="of so many groups of tests; 0 for all")
     parser.add_argument("--seed", type=int, default=random.SystemRandom().randrange(2**32))
     parser.add_argument("--only", default="", help="part of path:line: of what to break")
     parser.add_argument("--jobs", type=int, default=2)
@@ -342,34 +483,51 @@ def main() -> int:
         "hypothesis",
     ):
         importlib.import_module(name)  # once, before the children are made; p3dof itself comes later
-    everywhere = [mutant for module in TESTS for mutant in mutants_of(module)]
-    chosen = [mutant for mutant in everywhere if given.only in f"{mutant.module}:{mutant.line}:"]
-    total, modules = len(chosen), {mutant.module for mutant in chosen}
+    known = known_survivors()
+    path = given.only.partition(".py")[0]
+    asked = [module for module in modules() if tests_of(module) and path in module]
+    chosen = [mutant for module in asked for mutant in mutants_of(module)]
+    chosen = [mutant for mutant in chosen if given.only in f"{mutant.module}:{mutant.line}:"]
+    chosen = [mutant for mutant in chosen if keys_of(mutant.module)[mutant.number] not in known]
+    total, broken = len(chosen), {mutant.module for mutant in chosen}
     random.Random(given.seed).shuffle(chosen)  # noqa: S311 - no secret
+    if given.groups:
+        order = list(dict.fromkeys(tests_of(mutant.module) for mutant in chosen))
+        chosen = [mutant for mutant in chosen if tests_of(mutant.module) in order[: given.groups]]
     chosen = chosen[: given.count or None]
-    say(
-        f"{len(chosen)} of {total} mutants in {len(modules)} modules; again with: SEED={given.seed}",
-    )
-    for tests in sorted({TESTS[mutant.module] for mutant in chosen}):
-        module = next(module for module in TESTS if TESTS[module] == tests)
-        _, code, seconds = wait({start(None, module): (None, time.monotonic())}, given.limit)
-        say(f"unchanged, {', '.join(tests)}: {seconds:.0f} s")
-        if code:
-            say(f"these tests fail as they are (exit code {code})")
-            return 2
-    children, survivors, late, tried = {}, [], 0, 0
-    while chosen or children:
-        while chosen and len(children) < given.jobs:
-            mutant = chosen.pop()
-            children[start(mutant, mutant.module)] = (mutant, time.monotonic())
-        mutant, code, _ = wait(children, given.limit)
-        tried, late = tried + 1, late + (code == -1)
+    say(f"{len(chosen)} of {total} mutants in {len(broken)} modules; again with: SEED={given.seed}")
+    of_tests = {tests_of(mutant.module): mutant.module for mutant in chosen}
+    unchanged = [(None, module) for _, module in sorted(of_tests.items(), reverse=True)]
+    waiting = [*((mutant, mutant.module) for mutant in chosen), *unchanged]
+    children, survivors, late = {}, [], 0
+    tried, found, spent = Counter(), Counter(), Counter()
+    while waiting or children:
+        while waiting and len(children) < given.jobs:
+            mutant, module = waiting.pop()
+            children[start(mutant, module)] = (mutant, time.monotonic(), module)
+        mutant, code, seconds, module = wait(children, given.limit)
+        if mutant is None:
+            say(f"unchanged, {', '.join(tests_of(module))}: {seconds:.1f} s")
+            if code:
+                say(f"these tests fail as they are (exit code {code})")
+                stop(children)
+                return 2
+            continue
+        room = room_of(mutant.module)
+        tried[room] += 1
+        found[room] += code != 0
+        late += code == -1
+        spent[room] += seconds
         if code == 0:
             survivors.append(mutant)
-            say("survived:", line_of(mutant))
-        elif tried % 25 == 0:
-            say(f"{tried} tried, {len(survivors)} survived")
-    say(f"{tried} tried, {tried - len(survivors)} found ({late} by their time), {len(survivors)} survived")
+            say("survived:", f"line {mutant.line},", keys_of(mutant.module)[mutant.number])
+        elif tried.total() % 25 == 0:
+            say(f"{tried.total()} tried, {len(survivors)} survived")
+    for room in sorted(tried):
+        say(f"{room}: {found[room]} of {tried[room]} found, {spent[room] / tried[room]:.1f} s each")
+    say(f"{tried.total()} tried, {found.total()} found ({late} by their time), {len(survivors)} survived")
+    if survivors:
+        say(f"test what survived, or give a reason why nothing could find it in {SURVIVORS.name}")
     return int(bool(survivors))
 
 
