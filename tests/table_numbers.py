@@ -13,7 +13,7 @@ import importlib
 import inspect
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -121,7 +121,13 @@ def numbers_in(text: str) -> list[tuple[float, float]]:
 
 
 def check_evidence(
-    result: object, field: str, expected: Any, *, rtol: float = 1e-6, atol: float = 0.0
+    result: object,
+    field: str,
+    expected: Any,
+    *,
+    rtol: float = 1e-6,
+    atol: float = 0.0,
+    measure: Callable[[Any], Any] = np.asarray,
 ) -> None:
     """Compare an error that a result reports with a reference, where an error was put in on purpose.
 
@@ -136,8 +142,10 @@ def check_evidence(
         everywhere, nor below the tolerance: a field of zeros must fail.
     rtol, atol : float
         Of the comparison.
+    measure : callable
+        What of the field is compared, such as its length where its axes are not those of the test.
     """
-    found, wanted = np.asarray(getattr(result, field), float), np.asarray(expected, float)
+    found, wanted = np.asarray(measure(getattr(result, field)), float), np.asarray(expected, float)
     largest = np.max(np.abs(wanted), initial=0.0, where=np.isfinite(wanted))
     assert largest > 2 * (atol + rtol * largest), f"{field}: no error was put in: {expected}"
     np.testing.assert_allclose(found, wanted, rtol=rtol, atol=atol, err_msg=field)

@@ -18,11 +18,13 @@ _ERRORS = re.compile(r"(^|_)(residual|error|gap|difference)s?$")
 
 @functools.cache
 def sources():
-    """Return the trees of all modules by their dotted names."""
+    """Return the trees of all modules that may have tables or errors, by their dotted names."""
     found = {}
     for path in sorted((ROOT / "p3dof").rglob("*.py")):
-        name = ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
-        found[name] = ast.parse(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
+        if "p3dof.tables" in text or re.search(r"(residual|error|gap|difference)s?(: |\(self\))", text):
+            name = ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+            found[name] = ast.parse(text)
     return found
 
 
@@ -74,7 +76,8 @@ def claims():
     """Return the names that tests claim by `@shows("...")`."""
     found = set()
     for path in (ROOT / "tests").rglob("test_*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        text = path.read_text(encoding="utf-8")
+        for node in ast.walk(ast.parse(text)) if "@shows(" in text else ():
             for mark in getattr(node, "decorator_list", ()):
                 if isinstance(mark, ast.Call) and ast.unparse(mark.func) == "shows":
                     found.update(ast.literal_eval(name) for name in mark.args)

@@ -11,6 +11,7 @@ import pinocchio as pin
 import pytest
 from machines import drops, random_machine, random_states
 from scipy.integrate import solve_ivp
+from table_numbers import check_evidence, shows
 
 import p3dof
 import p3dof.closed_loop.batch.dynamics as batch_dynamics
@@ -52,10 +53,11 @@ def balanced(method, found, wrench=WRENCH, motion=MOTION):
 def assert_residual(result, expected):
     assert np.abs(expected).max() > 0.1  # W: something to see
     scale = np.abs(result.power).max()
-    np.testing.assert_allclose(result.power_residual, expected, rtol=0, atol=1e-13 * scale)
+    check_evidence(result, "power_residual", expected, rtol=0, atol=1e-13 * scale)
 
 
 @pytest.mark.parametrize("method", PAIR)
+@shows("p3dof.methods.results.InverseDynamics.power_residual")
 def test_a_force_that_is_off_shows_in_the_power_balance(method):
     found = solution(method)
     right = balanced(method, found)
@@ -104,6 +106,7 @@ def test_a_length_that_is_off_opens_the_loops_by_as_much(length):
 
 
 @pytest.mark.parametrize("body", ["leg_a", "leg_b", "rod_right"])
+@shows("p3dof.methods.results.InverseDynamics.closure_error", "p3dof.methods.solution.Solution.closure_error")
 def test_every_loop_of_the_closed_form_is_looked_at(body, robot, monkeypatch):
     real, shift = kinematics.motion_at, np.array([0, 0, 1e-3])
 
@@ -114,9 +117,11 @@ def test_every_loop_of_the_closed_form_is_looked_at(body, robot, monkeypatch):
 
     monkeypatch.setattr(kinematics, "motion_at", shifted)
     found = robot.inverse_dynamics(MOTION, method="virtual-power")
-    np.testing.assert_allclose(found.closure_error, 1e-3, rtol=0, atol=1e-15)
+    for one in (found, solution("virtual-power")):
+        check_evidence(one, "closure_error", np.full(len(MOTION), 1e-3), rtol=0, atol=1e-15)
 
 
+@shows("p3dof.methods.results.InverseDynamics.closure_error")
 @pytest.mark.parametrize("gap", GAPS)
 @pytest.mark.parametrize("count", [1, len(MOTION)], ids=["alone", "together"])
 @pytest.mark.parametrize(
@@ -140,7 +145,7 @@ def test_every_loop_of_the_pinocchio_route_is_looked_at(joint, arm, count, gap, 
     monkeypatch.setattr(pinocchio, "complete_near", alone)
     monkeypatch.setattr(robot.loop, "complete_batch", together)
     found = robot.inverse_dynamics(motion, method="pinocchio")
-    np.testing.assert_allclose(found.closure_error, gap, rtol=1e-6, atol=1e-15)
+    check_evidence(found, "closure_error", np.full(count, gap), rtol=1e-6, atol=1e-15)
 
 
 @pytest.mark.parametrize("closure", range(3))
@@ -196,6 +201,7 @@ def test_the_residual_of_a_result_shows_a_solver_that_is_off(robot, monkeypatch)
     assert off.residual == pytest.approx(expected, rel=1e-9)
 
 
+@shows("p3dof.closed_loop.batch.results.BatchInverseDynamics.residual")
 def test_the_residual_of_a_batch_shows_a_solver_that_is_off(robot, monkeypatch):
     """With solutions that are too large by a share, that share of the passive joints' forces is left over."""
     joints = robot.inverse_dynamics(MOTION, method="pinocchio").joints
@@ -206,10 +212,10 @@ def test_the_residual_of_a_batch_shows_a_solver_that_is_off(robot, monkeypatch):
     monkeypatch.setattr(batch_dynamics, "follow", lambda rows, *_: np.ones(len(rows), dtype=bool))
     off = robot.loop.inverse_dynamics_batch(joints.q, joints.v, joints.a)
     passive = [name not in robot.loop.actuated for name in joints.names]
-    for i in range(len(MOTION)):
-        f = rnea(robot, joints.q[i], joints.v[i], joints.a[i])[passive]
-        assert right.residual[i] < 1e-13 * np.abs(f).max()
-        assert off.residual[i] == pytest.approx(share * np.abs(f).max(), rel=1e-4)
+    rows = zip(joints.q, joints.v, joints.a, strict=True)
+    expected = np.array([np.abs(rnea(robot, *row)[passive]).max() for row in rows])
+    assert (right.residual < 1e-13 * expected).all()
+    check_evidence(off, "residual", share * expected, rtol=1e-4)
 
 
 def rnea(robot, q, v, a):

@@ -7,7 +7,7 @@ import math
 import time as clock
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -253,6 +253,39 @@ class _Many:
         return array[i] if array.ndim == 2 else array
 
     def _alone(self, i: int, result: RobotRuns, method: Method) -> None:
+        """Make a run: its figures are those of the control ticks, and the end is none."""
+        loop, controller, control = self._differing(i)
+        external: ExternalOverTime = {name: self._row(f"external.{name}", i) for name in self.frames}
+        ticks = math.ceil(self.end * (control.rate or 1 / self.integration.step) - 1e-9)
+        made = partial(
+            simulate_robot,
+            loop,
+            self.end,
+            self.q[i],
+            self.v[i],
+            controller,
+            control=control,
+            external=external,
+            stop_at=self.stop_at,
+            integration=self.integration,
+            method=method,
+        )
+        run = made(samples=ticks + 1)
+        self.stops[i], result.time[i] = run.stop, run.time[-1]
+        result.q[i], result.v[i], result.gap[i] = run.q[-1], run.v[-1], run.gap.max()
+        result.peak_force[i], result.rms_force[i] = _peak_and_rms(run.forces)
+        if run.error is not None:
+            result.peak_error[i], result.rms_error[i] = _peak_and_rms(run.error)
+        if len(self.times):
+            stride, rest = divmod(ticks, len(self.times) - 1)
+            if rest or not stride:
+                run, stride = made(samples=len(self.times)), 1
+            rows = np.arange(0, len(run) - (run.stop is not None), stride)
+            for name, array in result.past.items():
+                array[i, : len(rows)] = getattr(run, name)[rows]
+
+    def _differing(self, i: int) -> tuple[ClosedLoopModel, RobotController, ControlLoop]:
+        """Return robot, controller and control of a run."""
         import pinocchio as pin
 
         loop = self.loop
@@ -274,34 +307,13 @@ class _Many:
             control = replace(control, saturation=self._row("saturation", i))
         if "seed" in self.columns and control.noise is not None:
             control = replace(control, noise=replace(control.noise, seed=int(self._row("seed", i)[0])))
-        external: ExternalOverTime = {name: self._row(f"external.{name}", i) for name in self.frames}
-        count = len(self.times) or 1 + math.ceil(
-            self.end * (control.rate or 1 / self.integration.step) - 1e-9
-        )
-        run = simulate_robot(
-            loop,
-            self.end,
-            self.q[i],
-            self.v[i],
-            controller,
-            control=control,
-            external=external,
-            stop_at=self.stop_at,
-            samples=max(2, count),
-            integration=self.integration,
-            method=method,
-        )
-        self.stops[i], result.time[i] = run.stop, run.time[-1]
-        result.q[i], result.v[i], result.gap[i] = run.q[-1], run.v[-1], run.gap.max()
-        result.peak_force[i] = np.abs(run.forces).max(axis=0)
-        result.rms_force[i] = np.sqrt(np.mean(run.forces**2, axis=0))
-        if run.error is not None:
-            result.peak_error[i] = np.abs(run.error).max(axis=0)
-            result.rms_error[i] = np.sqrt(np.mean(run.error**2, axis=0))
-        if len(self.times):
-            kept = len(run) - (run.stop is not None)
-            for name, array in result.past.items():
-                array[i, :kept] = getattr(run, name)[:kept]
+        return loop, controller, control
+
+
+def _peak_and_rms(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return largest magnitudes and root mean squares of columns (N + 1, n), without the last row."""
+    ticks = columns[:-1]
+    return np.abs(ticks).max(axis=0), np.sqrt(np.mean(ticks**2, axis=0))
 
 
 def _columns(loop: ClosedLoopModel, columns: Mapping[str, ArrayLike]) -> dict[str, FloatArray]:
