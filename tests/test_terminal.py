@@ -230,7 +230,7 @@ def starting(folder, module, *before):
 @pytest.mark.skipif(sys.platform.startswith("win"), reason="POSIX signals")
 @pytest.mark.parametrize("module", ["p3dof.cli", "p3dof.plots"])
 def test_in_the_background_of_a_script_ctrl_c_is_for_others(tmp_path, module):
-    """A shell lets what it starts with & ignore Ctrl-C, and so does nohup: it ends what is in front."""
+    """A shell lets what it starts with & ignore Ctrl-C: it ends what is in front."""
     script = 'trap "" INT; exec "$0" "$@"'
     with starting(tmp_path, module, "sh", "-c", script) as process:
         process.send_signal(signal.SIGINT)

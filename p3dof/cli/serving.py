@@ -92,7 +92,7 @@ def until_signalled() -> Iterator[Callable[[Callable[[float], bool]], None]]:
 
     main = threading.current_thread() is threading.main_thread()
     numbers = [getattr(signal, name) for name in _ENDING if main and hasattr(signal, name)]
-    # What nohup, or a script that starts this in its background, lets it ignore is meant for others.
+    # What it was started to ignore, by nohup or in the background of a script, is meant for others.
     numbers = [number for number in numbers if signal.getsignal(number) != signal.SIG_IGN]
     before = [signal.signal(number, end) or signal.SIG_DFL for number in numbers]
     try:
