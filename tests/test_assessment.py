@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import html
 import math
 import re
 import shlex
@@ -21,6 +22,7 @@ from p3dof.drives import Catalogue, Motor, Screw, cycle_of, size_of
 from p3dof.errors import DriveError, InputError, SampleError
 from p3dof.manipulator import assumptions, loads_table, needs_table, uses_table
 from p3dof.manipulator.task_loads import joined, without_jumps
+from p3dof.parameters import Friction
 from p3dof.report.assessment import AssessmentPictures
 from p3dof.report.figures import Picture
 
@@ -325,6 +327,35 @@ def test_what_is_exceeded_comes_first(forces):
     assert {"speed", "heating"} <= {one.name for one in found.ratings if one.share > 1}
     assert found.warnings[0].startswith(f"{found.worst.name} of {found.worst.part}:")
     assert p3dof.assess(ROBOT, forces).worst.kind == "machine"
+
+
+def test_what_the_verdict_says_nothing_about(forces):
+    """By what the files have: less is unchecked with drives, with bearings, with friction."""
+    plain = p3dof.assess(ROBOT, forces)
+    assert any(one.startswith("motors, gears, screws") for one in plain.unchecked)
+    assert any(one.startswith("bearings, guides and rods (no ratings") for one in plain.unchecked)
+    assert any(one.startswith("friction of guides and joints") for one in plain.unchecked)
+    parts = Bearings(joints={"hinge_a": Bearing(3000.0), "slide_a": PARTS.of("slide_a")})
+    rough = p3dof.load(dataclasses.replace(p3dof.PAPER, friction=Friction({"sliders": 5.0})))
+    found = p3dof.assess(
+        rough,
+        p3dof.forces_of_task(rough, TASK.plan(2.0, 101)),
+        drives=Catalogue([SMALL], SCREWS[1:]),
+        bearings=parts,
+    )
+    told = "; ".join(found.unchecked)
+    assert "no ratings were given" not in told
+    assert "no drives were given" not in told
+    assert "friction" not in told
+    assert "bearings of hinge_a" not in told
+    assert "hinge_platform" in told  # of many that have none
+    assert "static load of hinge_a (no static rating)" in told
+    assert "no life was required" in told
+    page = report.render_assessment(plain)
+    box = page[page.index('class="box') :]
+    box = box[: box.index("</div>")]
+    assert "it fits." in box
+    assert all(html.escape(one) in box for one in plain.unchecked)
 
 
 def test_friction_that_grows_with_loads_is_in_all_of_it():

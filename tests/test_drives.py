@@ -2,6 +2,7 @@
 
 import csv
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from p3dof.drives import (
     Motor,
     Screw,
     cycle_of,
+    not_checked,
     read_catalogue,
     size_of,
     verdict,
@@ -311,6 +313,46 @@ def test_too_fast_a_motor_breaks_its_speed_and_no_torque():
     assert "beyond" not in verdict(sizing)
 
 
+FULL = Drive(
+    Motor(
+        1.6, 30.0, 1e4, 1e-4, brake_torque=3.0, time_constant=30.0, max_inertia_ratio=9.0, max_power=900.0,
+        max_braking_power=300.0,
+    ),
+    Screw(0.01, diameter=0.0127, length=0.5, max_speed=400.0, name="16x10"),
+    Gear(2.0, max_speed=500.0, max_torque=40.0, name="planets"),
+)  # fmt: skip
+"""A drive with a number for every rating that there is."""
+
+
+@pytest.mark.parametrize(
+    ("part", "change", "words"),
+    [
+        ("motor", {"time_constant": None}, "no time_constant"),
+        ("motor", {"max_inertia_ratio": math.inf}, "no max_inertia_ratio"),
+        ("motor", {"max_power": math.inf}, "no max_power"),
+        ("motor", {"max_braking_power": math.inf}, "no max_braking_power"),
+        ("motor", {"brake_torque": 0.0}, "motor has no brake_torque"),
+        ("transmission", {"max_speed": math.inf}, "speed of the nut of 16x10, DN (no max_speed)"),
+        ("transmission", {"length": None, "inertia": 1e-5}, "no diameter and length"),
+        ("gear", {"max_speed": math.inf}, "speed of planets (no max_speed)"),
+        ("gear", {"max_torque": math.inf}, "torque of planets (no max_torque)"),
+    ],
+)
+def test_what_has_no_number_is_not_checked_and_said(paper, part, change, words):
+    """Just what is missing: each rating that is given is among the ratings, and not among these."""
+    every, bare = (
+        size_of(paper, drive, load_mass=np.ones((2, 3)))
+        for drive in (FULL, replace(FULL, **{part: replace(getattr(FULL, part), **change)}))
+    )
+    more = set(not_checked(bare)) - set(not_checked(every))
+    assert [words in one for one in more if "reserves" not in one] == [True]
+    limits = [{(one.name, one.allowed) for one in found.axes[0].ratings} for found in (every, bare)]
+    assert limits[0] - limits[1]
+    assert any("life and static load of the nut of 16x10" in one for one in not_checked(every))
+    assert not any("(" in one for one in not_checked(every) if "reserves" not in one)
+    assert "Not checked: " in p3dof.tables.html_of(bare)
+
+
 def test_the_usual_torque_curve():
     motor = Motor(2.0, 6.0, 600.0, 1e-4, rated_speed=300.0)
     np.testing.assert_allclose(motor.continuous(np.array([0, 300, 450, -600, 601])), [2, 2, 1.5, 1, 0])
@@ -502,6 +544,9 @@ def test_the_command_ranks_a_catalogue(capsys, tmp_path, monkeypatch):
     )
     assert code == 0
     assert out.splitlines()[0].startswith("M400 + ")
+    told = " ".join(out.split())
+    assert "not checked: " in told
+    assert "friction of guides and joints (none was given: forces are those without)" in told
     rows = list(csv.DictReader((tmp_path / "ranked.csv").read_text(encoding="utf-8").splitlines()))
     assert len(rows) == 8
     assert rows[0]["fits"] == "1"

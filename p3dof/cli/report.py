@@ -133,6 +133,7 @@ def _assessed(case: Case, task_file: Path | None, work: Work, stiffness: Path | 
     console = Console()
     print_payloads(console, case)
     print_plain(console, f"{result.name}: {result.verdict}")
+    print_plain(console, f"not checked: {'; '.join(result.unchecked)}")
     print_warnings(console, result.warnings)
     print_plain(console, f"wrote {path}")
     return 0 if result.fits else 1

@@ -16,6 +16,7 @@ from p3dof.drives import (
     GENERIC,
     axes_table,
     cycle_of,
+    not_checked,
     ranking_table,
     ratings_table,
     read_catalogue,
@@ -23,6 +24,7 @@ from p3dof.drives import (
     write_ranking,
 )
 from p3dof.drives.sizing import BRAKE_SAFETY
+from p3dof.manipulator.assessment import frictionless
 from p3dof.manipulator.fastest import limits_of
 from p3dof.manipulator.sizing import size_drives
 from p3dof.manipulator.task_limits import sizing_table, within_limits
@@ -107,6 +109,7 @@ def size(
     nearest = "" if best.fits else "comes nearest, but "
     told = verdict(best, lambda time: found.piece_at(time).name)
     print_plain(console, f"{best.drives[0].name} {nearest}{told}")
+    print_plain(console, f"not checked: {'; '.join((*not_checked(best), *frictionless(robot, found)))}")
     show(console, ranking_table(ranked, top), notes=True)
     show(console, axes_table(best), ratings_table(best, lambda time: found.piece_at(time).name), notes=True)
     machine, own = robot.parameters.limits, limits_of(robot, task) if task.limits else None

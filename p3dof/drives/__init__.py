@@ -7,6 +7,7 @@ from p3dof.drives.motor import Motor
 from p3dof.drives.sizing import AxisLoads, Rating, Sizing, size_of
 from p3dof.drives.tables import axes_table, ranking_table, ratings_table, verdict, write_ranking
 from p3dof.drives.transmission import Belt, Gear, Screw
+from p3dof.drives.unchecked import not_checked
 from p3dof.drives.winding import Winding
 
 __all__ = [
@@ -24,6 +25,7 @@ __all__ = [
     "Winding",
     "axes_table",
     "cycle_of",
+    "not_checked",
     "ranking_table",
     "ratings_table",
     "read_catalogue",

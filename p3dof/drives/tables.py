@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from p3dof.drives.sizing import Rating, Sizing
+from p3dof.drives.unchecked import not_checked
 from p3dof.files import suffix_of, write_atomic
 from p3dof.parameters import LEGS
 from p3dof.tables import NONE, Table, html_of, notebook_html, number, percent, table_of
@@ -139,7 +140,8 @@ def _words(leg: str, rating: Rating, where: Callable[[float], str] | None) -> st
 @html_of.register(Sizing)
 def sizing_html(sizing: Sizing) -> str:
     """Return how a notebook shows drives on their axes, as HTML."""
-    return notebook_html("Drives", verdict(sizing), [axes_table(sizing), ratings_table(sizing)])
+    facts = f"{verdict(sizing)}. Not checked: {'; '.join(not_checked(sizing))}."
+    return notebook_html("Drives", facts, [axes_table(sizing), ratings_table(sizing)])
 
 
 def _lead(lead: float) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from p3dof.bearings import BearingReport, Bearings, bearing_life
 from p3dof.checks import FloatArray, Progress, frozen_array, shown
-from p3dof.drives import Cycle, Drive, Sizing, cycle_of
+from p3dof.drives import Cycle, Drive, Sizing, cycle_of, not_checked
 from p3dof.drives.sizing import BRAKE_SAFETY
 from p3dof.errors import InputError
 from p3dof.manipulator.facade import Manipulator
@@ -22,7 +22,7 @@ from p3dof.manipulator.tasks import TaskForces
 from p3dof.methods import InverseDynamics
 from p3dof.methods.utilisation import Utilisation, utilisations
 from p3dof.parameters import LEGS
-from p3dof.reactions import Reactions, Stiffness, of_result
+from p3dof.reactions import JOINTS, Reactions, Stiffness, of_result
 from p3dof.tables import ShownInNotebook, percent
 from p3dof.tasks import AxisLimits, FastestPlan
 
@@ -208,6 +208,15 @@ class Assessment(ShownInNotebook):
         return (*told, *(() if self.bearings is None else self.bearings.warnings))
 
     @cached_property
+    def unchecked(self) -> tuple[str, ...]:
+        """What the verdict says nothing about, as nobody gave numbers for it or nothing computes it."""
+        if self.drives is None:
+            told = ["motors, gears, screws and belts (no drives were given)"]
+        else:
+            told = list(not_checked(self.drives))
+        return (*told, *_of_parts(self.bearings), *frictionless(self.robot, self.found))
+
+    @cached_property
     def slider_energy(self) -> tuple[float, float]:
         """Work that the sliders take and give back over a cycle, together and without losses [J]."""
         power = (self.found.forces * self.found.slider_velocities).sum(axis=1)
@@ -382,6 +391,28 @@ def _reactions(
         return reactions_under(robot, found, stiffness)
     loads = of_result(robot.loop, robot.parameters, found, "elastic", "raise", stiffness)
     return loads.each[0]
+
+
+def frictionless(robot: Manipulator, found: InverseDynamics | TaskForces) -> tuple[str, ...]:
+    """Return that forces have no friction of guides and joints in them, if it is so."""
+    results = found.results if isinstance(found, TaskForces) else (found,)
+    if robot.parameters.friction or any(result.coulomb is not None for result in results):
+        return ()
+    return ("friction of guides and joints (none was given: forces are those without)",)
+
+
+def _of_parts(report: BearingReport | None) -> list[str]:
+    """Return what was not checked of bearings, guides and rods."""
+    if report is None:
+        return ["bearings, guides and rods (no ratings were given)"]
+    rated: dict[str, float | None] = {one.joint: one.bearing.static for one in report.bearings}
+    rated |= {one.joint: one.guide.static for one in report.guides}
+    bare = [joint.name for joint in JOINTS if joint.name not in rated]
+    blank = [joint for joint, static in rated.items() if static is None]
+    told = [f"bearings of {', '.join(bare)} (no ratings)"] if bare else []
+    told += [f"static load of {', '.join(blank)} (no static rating)"] if blank else []
+    told += [] if report.rods else ["legs and rods (their stiffness is none)"]
+    return [*told, "whether lives of bearings and guides suffice (no life was required)"]
 
 
 def _of_brakes(sizing: Sizing) -> list[str]:

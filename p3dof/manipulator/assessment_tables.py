@@ -259,4 +259,5 @@ def _fit(found: Assessment) -> str:
 def assessment_html(found: Assessment) -> str:
     """Return how a notebook shows an assessment, as HTML."""
     tables = [loads_table(found), uses_table(found, 12)]
-    return notebook_html(found.name, found.verdict, tables, found.warnings)
+    facts = f"{found.verdict}. Not checked: {'; '.join(found.unchecked)}."
+    return notebook_html(found.name, facts, tables, found.warnings)

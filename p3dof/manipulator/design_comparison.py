@@ -130,7 +130,13 @@ class DesignComparison(ShownInNotebook):
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison as plain data for JSON: verdicts, values, differences; None for no number."""
         designs = [
-            {"name": one.name, "fits": one.fits, "verdict": one.verdict, "drive": _drive(one)}
+            {
+                "name": one.name,
+                "fits": one.fits,
+                "verdict": one.verdict,
+                "drive": _drive(one),
+                "not_checked": list(one.unchecked),
+            }
             for one in self.assessments
         ]
         measures = [
@@ -452,7 +458,9 @@ def verdicts_table(found: DesignComparison) -> Table:
         rows[one.name] = [*words, *drive]
     header = ["design", "fits", "most used", "used", "when"]
     drives = any(one.drives is not None for one in found.assessments)
-    return table_of("Which rating is used most", [*header, *(["drive"] if drives else [])], rows)
+    unchecked = dict.fromkeys(words for one in found.assessments for words in one.unchecked)
+    note = f"Not checked: {'; '.join(unchecked)}."
+    return table_of("Which rating is used most", [*header, *(["drive"] if drives else [])], rows, note)
 
 
 def _drive(found: Assessment) -> str | None:

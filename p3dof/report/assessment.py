@@ -178,6 +178,7 @@ def _answer(found: Assessment) -> dict[str, Any]:
     return {
         "fits": found.fits,
         "reason": found.reason,
+        "unchecked": found.unchecked,
         "chosen": None if found.drives is None else found.drives.drives[0].name,
         "energy": f"{short(given)} J given, {short(back)} J taken back {where}",
         "key": {

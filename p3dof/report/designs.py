@@ -115,7 +115,7 @@ def _part(found: DesignComparison) -> dict[str, Any]:
     return {
         "title": found.title,
         "fits": all(one.fits for one in found.assessments),
-        "verdicts": [(one.name, one.verdict) for one in found.assessments],
+        "verdicts": [(one.name, one.verdict, one.unchecked) for one in found.assessments],
         "table": comparison_table(found),
         "ratings": verdicts_table(found),
         "picture": picture(
