@@ -159,6 +159,7 @@ TESTS = {
     "p3dof/sweeps/": ("sweeps", "run_sweeps"),
     "p3dof/designs/": ("study_numbers", "designs"),
     "p3dof/tolerances/": ("tolerance_numbers", "tolerances", "sensitivity", "cli_tolerance"),
+    "p3dof/tolerances/estimation.py": ("estimation",),
     "p3dof/optimisation/": ("optimisation", "study_numbers", "conflicts", "optima", "pareto", "robust"),
     "p3dof/optimisation/feasibility.py": ("conflicts",),
     "p3dof/optimisation/robust.py": ("robust",),

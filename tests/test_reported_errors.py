@@ -25,6 +25,7 @@ from p3dof.closed_loop.partitions import Split
 from p3dof.closed_loop.results import ActuatedForces, InverseDynamics
 from p3dof.closed_loop.solver import Point
 from p3dof.engines import driven
+from p3dof.motion.smoothing import fitted
 from p3dof.simulation import (
     ControlLoop,
     Integration,
@@ -407,6 +408,18 @@ def test_the_gap_of_runs_that_start_a_little_open(loop, in_lanes):
     expected = [np.linalg.norm(opening(row)) for row in q]
     for one in (runs, in_lanes[0]):
         check_evidence(one, "gap", expected, rtol=1e-3)
+
+
+@shows("p3dof.motion.smoothing.Fit.residual")
+def test_the_residual_of_a_fit_is_what_it_leaves():
+    """One piece is a polynomial of degree 5, which leaves what NumPy's leaves of powers and a wave."""
+    time = np.linspace(3.0, 5.0, 40)
+    values = np.stack([time**3 + 0.1 * np.sin(40 * time), np.cos(25 * time)], axis=-1)
+    wanted = [np.polyval(np.polyfit(time - 4, column, 5), time - 4) for column in values.T]
+    left = values - np.transpose(wanted)
+    found = fitted(time, values, 0.2)
+    check_evidence(found, "residual", np.sqrt(np.mean(left**2, axis=0)), rtol=1e-8)
+    check_evidence(found, "largest", np.abs(left).max(axis=0), rtol=1e-7)
 
 
 # Other engines.
