@@ -5,7 +5,9 @@ With ``P3DOF_REQUIRE=all`` all of them must be.
 
 from __future__ import annotations
 
+import platform
 import shutil
+import subprocess
 
 import pytest
 
@@ -24,3 +26,22 @@ def parameter(name: str):
 COMPILED = pytest.mark.skipif(CC is None, reason="no C compiler here")
 each_c = pytest.mark.parametrize("compiler", [parameter(name) for name in CPP])
 each_cpp = pytest.mark.parametrize("compiler", [parameter(name) for name in CPP.values()])
+
+SMALL = ("-Os", "-Os -m32", "-O1 -g -m32 -fsanitize=address,undefined -fno-sanitize-recover=all")
+"""What C for small processors is tried with: few bytes, addresses of 32 bits, and both under sanitizers."""
+
+
+@pytest.fixture(params=SMALL, ids=["small", "32 bits", "32 bits, sanitizers"])
+def small(request, tmp_path) -> str:
+    """Flags of gcc; those of 32 bits where it can, which takes Debian's gcc-multilib on this processor."""
+    flags: str = request.param
+    if shutil.which("gcc") is None:
+        pytest.skip("gcc not installed")
+    if "-m32" in flags:
+        if platform.machine() != "x86_64":
+            pytest.skip("this processor runs no programs of 32 bits")
+        (tmp_path / "try.c").write_text("#include <math.h>\nint main(void) { return 0; }\n", encoding="ascii")
+        command = ["gcc", *flags.split(), "try.c", "-o", "try", "-lm"]
+        if subprocess.run(command, cwd=tmp_path, capture_output=True, check=False).returncode:
+            pytest.skip("gcc-multilib not installed")
+    return flags

@@ -10,6 +10,7 @@ import threading
 
 import durations
 import pytest
+from compilers import small  # noqa: F401 - a fixture
 from hypothesis import HealthCheck, settings
 
 SLOW = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}  # time limits belong to benchmarks
@@ -24,6 +25,7 @@ REQUIRED = os.environ.get("P3DOF_REQUIRE", "")
 EXCEPTIONS = {
     "root may write everywhere": True,  # machines that test may run as root
     "this processor has no such vectors": True,
+    "this processor runs no programs of 32 bits": True,
     "this usd-core has no UsdValidation": True,  # Pixar leaves it out of some wheels
     "pybullet not installed": sys.version_info >= (3, 12),  # no wheels beyond
     "(mujoco|usd-core|rerun|Newton|viser) not installed": sys.version_info < (3, 11),  # no wheels before

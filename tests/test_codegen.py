@@ -249,6 +249,18 @@ def test_a_million_calls_with_nonsense(tmp_path, bake, compiler):
     assert min(counts[1:]) > calls / 20  # it does not stop at the first check
 
 
+@pytest.mark.fuzz
+def test_it_is_right_on_small_processors(tmp_path, small):
+    write(tmp_path, MACHINES["general"], bake=False)
+    program = build(tmp_path, "-std=c99", *small.split(), compiler="gcc")
+    done = run(program)
+    assert (done.returncode, done.stderr) == (0, ""), done.stdout
+    assert "FAILED" not in done.stdout
+    assert len(re.findall(r"\d\.\de[-+]\d\d", done.stdout)) >= len(prototypes())
+    done = run(program, "--fuzz", "20000")
+    assert (done.returncode, done.stderr) == (0, ""), done.stdout
+
+
 @COMPILED
 def test_it_is_timed(tmp_path):
     write(tmp_path, PAPER, bake=False)

@@ -81,6 +81,31 @@ def test_random_bytes_are_survived(written, tmp_path, name, compiler):
     assert "20000 calls of each function" in done.stdout
 
 
+def of_small(folder, name, flags, calls):
+    """The self test of a robot's C, with flags for small processors, and its calls with random bytes."""
+    done = make(folder, "check", "CC=gcc", "STANDARD=-std=c99", f"CFLAGS={flags}", f"LDFLAGS={flags}")
+    assert (done.returncode, done.stderr) == (0, ""), done.stdout + done.stderr
+    assert "all is well" in done.stdout
+    errors = [float(x) for x in re.findall(r"\d\.\de[-+]\d\d", done.stdout)]
+    assert len(errors) >= 3
+    assert max(errors) < 1e-10
+    command = [f"./{name}_selftest", "--fuzz", str(calls)]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert f"{calls} calls of each function" in done.stdout
+
+
+@pytest.mark.parametrize("name", ["five_bar", "gripper"])
+def test_it_is_right_on_small_processors(written, tmp_path, name, small):
+    of_small(shutil.copytree(written / name, tmp_path / name), name, small, 2_000)
+
+
+@pytest.mark.fuzz
+@pytest.mark.parametrize("name", ["leg", "stewart"])
+def test_large_ones_are_right_on_small_processors(written, tmp_path, name, small):
+    of_small(shutil.copytree(written / name, tmp_path / name), name, small, 20_000)
+
+
 def test_the_self_test_notices_a_wrong_number(written, tmp_path):
     folder = shutil.copytree(written / "five_bar", tmp_path / "broken")
     source = folder / "five_bar.c"
