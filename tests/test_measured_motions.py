@@ -7,6 +7,7 @@ from decimal import Decimal
 
 import numpy as np
 import pytest
+from table_numbers import check_evidence, shows
 from test_cli import run
 
 import p3dof
@@ -151,6 +152,7 @@ def test_joints_of_any_robot_by_a_clock():
 # --- rounded and noisy poses --------------------------------------------------------------------------------
 
 
+@shows("p3dof.motion.smoothing.Fit.residual")
 @pytest.mark.parametrize(("count", "worst"), [(26, 0.015), (101, 0.005), (1001, 0.005)])
 def test_poses_rounded_to_tenths_of_a_millimetre_have_the_forces_again(exact, count, worst):
     """At steps of 40, 10 and 1 ms: from errors of 40 % and more of the largest force to a percent."""
@@ -168,7 +170,7 @@ def test_poses_rounded_to_tenths_of_a_millimetre_have_the_forces_again(exact, co
     )
     fit = smooth.curve.fit
     left = rounded - smooth.pose
-    np.testing.assert_allclose(fit.residual, np.sqrt((left**2).mean(axis=0)), rtol=1e-6)
+    check_evidence(fit, "residual", np.sqrt((left**2).mean(axis=0)), rtol=1e-6)
     np.testing.assert_allclose(fit.largest, np.abs(left).max(axis=0), rtol=1e-6)
     assert (fit.residual < 1e-4).all()
     np.testing.assert_allclose(fit.band, np.array(fit.pieces) / 2)  # of a second

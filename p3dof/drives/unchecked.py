@@ -49,12 +49,14 @@ def _of_motor(drive: Drive) -> list[str]:
 
 def _of_gear(drive: Drive) -> list[str]:
     gear = drive.gear
-    if gear.ratio == 1 and gear.name == Gear().name:
+    unnamed = gear.name == Gear().name
+    if gear.ratio == 1 and unnamed:
         return []
+    name = "the gear" if unnamed else gear.name
     known = {
-        f"speed of {gear.name} (no max_speed)": gear.max_speed < math.inf,
-        f"torque of {gear.name} (no max_torque)": gear.max_torque < math.inf,
-        f"life of {gear.name}": False,
+        f"speed of {name} (no max_speed)": gear.max_speed < math.inf,
+        f"torque of {name} (no max_torque)": gear.max_torque < math.inf,
+        f"life of {name}": False,
     }
     return [words for words, checked in known.items() if not checked]
 
