@@ -560,7 +560,7 @@ def test_ports(window):
     with Server(window) as one, Server(window) as two:
         assert one.port != two.port  # other tests take and leave ports, too
         assert min(one.port, two.port) >= PORT
-    with Server(window, port=one.port) as again:  # free at once
+    with Server(window, port=first.port) as again:  # free at once
         assert again.running
         assert get(again.url)[0] == 200
     assert window.web_url == ""
