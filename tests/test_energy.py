@@ -380,6 +380,12 @@ def test_batches_and_bad_states():
     for values in (T, V, p, H):
         assert np.isfinite(values).all(axis=-1).tolist() == np.isfinite(values).any(axis=-1).tolist() == valid
     assert kinetic_energy(PAPER, HOME, np.ones((4, 3))).shape == (4, 10)
+    machine = replace(PAPER, actuators=Actuators({"sliders": 2.0}, {"sliders": 5.0}, {"sliders": 30.0}))
+    model, speed = LagrangeModel(PAPER), np.ones((4, 2, 3))
+    own = kinetic_energy(machine, HOME, speed)[..., 10:], potential_energy(machine, 0.01 * speed)[..., 10:]
+    lifted = model.sliders(0.01 * speed)
+    np.testing.assert_allclose(own[0], model.slider_velocities(HOME, speed) ** 2, rtol=1e-12)
+    np.testing.assert_allclose(own[1], 15 * lifted**2 - 5 * lifted, rtol=1e-10)
     assert kinetic_energy(PAPER, np.zeros((0, 3)), HOME).shape == (0, 10)
     for call in (kinetic_energy, momentum):
         with pytest.raises(ReachError, match="leg A"):

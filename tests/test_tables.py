@@ -158,7 +158,9 @@ def test_samples_that_are_not_possible_are_told(robot):
             page = page_of(thing)
             assert "invalid" in page.text
             assert "nan" not in page.text.replace("left NaN", "").lower()
-        assert "samples are invalid" in page_of(robot.energy(forces)).text
+        invalid = int((~forces.valid).sum())
+        assert 0 < invalid != int(forces.valid.sum())
+        assert f"{invalid} samples are invalid" in page_of(robot.energy(forces)).text
 
 
 def test_a_run_that_ended_tells_why_and_its_words_stay_words(robot, tmp_path):
