@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any, TypeAlias
 
@@ -22,6 +23,10 @@ LARGEST = 1e30
 """Largest number that is taken, in SI units: products and squares of a few of them still have a value."""
 
 
+SMALLEST = 1 / LARGEST
+"""Smallest number that is taken where it has to be positive: it is divided by."""
+
+
 class FrozenArrays:
     """Base of frozen dataclasses with read-only arrays: they stay so in deep copies and after unpickling."""
 
@@ -38,6 +43,9 @@ class FrozenArrays:
 _DOUBLES, _SQUARE = np.dtype(np.float64), LARGEST**2
 _FEW = 5000
 """Entries of an array for whose scalar product no threads are woken."""
+
+_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+"""What terminals obey: control characters, and those that change the direction of text."""
 
 _PLAIN_WORDS = {
     "U": "text",
@@ -76,8 +84,24 @@ def shown(value: Any) -> str:
     return f"{'an' if kind[0].lower() in 'aeiou' else 'a'} {kind}"
 
 
+def visible(text: str) -> str:
+    """Return a text with its control characters written out: a terminal would obey them.
+
+    Parameters
+    ----------
+    text : str
+        Any text, such as names in other people's files.
+
+    Returns
+    -------
+    str
+        The same text, with an escape as a backslash and ``x1b``, and so on. Ends of lines and tabs stay.
+    """
+    return _CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode("ascii"), text)
+
+
 def one_line(text: str, limit: int = 400) -> str:
-    """Return a text on one line, its end left out if it is long.
+    """Return a text on one line, its control characters written out, its end left out if it is long.
 
     Parameters
     ----------
@@ -90,7 +114,7 @@ def one_line(text: str, limit: int = 400) -> str:
     -------
     str
     """
-    line = " ".join(text[: 2 * limit].split())
+    line = visible(" ".join(text[: 2 * limit].split()))
     return line if len(line) <= limit and len(text) <= 2 * limit else f"{line[:limit]}..."
 
 
@@ -206,6 +230,38 @@ def batch_of(name: str, value: Any, length: int) -> FloatArray:
     return array
 
 
+def real(name: str, value: Any, error: type[P3dofError] = InputError) -> float:
+    """Return a number from outside, a Python or NumPy one of any size, as a finite float.
+
+    Parameters
+    ----------
+    name : str
+        What to call the argument in an error.
+    value : float
+        The argument.
+    error : type of P3dofError
+        The error to raise.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    P3dofError
+        The given `error`, if `value` is not a single real number, not finite or too large.
+    """
+    return float(frozen_array(name, value, (), error))
+
+
+def not_negative(name: str, value: Any, error: type[P3dofError] = InputError) -> float:
+    """Return `value` as a finite number that is not negative; parameters and errors as of `real`."""
+    number = real(name, value, error)
+    if number < 0:
+        raise error(f"{name}: expected zero or more, got {number:g}")
+    return number
+
+
 def positive(name: str, value: Any, error: type[P3dofError]) -> float:
     """Return `value` as a positive finite number.
 
@@ -225,11 +281,13 @@ def positive(name: str, value: Any, error: type[P3dofError]) -> float:
     Raises
     ------
     P3dofError
-        The given `error`, if `value` is not a number, not finite, or not positive.
+        The given `error`, if `value` is not a number, not finite, not positive, or too small to divide by.
     """
-    number = float(frozen_array(name, value, (), error))
+    number = real(name, value, error)
     if number <= 0:
         raise error(f"{name}: expected a positive number, got {number:g}")
+    if number < SMALLEST:
+        raise error(f"{name}: expected a positive number of at least {SMALLEST:g}, got {number:g}")
     return number
 
 

@@ -54,8 +54,8 @@ MOTIONS = {
     "0,0,0,0\n1,0,0,0\n": "column 1: expected t, got '0'",
     "T,Y,Z,THETA\n0,0,0,0\n": "column 1: expected t, got 'T'",
     "t [h],y,z,theta\n0,0,0,0\n": "expected a unit of s, ms, got [h]",
-    two("1e300,0,0"): "pose: expected numbers of at most 1e+30 in size",
-    two("0,1e200,0"): "pose: expected numbers of at most 1e+30 in size",
+    two("1e300,0,0"): "line 2, column y: expected a number of at most 1e+30 in size, got 1e+300",
+    two("0,1e200,0"): "line 2, column z: expected a number of at most 1e+30 in size",
     two("inf,0,0"): "column y: expected a finite number, got inf",
     two("0,nan,0"): "column z: expected a finite number, got nan",
     two("1_0,0,0"): "column y: expected a number, got '1_0'",
@@ -64,12 +64,12 @@ MOTIONS = {
     two("1j,0,0"): "column y: expected a number, got '1j'",
     two("0,0,\0"): "column theta: expected a number",
     two('"0,0,0'): "not valid CSV",
-    POSES + "0,0,0,0\n1e308,0,0,0\n": "time: expected numbers of at most 1e+30",
+    POSES + "0,0,0,0\n1e308,0,0,0\n": "line 3, column t: expected a number of at most 1e+30",
     POSES + "0,0,0,0\n1e-320,0,0,0\n": "acceleration: expected finite numbers, got nan",
     POSES + "0,0,0,0\n1e-200,.01,0,0\n2e-200,0,0,0\n": "velocity: expected numbers of at most 1e+30",
     NINE
-    + "0,0,0,0,1e200,0,0,0,0,0\n1,0,0,0,1e200,0,0,0,0,0\n": "velocity: expected numbers of at most 1e+30",
-    NINE + "0,0,0,0,0,0,0,1e308,0,0\n1,0,0,0,0,0,0,1e308,0,0\n": "acceleration: expected numbers of at most",
+    + "0,0,0,0,1e200,0,0,0,0,0\n1,0,0,0,1e200,0,0,0,0,0\n": "column ydot: expected a number of at most 1e+30",
+    NINE + "0,0,0,0,0,0,0,1e308,0,0\n1,0,0,0,0,0,0,1e308,0,0\n": "column yddot: expected a number of at most",
     NINE
     + "".join(f"{t / 10},{t / 100},0,0,5,0,0,0,0,0\n" for t in range(10)): "as the poses have it, got 5 m/s",
     POSES + "0,0,0,0\n0,0,0,0\n": "line 3, column t: expected a time after 0",
@@ -95,7 +95,7 @@ LOADS = {
     "t,fx\n0,1\n": "got only t,fx",
     POSES + "0,0,0,0\n": "expected fx, got 'y'",
     LOAD + "0,a,0,0,0,0,0\n": "column fx: expected a number, got 'a'",
-    LOAD + "0,1e308,0,0,0,0,0\n1,1e308,0,0,0,0,0\n": "m.csv: wrench: expected numbers of at most 1e+30",
+    LOAD + "0,1e308,0,0,0,0,0\n1,1e308,0,0,0,0,0\n": "line 2, column fx: expected a number of at most 1e+30",
 }
 
 

@@ -187,7 +187,7 @@ def test_bad_parquet_has_one_clear_error(tmp_path, capsys):
         assert message in capsys.readouterr().err
     path.write_bytes(b"PAR1 not at all")
     assert main(["designs", str(path), "--samples", "11"]) == 2
-    assert "not a Parquet file" in capsys.readouterr().err
+    assert "no Parquet file, or damaged" in capsys.readouterr().err
 
 
 def test_files_that_are_not_there_or_would_be_lost(table, tmp_path, capsys):

@@ -28,7 +28,7 @@ from p3dof.blocks.reduction import Reduction
 from p3dof.blocks.statistics import Histogram, Moments
 from p3dof.checks import one_line, shown
 from p3dof.errors import FileError, InputError, P3dofError, SweepError
-from p3dof.files import read_text
+from p3dof.files import parse_json, read_text
 from p3dof.version import __version__
 
 Format: TypeAlias = Literal["npz", "parquet"]
@@ -210,11 +210,11 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     path = folder / NAME_OF_FILE
     text = read_text(path, _LARGEST_FILE)
     try:
-        data = json.loads(text)
+        data = parse_json(text)
         told = data.pop("hash")
         if data["kind"] != KIND or data["format_version"] != VERSION or _hash(data) != told:
             raise ValueError("its hash does not fit")
-    except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
+    except (ValueError, LookupError, TypeError, AttributeError) as error:
         raise FileError(f"{path}: expected the manifest of a sweep ({one_line(str(error))})") from error
     return dict(data)
 

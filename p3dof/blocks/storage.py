@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from p3dof.blocks.manifest import Manifest
 from p3dof.blocks.problem import Block
 from p3dof.blocks.reduction import Form, State
+from p3dof.checks import one_line
 from p3dof.errors import FileError, MissingExtraError
-from p3dof.files import UnfitError, pack_arrays, read_bytes, unpack_arrays
+from p3dof.files import UnfitError, pack_arrays, parse_json, read_bytes, unpack_arrays
 
 _ROWS = "N"
 _LONGEST_TEXT = 6_000
@@ -155,7 +156,7 @@ class _Reader:
 def check_about(text: str, manifest: Manifest, number: int | None) -> None:
     """Raise `UnfitError` unless a file says that it belongs to this sweep and block."""
     try:
-        about = json.loads(text)
+        about = parse_json(text)
         whose, which = about["hash"], about["block"]
     except (ValueError, LookupError, TypeError) as error:
         raise UnfitError("it does not say whose it is") from error
@@ -221,7 +222,7 @@ def _read_parquet(manifest: Manifest, block: Block, path: Path, names: Sequence[
             states = base64.b64decode(about[b"p3dof.reductions"], validate=True)
         columns = {name: table.column(name).to_numpy() for name in names}
     except (pa.ArrowException, OSError, ValueError, LookupError, UnicodeDecodeError, binascii.Error) as error:
-        raise FileError(f"{path}: expected {what} ({error})") from error
+        raise FileError(f"{path}: expected {what} ({one_line(str(error))})") from error
     if not manifest.reductions:
         return Content(columns, ())
     reader = _Reader(_states_form(manifest), manifest, block)

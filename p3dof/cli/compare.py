@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import click
@@ -13,7 +12,7 @@ from p3dof.cli.app import app
 from p3dof.cli.files import OutputFolder
 from p3dof.cli.kinds import Number
 from p3dof.cli.options import Case, with_case
-from p3dof.cli.output import print_plain, print_warnings, progress_bar, show
+from p3dof.cli.output import print_plain, print_warnings, progress_bar, say, show
 from p3dof.cli.payloads import print_payloads
 from p3dof.errors import MissingExtraError
 from p3dof.files import together
@@ -134,6 +133,6 @@ def _draw(out: Path, results: tuple[InverseDynamics, InverseDynamics]) -> list[P
     try:
         figure = plots.forces_figure(results)
     except MissingExtraError as error:
-        sys.stderr.write(f"p3dof: no figure: {error}\n")
+        say(f"no figure: {error}")
         return []
     return [plots.save(figure, out / name) for name in FILES[1:]]

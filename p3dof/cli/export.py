@@ -15,7 +15,7 @@ from p3dof import description
 from p3dof.cli.app import app
 from p3dof.cli.files import STREAM, InputFile, OutputFolder, protect, source
 from p3dof.cli.machine import PARAMETERS, machine_of
-from p3dof.cli.output import print_plain
+from p3dof.cli.output import print_plain, say
 from p3dof.cli.payloads import say_payloads
 from p3dof.errors import MissingExtraError
 from p3dof.files import together
@@ -111,7 +111,7 @@ def _write_scene(parameters: Path | None, motion_file: Path | None, folder: Path
     result = robot.inverse_dynamics(motion, on_invalid="nan", method="compiled")
     left_out = len(motion) - int(result.valid.sum())
     if left_out:
-        sys.stderr.write(f"p3dof: {left_out} of {len(motion)} samples are not valid, and left out\n")
+        say(f"{left_out} of {len(motion)} samples are not valid, and left out")
     print_plain(console, f"wrote {save_glb(path, page_document(robot, result))}")
     return 0
 
@@ -158,7 +158,7 @@ class Job:
         except MissingExtraError as error:
             if not self.skip_missing:
                 raise
-            sys.stderr.write(f"p3dof: {name} left out: {error}\n")
+            say(f"{name} left out: {error}")
             return []
 
 
@@ -179,7 +179,7 @@ def _print_text(job: Job) -> int:
     (_, text), *others = texts.items()
     sys.stdout.write(text)
     for name, _ in others:
-        sys.stderr.write(f"p3dof: {name}, which belongs to it, is written to a folder only\n")
+        say(f"{name}, which belongs to it, is written to a folder only")
     return 0
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,11 +12,11 @@ from typing import Any, cast
 import click
 import numpy as np
 
-from p3dof.checks import LARGEST, shown
+from p3dof.checks import LARGEST, SMALLEST, shown
 from p3dof.cli.files import InputFile, OutputFile, protect, source
 from p3dof.cli.kinds import POSITIVE, Payload, Whole
 from p3dof.cli.machine import PARAMETERS, machine_of
-from p3dof.cli.output import progress_bar
+from p3dof.cli.output import progress_bar, say
 from p3dof.errors import ParameterError, SampleError
 from p3dof.load_friction import LoadFriction, LoadFrictionEffect, read_load_friction
 from p3dof.manipulator import InverseDynamics, Manipulator
@@ -92,7 +91,7 @@ class Amount(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # likewi
         except (ParameterError, ValueError):
             example = (self._quantity.unit, *self._quantity.others)[-1]
             self.fail(f"expected {self._quantity.name} such as '5 {example}', got {shown(value)}", param, ctx)
-        if not 0 <= number <= LARGEST or (number == 0 and not self._zero):
+        if not (SMALLEST <= number <= LARGEST or (number == 0 and self._zero)):
             self.fail(f"expected a positive number, got {number:g}", param, ctx)
         return number
 
@@ -222,9 +221,9 @@ class Case:
             return None
         known, asked = self.history.since(self.motion.start).time, self.motion.time
         if known[0] > asked[0] or known[-1] < asked[-1]:
-            sys.stderr.write(
-                f"p3dof: the load is known from {known[0]:g} to {known[-1]:g} s, the motion takes place from "
-                f"{asked[0]:g} to {asked[-1]:g} s: its first and last values are kept\n"
+            say(
+                f"the load is known from {known[0]:g} to {known[-1]:g} s, the motion takes place from "
+                f"{asked[0]:g} to {asked[-1]:g} s: its first and last values are kept"
             )
         return self.history
 

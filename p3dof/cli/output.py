@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -12,6 +13,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from p3dof.checks import one_line, visible
+from p3dof.cli.app import LONGEST
 from p3dof.cli.terminal import print_table
 from p3dof.errors import P3dofError
 from p3dof.tables import NONE, Table
@@ -95,12 +98,17 @@ def rich_table(table: Table) -> rich.table.Table:
     return result
 
 
+def say(text: str) -> None:
+    """Say something aside, on one line of the standard error."""
+    sys.stderr.write(f"p3dof: {one_line(text, LONGEST)}\n")
+
+
 def print_warnings(console: Console, warnings: Sequence[str]) -> None:
     """Print what a reader of a result should know, one line each; see `InverseDynamics.warnings`."""
     for warning in warnings:
-        console.print(warning, style="yellow", markup=False, highlight=False, soft_wrap=True)
+        console.print(visible(warning), style="yellow", markup=False, highlight=False, soft_wrap=True)
 
 
 def print_plain(console: Console, text: str) -> None:
     """Print without wrapping or markup: a path stays whole and can be copied."""
-    console.print(text, markup=False, highlight=False, soft_wrap=True)
+    console.print(visible(text), markup=False, highlight=False, soft_wrap=True)

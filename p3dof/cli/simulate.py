@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from p3dof.cli.app import app
 from p3dof.cli.files import OutputFolder
 from p3dof.cli.kinds import POSITIVE, Number
 from p3dof.cli.options import Case, with_load
-from p3dof.cli.output import print_plain, print_warnings, progress_bar, show
+from p3dof.cli.output import print_plain, print_warnings, progress_bar, say, show
 from p3dof.cli.payloads import print_payloads
 from p3dof.compiled.runs import available
 from p3dof.errors import MissingExtraError
@@ -204,6 +203,6 @@ def _draw(paths: list[Path], runs: dict[str, Simulation]) -> list[Path]:
     try:
         figure = plots.tracking_figure(runs)
     except MissingExtraError as error:
-        sys.stderr.write(f"p3dof: no figure: {error}\n")
+        say(f"no figure: {error}")
         return []
     return [plots.save(figure, path) for path in paths]

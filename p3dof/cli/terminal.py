@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from p3dof.checks import visible
 from p3dof.cli.encoding import spelled
 
 
@@ -53,7 +54,7 @@ def print_table(console: Console, table: Table) -> None:
 
 def _plain(content: object, console: Console) -> str:
     text = Text.from_markup(content).plain if isinstance(content, str) else str(content)
-    return spelled(text, console.encoding)
+    return visible(spelled(text, console.encoding))
 
 
 def _width(*texts: Sequence[str]) -> int:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from p3dof.checks import shown
+from p3dof.checks import real, shown
 from p3dof.errors import FileError, InputError, MotionError, ParameterError
 from p3dof.files import called
 from p3dof.motion import Motion, WrenchHistory, paper_motion
@@ -54,7 +54,7 @@ def number(value: Any, quantity: Quantity | None, where: str) -> float:
     if isinstance(found, bool) or not isinstance(found, int | float):
         what = "a number without a unit" if quantity is None else quantity.name
         raise InputError(f"{where}: expected {what}, got {shown(value)}")
-    return float(found)
+    return real(where, found)
 
 
 def machine_of(value: Any, folder: Path, where: str, any_size: bool) -> Parameters | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import IO, Any, NamedTuple, NoReturn, TypeAlias, cast
@@ -232,23 +232,37 @@ def _pyarrow() -> Any:
 
 def _read_parquet(source: Any, name: str, rows: int, meaning: Meaning) -> Iterator[Rows]:
     parquet, path = _pyarrow(), Path(source)
-    import pyarrow
-
-    with ExitStack() as stack:
-        stream = stack.enter_context(path.open("rb"))
-        try:
-            file = parquet.ParquetFile(stream)
-        except pyarrow.ArrowException as error:
-            raise InputError(f"{name}: not a Parquet file ({one_line(str(error), 100)})") from error
-        header = list(file.schema_arrow.names)
+    with path.open("rb") as stream:
+        with _damage_named(name):
+            file = parquet.ParquetFile(stream, page_checksum_verification=True)
+            header = list(file.schema_arrow.names)
         _check_names(header, name, meaning)
         if not file.metadata.num_rows:
             raise InputError(f"{name}: expected rows of numbers, got none")
+        with _damage_named(name):
+            batches = file.iter_batches(batch_size=rows)
         first = 1
-        for batch in file.iter_batches(batch_size=rows):
+        while True:
+            with _damage_named(name):
+                batch = next(batches, None)
+            if batch is None:
+                break
             columns = {field: _numbers(batch.column(field), field, name, first) for field in header}
             yield Rows(first, columns)
             first += len(batch)
+        if first != file.metadata.num_rows + 1:
+            raise FileError(f"{name}: damaged (it says that it has {file.metadata.num_rows} rows)")
+
+
+@contextmanager
+def _damage_named(name: str) -> Iterator[None]:
+    """Turn what pyarrow says of a damaged file into one line."""
+    import pyarrow
+
+    try:
+        yield
+    except (pyarrow.ArrowException, OSError, ValueError, LookupError, OverflowError, MemoryError) as error:
+        raise FileError(f"{name}: no Parquet file, or damaged ({one_line(str(error), 100)})") from error
 
 
 def _numbers(column: Any, field: str, name: str, first: int) -> FloatArray:
@@ -302,7 +316,7 @@ class ResultWriter:
         table = pyarrow.table({name: pyarrow.array(array) for name, array in columns.items()})
         if self._table is None:
             assert self._parquet is not None  # noqa: S101 - asked by the caller
-            self._table = self._parquet.ParquetWriter(self._stream, table.schema)
+            self._table = self._parquet.ParquetWriter(self._stream, table.schema, write_page_checksum=True)
         self._table.write_table(table)
 
     def close(self) -> None:

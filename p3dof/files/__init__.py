@@ -3,6 +3,7 @@
 from p3dof.files.archives import MAX_TEXT, UnfitError, pack_arrays, unpack_arrays
 from p3dof.files.csv_text import write_table
 from p3dof.files.generated import check_generated, differences, write_generated
+from p3dof.files.json_text import parse_json
 from p3dof.files.kinds import SUFFIXES, suffix_of
 from p3dof.files.reading import MAX_BYTES, Source, called, is_stream, read_bytes, read_text, reason
 from p3dof.files.temporary import scratch_folder
@@ -23,6 +24,7 @@ __all__ = [
     "is_stream",
     "make_folders",
     "pack_arrays",
+    "parse_json",
     "parse_yaml",
     "read_bytes",
     "read_text",

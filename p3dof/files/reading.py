@@ -7,7 +7,7 @@ import stat
 from pathlib import Path
 from typing import IO, Any, TypeAlias
 
-from p3dof.checks import shown
+from p3dof.checks import shown, visible
 from p3dof.errors import FileError
 
 MAX_BYTES = 20_000_000
@@ -101,7 +101,7 @@ def called(path: Any) -> str:
         name = str(Path(path))
     except TypeError as error:
         raise FileError(f"expected the path of a file, got {shown(path)}") from error
-    return str(path) if len(name) <= 4096 and "\n" not in name else shown(name)
+    return str(path) if len(name) <= 4096 and name == visible(name) and "\n" not in name else shown(name)
 
 
 def reason(error: Exception) -> str:

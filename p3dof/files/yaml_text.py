@@ -6,7 +6,7 @@ from typing import Any, NoReturn
 
 import yaml
 
-from p3dof.checks import one_line, shown
+from p3dof.checks import LARGEST, one_line, shown
 from p3dof.errors import P3dofError
 
 MAX_YAML = 1_000_000
@@ -57,6 +57,7 @@ def parse_yaml(text: str, source: str, error: type[P3dofError]) -> Any:
 
 
 _MAX_YAML_NODES = 20_000
+_BITS = 1024  # of integers that no float can hold
 _MAX_YAML_SCALAR = 1000  # few enough digits that Python prints any integer
 
 
@@ -78,11 +79,14 @@ class _StrictLoader(yaml.SafeLoader):
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
         try:
-            return super().construct_object(node, deep)
+            found = super().construct_object(node, deep)
         except (ValueError, TypeError, LookupError, AttributeError):
             # PyYAML lets these through for tags whose text does not fit them, such as "!!int ''".
             kind = node.tag.rpartition(":")[2]
             self._refuse(f"{shown(node.value)} does not fit its type, {kind}", node)
+        if type(found) is int and found.bit_length() >= _BITS:
+            self._refuse(f"expected numbers of at most {LARGEST:g} in size, got a huge integer", node)
+        return found
 
     def get_single_node(self) -> yaml.Node | None:
         node = super().get_single_node()

@@ -188,7 +188,8 @@ class Indices(ShownInNotebook):
 
         It depends on ℓ. Rosyid, El-Khasawneh, Alazzam, Mech. Sci. 11 (2020) 49.
         """
-        return np.asarray(self.sigma[..., 0] / self.sigma[..., 2])
+        with np.errstate(divide="ignore"):  # singular, or as good as that by the length: infinite
+            return np.asarray(self.sigma[..., 0] / self.sigma[..., 2])
 
     @cached_property
     def lci(self) -> FloatArray:

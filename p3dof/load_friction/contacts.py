@@ -2,25 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-
-from p3dof.checks import positive, shown
+from p3dof.checks import not_negative, positive, shown
 from p3dof.errors import ParameterError
 from p3dof.parameters import PASSIVE, SLIDES
 
 UNIVERSALS = ("universal_a", "universal_b")
 HINGES = tuple(name for name in PASSIVE if name not in UNIVERSALS)
-
-
-def _from_zero(name: str, value: object) -> float:
-    number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
-    if not number or not 0 <= float(value) < math.inf:  # type: ignore[arg-type]
-        raise ParameterError(f"{name}: expected zero or more, got {shown(value)}")
-    return float(value)  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)
@@ -47,7 +37,7 @@ class HingeContact:
 
     def __post_init__(self) -> None:
         for name in ("mu", "radius"):
-            object.__setattr__(self, name, _from_zero(name, getattr(self, name)))
+            object.__setattr__(self, name, not_negative(name, getattr(self, name), ParameterError))
 
 
 @dataclass(frozen=True)
@@ -83,7 +73,7 @@ class SlideContact:
 
     def __post_init__(self) -> None:
         for name in ("drag", "mu", "screw"):
-            object.__setattr__(self, name, _from_zero(name, getattr(self, name)))
+            object.__setattr__(self, name, not_negative(name, getattr(self, name), ParameterError))
         object.__setattr__(self, "arm", positive("arm", self.arm, ParameterError))
 
 

@@ -19,7 +19,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from p3dof.checks import FloatArray
+from p3dof.checks import LARGEST, FloatArray
 from p3dof.errors import MotionError
 from p3dof.motion.times import is_of_clock
 
@@ -130,10 +130,11 @@ def parse(text: str, source: str, form: Form = MOTION) -> tuple[FloatArray, Floa
     if not numbers:
         raise MotionError(f"{source}: expected lines of numbers after the header, got none")
     data = np.frombuffer(numbers).reshape(-1, len(header))
-    for i, j in np.argwhere(~np.isfinite(data)):
+    for i, j in np.argwhere(~(np.abs(data) <= LARGEST)):
+        large = np.isfinite(data[i, j])
+        wanted = f"a number of at most {LARGEST:g} in size" if large else "a finite number"
         raise MotionError(
-            f"{source}, line {_line_of(i, text)}, column {form.names[j]}: expected a finite number, "
-            f"got {data[i, j]}"
+            f"{source}, line {_line_of(i, text)}, column {form.names[j]}: expected {wanted}, got {data[i, j]}"
         )
     multiply, divide = np.array(factors).T
     columns = data[:, 1:] * multiply[1:] / divide[1:]

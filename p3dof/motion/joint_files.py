@@ -94,7 +94,9 @@ def read_joints(text: str, source: str, joints: Sequence[str], sliding: Sequence
     time, values, start = parse(text, source, form)
     values = np.ascontiguousarray(values[:, order])
     curve = JointCurve(time, values, start)
-    for name, array in zip(("value", "velocity", "acceleration"), curve.at(time), strict=True):
+    with np.errstate(all="ignore"):
+        found = curve.at(time)
+    for name, array in zip(("value", "velocity", "acceleration"), found, strict=True):
         if not np.isfinite(array).all():
             raise MotionError(f"{source}: the values are too large or too near in time: no finite {name}")
     return curve

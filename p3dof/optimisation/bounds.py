@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from p3dof.checks import shown
+from p3dof.checks import real, shown
 from p3dof.errors import InputError, P3dofError
 from p3dof.optimisation.constraints import Constraint, amount, relation
 from p3dof.optimisation.measure import Measure
@@ -57,10 +57,8 @@ def _bounds(name: str, bounds: Any) -> list[Constraint]:
         )
     found = []
     for side, value in bounds.items():
-        number = np.asarray(_in_si(measure, value, f"constraints: {name}: {side}"))
-        if number.shape != () or number.dtype.kind not in "fiu" or not np.isfinite(number):
-            raise InputError(f"constraints: {name}: {side}: expected a finite number, got {shown(value)}")
-        found.append(Constraint(measure, float(number), at_least=side == "min"))
+        where = f"constraints: {name}: {side}"
+        found.append(Constraint(measure, real(where, _in_si(measure, value, where)), at_least=side == "min"))
     least = max((one.bound for one in found if one.at_least), default=-np.inf)
     most = min((one.bound for one in found if not one.at_least), default=np.inf)
     if least > most:

@@ -18,7 +18,7 @@ import numpy as np
 from p3dof.blocks.folder import locked
 from p3dof.checks import one_line
 from p3dof.errors import FileError, SweepError
-from p3dof.files import UnfitError, called, pack_arrays, read_text, unpack_arrays, write_atomic
+from p3dof.files import UnfitError, called, pack_arrays, parse_json, read_text, unpack_arrays, write_atomic
 from p3dof.version import __version__
 
 MANIFEST = "optimisation.json"
@@ -78,10 +78,10 @@ class Journal:
             write_atomic(path, text)
             return
         try:
-            there = json.loads(read_text(path, _LARGEST))
+            there = parse_json(read_text(path, _LARGEST))
             if there["kind"] != _KIND:
                 raise ValueError("it is of another kind")
-        except (ValueError, LookupError, TypeError, RecursionError) as error:
+        except (ValueError, LookupError, TypeError) as error:
             raise FileError(
                 f"{path}: expected the state of an optimisation ({one_line(str(error))})"
             ) from error

@@ -8,7 +8,7 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from p3dof.checks import FloatArray, Progress, shown
+from p3dof.checks import FloatArray, Progress, real, shown
 from p3dof.errors import InputError, OptimisationError
 from p3dof.optimisation.constraints import Constraint
 from p3dof.optimisation.epigraph import Local, descend
@@ -90,9 +90,8 @@ def bounds_of(problem: Statement, worst: Mapping[str, float] | None) -> list[Con
     own = {measure.name: measure for measure in problem.objectives}
     for name, value in (worst or {}).items():
         measure = own[name] if name in own else measure_of(name, "subject_to")
-        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-            raise InputError(f"subject_to: {name}: expected a finite number, got {shown(value)}")
-        bounds.append(Constraint(measure, float(value), at_least=measure.better == "large"))
+        bound = real(f"subject_to: {name}", value)
+        bounds.append(Constraint(measure, bound, at_least=measure.better == "large"))
     return bounds
 
 

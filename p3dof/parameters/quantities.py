@@ -138,7 +138,7 @@ class Quantity:
     def _require_one_way(self, values: Sequence[Any], where: str) -> None:
         """Raise where a unit in a list seems to be meant for its other numbers too."""
         entries = [x for item in values for x in (item if isinstance(item, list | tuple) else [item])]
-        plain = [x for x in entries if _is_plain(x) and float(x) != 0]
+        plain = [x for x in entries if _is_plain(x) and (float(x) if isinstance(x, str) else x) != 0]
         if plain and any(isinstance(x, str) and not _is_plain(x) for x in entries):
             raise ParameterError(
                 f"{where}: expected a unit with every number but 0, or with none, got {plain[0]} without one"

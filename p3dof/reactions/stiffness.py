@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
-from p3dof.checks import FloatArray, shown
+from p3dof.checks import FloatArray, not_negative, positive, shown
 from p3dof.closed_loop.compliance import JointCompliance, beam
 from p3dof.errors import ParameterError
 from p3dof.parameters import STEEL_DENSITY, Parameters
@@ -25,9 +25,7 @@ _RODS = {"loop_a": "leg_a", "loop_b": "leg_b", "hinge_lower": "rod_left", "loop_
 
 def _positive(of: object) -> None:
     for item in fields(of):  # type: ignore[arg-type]
-        value = getattr(of, item.name)
-        if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not value > 0:
-            raise ParameterError(f"{item.name}: expected a positive number, got {shown(value)}")
+        positive(item.name, getattr(of, item.name), ParameterError)
 
 
 @dataclass(frozen=True)
@@ -199,9 +197,7 @@ class Misfit:
 
     def __post_init__(self) -> None:
         for name in ("shift", "turn"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < math.inf:
-                raise ParameterError(f"{name}: expected zero or more, got {shown(value)}")
+            not_negative(name, getattr(self, name), ParameterError)
 
 
 @dataclass(frozen=True)

@@ -169,7 +169,7 @@ def _solved(points: Points, nodes: FloatArray, limits: AxisLimits, known: SpeedL
     gain = (np.append(size, 0) + np.append(0, size)) / 2
     cost = -np.append(gain, 2 / 3 * size) / nodes[-1]
     step = np.arange(count)
-    unit = 1.0 if known is None else min(1.0, float(known.squares.max()))
+    unit = min(1.0, float(nodes[-1] if known is None else known.squares.max()))  # ṡ² grows as the way
     found = solved(cost, rows, np.column_stack([step, step + 1, count + 1 + step]), box, unit=unit)
     squares, bulges = np.maximum(found[: count + 1], 0.0), found[count + 1 :]
     return SpeedLaw(nodes, squares, -4 * bulges / size**2)

@@ -22,6 +22,8 @@ from p3dof.tasks.waypoints import Waypoint
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
 _TOUCH = 1 + 1e-12
 """Blends may meet, but for rounding."""
+_SAME = 1e-9
+"""Poses that are nearer, as a share of the turning length, are one: a way between them is all rounding."""
 
 
 class Path:
@@ -79,7 +81,7 @@ class Path:
         legs = np.diff(points, axis=0)
         lengths = np.linalg.norm(legs * np.array([1.0, 1.0, length])[:size], axis=1)
         for k, leg in enumerate(lengths):
-            if leg == 0:
+            if leg <= _SAME * length:
                 raise TaskError(f"{names[k]} and {names[k + 1]}: expected two different poses")
         if spline:
             self.at_waypoints = np.append(0.0, np.cumsum(lengths))

@@ -14,6 +14,7 @@ from typing import Any, TypeAlias
 
 from p3dof.checks import one_line
 from p3dof.errors import InputError, MissingExtraError, P3dofError
+from p3dof.files import parse_json
 from p3dof.viewer.limits import Allowance, Outbox
 
 try:
@@ -254,7 +255,7 @@ class PageHandler(WebSocketHandler, LocalHandler):
     def on_message(self, message: str | bytes) -> None:
         """Pass a message on, or say what is wrong with it."""
         try:
-            content = json.loads(message)
+            content = parse_json(message)
             if not isinstance(content, dict):
                 raise InputError("expected a JSON object")
             if self._channel.received is None:
@@ -262,7 +263,7 @@ class PageHandler(WebSocketHandler, LocalHandler):
             self._channel.received(content, self)
         except P3dofError as error:
             self.put(packed({"type": "error", "message": one_line(str(error))}), "error")
-        except (ValueError, RecursionError):
+        except ValueError:
             self.put(packed({"type": "error", "message": "expected a JSON object"}), "error")
 
     def on_close(self) -> None:

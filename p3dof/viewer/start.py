@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from p3dof.checks import FloatArray, shown
+from p3dof.checks import FloatArray, real, shown
 from p3dof.errors import InputError
 
 SLOWEST, FASTEST = 0.1, 4.0
@@ -69,4 +69,4 @@ def within(name: str, value: object, low: float, high: float) -> float:
     number = value if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
     if not low <= number <= high:
         raise InputError(f"{name}: expected a number from {low:g} to {high:g}, got {shown(value)}")
-    return float(number)
+    return real(name, number)

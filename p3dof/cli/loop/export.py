@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import sys
 import warnings
 from pathlib import Path
 
 import click
 from rich.console import Console
 
-from p3dof.checks import one_line
 from p3dof.cli.files import STREAM, InputFile, OutputFile, protect, source
 from p3dof.cli.loop.group import loop, with_robot
 from p3dof.cli.loop.motion import forces_along
-from p3dof.cli.output import print_plain, print_warnings
+from p3dof.cli.output import print_plain, print_warnings, say
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.closed_loop.writers.files import SUFFIX, contents
 from p3dof.errors import ModelWarning
@@ -79,7 +77,7 @@ def export(
         texts = contents(robot, out, format_)
     for warning in caught:
         if issubclass(warning.category, ModelWarning):
-            sys.stderr.write(f"p3dof: {one_line(str(warning.message))}\n")
+            say(str(warning.message))
     with together():
         written = [write_atomic(path, text) for path, text in texts.items()]
     console = Console()

@@ -13,9 +13,10 @@ import click
 import numpy as np
 import pinocchio as pin
 
-from p3dof.checks import FloatArray, one_line, shown
+from p3dof.checks import FloatArray, shown
 from p3dof.cli.app import Command, app
 from p3dof.cli.files import STREAM, InputFile, protect
+from p3dof.cli.output import say
 from p3dof.closed_loop import Assembly, ClosedLoopModel, load_robot
 from p3dof.closed_loop.sidecar import suggestion
 from p3dof.closed_loop.tables import joint_values, units_of_actuated
@@ -87,7 +88,7 @@ def with_robot(command: Callable[..., Any]) -> Callable[..., Any]:
             )
         for warning in caught:
             if issubclass(warning.category, ModelWarning):
-                sys.stderr.write(f"p3dof: {one_line(str(warning.message))}\n")
+                say(str(warning.message))
         return command(robot=robot, inputs=inputs, **others)
 
     for option in reversed(_OPTIONS):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from functools import partial
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from p3dof.cli.files import OutputFile, console_beside, protect, write_results
 from p3dof.cli.kinds import POSITIVE, Whole
 from p3dof.cli.loop.control import EXTERNAL, METHOD, NONE, Control, externals, with_control
 from p3dof.cli.loop.group import AT, assembled, forces_of, loop, with_robot
-from p3dof.cli.output import in_options, print_plain, print_warnings, progress_bar, show
+from p3dof.cli.output import in_options, print_plain, print_warnings, progress_bar, say, show
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.closed_loop.compiling_model import ROBOT_METHODS
 from p3dof.closed_loop.tables import joint_values
@@ -175,7 +174,7 @@ def _draw(run: RobotRun, path: Path | None) -> list[Path]:
     try:
         return [plots.save(plots.robot_run_figure(run), path)]
     except MissingExtraError as error:
-        sys.stderr.write(f"p3dof: no figure: {error}\n")
+        say(f"no figure: {error}")
         return []
 
 
