@@ -123,7 +123,7 @@ def nearest_feasible(problem: Statement, starts: FloatArray) -> FloatArray:
     while (nearest := search.nearest(left)).value >= _MISSED:
         core = search.irreducible(search.worst(left, nearest), ())
         conflicts.append(search.conflict(core, nearest.design))
-        left = tuple(item for item in left if item not in core)
+        left = tuple(item for item in left if not any(item is other for other in core))
     if not conflicts:
         return nearest.design
     told = "; ".join(map(str, conflicts))
@@ -156,7 +156,13 @@ class _Search:
         if not items:
             return Local(self.starts[0], -np.inf, 0.0, 0)
         missing = self.problem.unconstrained(Missing(items))
-        return _least(missing, np.concatenate([starts_of(missing, _STARTS, 0), self.starts]))
+        return _least(missing, np.concatenate([starts_of(missing, _STARTS, 0), self.known]))
+
+    @property
+    def known(self) -> FloatArray:
+        """Where to begin: the starts, and the designs that keep some of the constraints."""
+        good = [local.design for local in self._found.values() if local.value < _MISSED]
+        return np.array([*self.starts, *good])
 
     def worst(self, items: tuple[Constraint, ...], nearest: Local) -> tuple[Constraint, ...]:
         """Return the constraints that are missed most at the nearest design, if they exclude each other."""
@@ -209,7 +215,7 @@ class _Search:
         wide = self.problem.asking()
         for bound in bounds:
             wide.variables = _farther(wide.variables, bound)
-        return _Search(wide, np.concatenate([self.starts, nearest[None]]))
+        return _Search(wide, np.concatenate([self.known, nearest[None]]))
 
     def least(self, item: Constraint, others: tuple[Constraint, ...]) -> float:
         """Return by how much a constraint is missed at least where others are kept [SI units]."""

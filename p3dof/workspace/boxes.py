@@ -89,10 +89,8 @@ def box_margins(sizes: Sizes, y: tuple[Any, Any], theta: tuple[Any, Any], travel
 def box_pieces(sizes: Sizes, y: tuple[Any, Any], theta: tuple[Any, Any]) -> BoxPieces:
     """Return what the margins of boxes are the least of; arguments as of `box_margins`."""
     r, L = sizes.r, sizes.L
-    near = abs_of(_within(y, 0.0))
-    tops = [
-        _drop(L, abs_of(_within((sizes.width + a, sizes.width + b), 0.0))) for a, b in (y, (-y[1], -y[0]))
-    ]
+    near = _within(y, 0.0)
+    tops = [_drop(L, _within((sizes.width + a, sizes.width + b), 0.0)) for a, b in (y, (-y[1], -y[0]))]
     ends = [_drop(L, sizes.width + side * end) for side in (1, -1) for end in y]
     corners = [(end, turned) for end in y for turned in theta]
     low_c = [_drop_c(sizes, end, theta[0]) + r * np.sin(theta[0]) for end in y]
@@ -102,11 +100,6 @@ def box_pieces(sizes: Sizes, y: tuple[Any, Any], theta: tuple[Any, Any]) -> BoxP
         tuple(drop / L for drop in (*ends, *(_drop_c(sizes, *corner) for corner in corners))),
         (*(np.pi / 2 - _lean(sizes, *corner) for corner in corners), *_below(sizes, near, theta)),
     )
-
-
-def abs_of(value: Any) -> Any:
-    """Return the magnitude by the sign of the real part: analytic, unlike that of a complex number."""
-    return np.where(np.real(value) < 0, -1.0, 1.0) * value
 
 
 def _within(y: tuple[Any, Any], place: Any) -> Any:
