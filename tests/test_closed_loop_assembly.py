@@ -366,9 +366,9 @@ def test_elbow_modes_are_kept_over_a_long_way(five_bar):
 def test_either_guard_alone_keeps_the_assembly(monkeypatch, guard):
     # Four hundred long ways of a non-Grashof four-bar; with neither guard, four of them end wrong unnoticed.
     if guard == "contraction":
-        monkeypatch.setattr(solver, "_FIRST_STEP", 3.0)
+        monkeypatch.setattr(solver, "FIRST_STEP", 3.0)
     else:
-        monkeypatch.setattr(solver, "_CONTRACTION", 1e9)
+        monkeypatch.setattr(solver, "CONTRACTION", 1e9)
     lengths = (0.5, 0.4, 0.35, 0.3)
     loop = ClosedLoopModel.from_urdf(robots.four_bar(*lengths), FOUR_BAR_SIDECAR)
     generator = np.random.default_rng(0)

@@ -20,11 +20,10 @@ from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.closures import ClosurePoint
+from p3dof.closed_loop.linear import RANK_TOLERANCE
 from p3dof.closed_loop.loop_model import LoopModel
 from p3dof.errors import AssemblyError, DynamicsError
 
-_RANK = 1e-9
-"""Singular values up to this fraction of the largest count as zero: rounding leaves 1e-13, motions 1e-5."""
 _NOTHING = 1e-11
 """The same for the size of a column."""
 _ROUNDING = 1e-9
@@ -160,7 +159,7 @@ def base_parameters(
         size = np.linalg.norm(W, axis=0)
         kept = np.flatnonzero(size > _NOTHING * size.max(initial=0.0))
         s = np.linalg.svd(W[:, kept] / size[kept], compute_uv=False)
-        found = int(np.count_nonzero(s > _RANK * s.max(initial=0.0)))
+        found = int(np.count_nonzero(s > RANK_TOLERANCE * s.max(initial=0.0)))
         if found == rank:
             break
         rank, wanted = found, len(blocks) + max(4, len(blocks) // 2)

@@ -12,6 +12,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, as_floats, frozen_array
+from p3dof.closed_loop.accuracy import NORMALISED
 from p3dof.closed_loop.batch.dynamics import BatchDynamics
 from p3dof.closed_loop.batch.energy import BodyEnergies, body_energies
 from p3dof.closed_loop.batch.linear import IndexArray, blocks
@@ -310,7 +311,7 @@ class BatchModel(MarginsModel):
         q = frozen_array("q", q, ("N", self.model.nq))
         if self.model.nq != self.model.nv:
             model = self.model
-            if not all(pin.isNormalized(model, row, 1e-6) for row in q):
+            if not all(pin.isNormalized(model, row, NORMALISED) for row in q):
                 raise InputError("q: not normalised (unit quaternions and circles); see pinocchio.normalize")
         shape = (len(q), self.model.nv)
         return q, frozen_array("v", v, shape), frozen_array("a", a, shape)

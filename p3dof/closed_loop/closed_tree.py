@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from typing_extensions import Self
 
 from p3dof.checks import FloatArray, frozen_array
+from p3dof.closed_loop.accuracy import NORMALISED
 from p3dof.closed_loop.closures import ClosurePoint, LoopKinematics, max_abs
 from p3dof.closed_loop.joints import configuration_of, single_joint
 from p3dof.closed_loop.scaled_model import ScaledModel, scaled
@@ -162,7 +163,7 @@ class ClosedTree:
 
     def _configuration(self, name: str, q: ArrayLike) -> FloatArray:
         array = frozen_array(name, q, (self.model.nq,))
-        if self.model.nq != self.model.nv and not pin.isNormalized(self.model, array, 1e-6):
+        if self.model.nq != self.model.nv and not pin.isNormalized(self.model, array, NORMALISED):
             raise InputError(
                 f"{name}: not normalised (unit quaternions and circles); see pinocchio.normalize"
             )

@@ -18,6 +18,7 @@ import numpy as np
 import pinocchio as pin
 
 from p3dof.checks import FloatArray
+from p3dof.closed_loop.accuracy import ACCURACY, NO_CHANGE
 from p3dof.closed_loop.closures import ClosurePoint, LoopKinematics, max_abs
 from p3dof.closed_loop.linear import lapack
 from p3dof.closed_loop.partitions import Memory, Split
@@ -25,10 +26,6 @@ from p3dof.closed_loop.results import AcceleratedClosures, ForwardDynamics, read
 from p3dof.closed_loop.terms import Terms
 from p3dof.errors import DynamicsError
 
-_ACCURACY = 1e-9
-"""Largest error of (1), relative to the forces in it."""
-_ENOUGH = 1e-13
-"""Change of the acceleration, relative to it, that is not made any more."""
 _SOLUTIONS = 3
 """Solutions of (2) at most; each further one refines the one before."""
 
@@ -105,15 +102,15 @@ class Forward:
             if step == most:
                 break
             more = lapack().dpotrs(root, missing.dot(N))[0]
-            if step and more.dot(more) <= _ENOUGH**2 * a.dot(a):
+            if step and more.dot(more) <= NO_CHANGE**2 * a.dot(a):
                 break
             a -= N.dot(more)
         opening = point.J.dot(a) + drift
         size = (force.dot(force) + borne.dot(borne)) / len(v)
         # No more than the squares of the largest ones.
         most_open = max(1.0, drift.dot(drift) / len(drift), a.dot(a) / len(a))
-        fits = missing.dot(missing) <= _ACCURACY**2 * size
-        if not (fits and opening.dot(opening) <= _ACCURACY**2 * most_open):
+        fits = missing.dot(missing) <= ACCURACY**2 * size
+        if not (fits and opening.dot(opening) <= ACCURACY**2 * most_open):
             return None  # also when something is not a number
         known = None if len(partition.left) else lambda_
         return ForwardDynamics(read_only(a), AcceleratedClosures(point, left, opening, known))
@@ -135,8 +132,8 @@ class Forward:
         evidence = AcceleratedClosures(point, left, point.J @ a + drift)
         residual, opening = evidence.residual, evidence.closure_residual
         good = (
-            residual <= _ACCURACY * self._terms.scale(point.q, v, a, force)
-            and opening <= max(_ACCURACY, point.rank_tolerance) * max(1.0, max_abs(drift), max_abs(a))
+            residual <= ACCURACY * self._terms.scale(point.q, v, a, force)
+            and opening <= max(ACCURACY, point.rank_tolerance) * max(1.0, max_abs(drift), max_abs(a))
         )  # fmt: skip
         if not good:  # also when something is not a number
             raise DynamicsError(

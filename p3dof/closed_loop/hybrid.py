@@ -31,31 +31,20 @@ from typing import Any
 import numpy as np
 
 from p3dof.checks import FloatArray
+from p3dof.closed_loop.accuracy import ACCURACY, NO_CHANGE, WELL
 from p3dof.closed_loop.closures import ClosurePoint, max_abs
 from p3dof.closed_loop.hybrid_results import HybridDynamics, PrescribedMotion
-from p3dof.closed_loop.linear import RANK_TOLERANCE, Decomposition, lapack
+from p3dof.closed_loop.linear import RANK_TOLERANCE, UNIQUE, Decomposition, lapack
 from p3dof.closed_loop.partitions import Memory, Split
-from p3dof.closed_loop.prescriptions import Prescription
+from p3dof.closed_loop.prescriptions import KINDS, Prescription
 from p3dof.closed_loop.results import read_only
 from p3dof.closed_loop.terms import Terms
 from p3dof.errors import DynamicsError, SingularityError
 
-_ACCURACY = 1e-9
-"""Largest error of the equation of motion, relative to the forces in it."""
-_ENOUGH = 1e-14
-"""The same, from which on nothing is refined."""
-_NO_CHANGE = 1e-13
-"""Change of forces and accelerations, relative to them, that is not made any more."""
 _SOLUTIONS = 3
 """Solutions of the linear equations at most; each further one refines the one before."""
-_UNSEEN = 1e-7
-"""What a force that the prescribed accelerations leave open may do to the idle freedoms."""
 _MASSLESS = 1e-15
 """Inertia of an idle motion, relative to the largest, that is none."""
-_WELL = 1e-5
-"""Least reciprocal condition number of what the actuators do to the prescribed accelerations."""
-_KINDS = 16
-"""How many kinds of prescription are remembered."""
 
 
 class Hybrid:
@@ -123,7 +112,7 @@ class Hybrid:
     def _memory(self, kind: Any) -> Memory:
         """Return what was of use at the last sample where the same accelerations were prescribed."""
         if kind not in self._memories:
-            if len(self._memories) >= _KINDS:
+            if len(self._memories) >= KINDS:
                 self._memories.clear()
             self._memories[kind] = Memory(np.arange(self._terms.model.nv))
         return self._memories[kind]
@@ -158,7 +147,7 @@ class Hybrid:
                 return None
             T = T - Z.dot(lapack().dpotrs(root, MZ.T.dot(T))[0])
         lu, pivots, _ = lapack().dgetrf(T[actuated].T)
-        if not lapack().dgecon(lu, sqrt(np.vdot(T, T)))[0] >= _WELL:
+        if not lapack().dgecon(lu, sqrt(np.vdot(T, T)))[0] >= WELL:
             return None
         tau: FloatArray = np.zeros(size)
         for step in range(_SOLUTIONS + 1):
@@ -172,8 +161,8 @@ class Hybrid:
             remaining = missing.copy()
             remaining[actuated] -= more
             change = lapack().dpotrs(root, remaining.dot(Z))[0] if idle else tau[:0]
-            settled = change.dot(change) <= _NO_CHANGE**2 * a.dot(a)
-            if step and settled and more.dot(more) <= _NO_CHANGE**2 * tau.dot(tau):
+            settled = change.dot(change) <= NO_CHANGE**2 * a.dot(a)
+            if step and settled and more.dot(more) <= NO_CHANGE**2 * tau.dot(tau):
                 break
             tau = tau + more
             a -= Z.dot(change)
@@ -181,8 +170,8 @@ class Hybrid:
         opened, off = result.evidence.opening, result.evidence.off
         forces = (tau.dot(tau) + left.dot(left)) / len(left)  # no more than the largest ones, squared
         rates = max(1.0, a.dot(a) / len(a), task.drift.dot(task.drift) / max(1, len(task.drift)))
-        good = missing.dot(missing) <= _ACCURACY**2 * forces
-        good = good and opened.dot(opened) + off.dot(off) <= _ACCURACY**2 * rates
+        good = missing.dot(missing) <= ACCURACY**2 * forces
+        good = good and opened.dot(opened) + off.dot(off) <= ACCURACY**2 * rates
         return result if good else None  # not good also when something is not a number
 
     def _projected(self, task: _Task) -> HybridDynamics:
@@ -209,11 +198,11 @@ class Hybrid:
             more = actuation.solve(T.T @ remaining)
             remaining[actuated] -= more
             change = Z @ (Z.T @ remaining)
-            small = max_abs(more) <= _NO_CHANGE * max_abs(tau) and max_abs(change) <= _NO_CHANGE * max_abs(a)
-            if step and small and missing <= _ENOUGH * size:
+            small = max_abs(more) <= NO_CHANGE * max_abs(tau) and max_abs(change) <= NO_CHANGE * max_abs(a)
+            if step and small and missing <= NO_CHANGE * size:
                 break
             tau, a = tau + more, a - change
-        fits = missing <= _ACCURACY * size or missing <= _ACCURACY * terms.scale(point.q, v, a, external)
+        fits = missing <= ACCURACY * size or missing <= ACCURACY * terms.scale(point.q, v, a, external)
         if not fits:  # also when something is not a number
             _refuse(missing, actuation, len(wanted), len(tau))
         return self._result(task, force, tau, a)
@@ -276,7 +265,7 @@ def _check_choice(seen: Decomposition, size: int, mobility: int) -> None:
 
 def _check_determined(actuation: Decomposition, B: FloatArray, size: int) -> None:
     """Refuse what leaves forces open that move something; B (n_actuated, mobility) is that of Bᵀ N."""
-    if max_abs(B.T @ actuation.null_space) > _UNSEEN:
+    if max_abs(B.T @ actuation.null_space) > UNIQUE:
         count = len(B)
         raise DynamicsError(
             f"the forces are not determined: {size} prescribed accelerations leave {count - actuation.rank} "

@@ -11,6 +11,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, as_floats, frozen_array
+from p3dof.closed_loop.accuracy import NORMALISED
 from p3dof.closed_loop.batch.hybrid import BatchHybrid
 from p3dof.closed_loop.batch.linear import BoolArray, IndexArray
 from p3dof.closed_loop.batch.results import BatchHybridDynamics, Prescribed
@@ -149,7 +150,7 @@ class HybridModel(LoopModel):
         """
         model = self.model
         q = frozen_array("q", q, ("N", model.nq))
-        if model.nq != model.nv and not all(pin.isNormalized(model, row, 1e-6) for row in q):
+        if model.nq != model.nv and not all(pin.isNormalized(model, row, NORMALISED) for row in q):
             raise InputError("q: not normalised (unit quaternions and circles); see pinocchio.normalize")
         count = len(q)
         v = frozen_array("v", v, (count, model.nv))

@@ -21,7 +21,7 @@ IndexArray: TypeAlias = NDArray[np.int_]
 
 _TIE = 1e-9
 """Freedoms whose share in a free motion differs by less are alike; the first one counts."""
-_WELL = 1e-3
+_KEPT = 1e-3
 """Conditioning from which on a choice is kept at another configuration."""
 
 
@@ -129,7 +129,7 @@ def default_coordinates(
     choice = preferred()
     if choice is not None and len(choice) == N.shape[1]:
         s = np.linalg.svd(N[choice], compute_uv=False)
-        if s.min(initial=1.0) > _WELL:
+        if s.min(initial=1.0) > _KEPT:
             return choice
     return pivoted(N, actuated)
 

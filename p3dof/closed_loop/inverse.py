@@ -31,6 +31,7 @@ from __future__ import annotations
 import numpy as np
 
 from p3dof.checks import FloatArray
+from p3dof.closed_loop.accuracy import ACCURACY, SURELY
 from p3dof.closed_loop.closures import ClosurePoint, max_abs
 from p3dof.closed_loop.linear import Decomposition
 from p3dof.closed_loop.partitions import IndexArray, Memory, Partition
@@ -38,10 +39,6 @@ from p3dof.closed_loop.results import ActuatedForces, InverseDynamics, read_only
 from p3dof.closed_loop.terms import Terms
 from p3dof.errors import DynamicsError, SingularityError
 
-_ACCURACY = 1e-9
-"""Largest error of an equation of motion, relative to the forces in it."""
-_NOTHING = 1e-10
-"""Largest force that idle joints may need in (3), relative to those in the equation of motion."""
 _NEAR_SINGULAR = 1e-6
 """Conditioning below which a motion that no actuator can give is put down to the singularity."""
 
@@ -96,7 +93,7 @@ class Inverse:
         """Return the forces in a tree without closures; None if others than the actuators' are needed."""
         tau, missing = force[self._actuated], force[self._passive]
         size = tau.dot(tau)
-        if not (size < np.inf and missing.dot(missing) <= _NOTHING**2 * size):
+        if not (size < np.inf and missing.dot(missing) <= SURELY**2 * size):
             return None  # also when something is not a number
         return self._result(point, force, tau, np.zeros(0))
 
@@ -113,7 +110,7 @@ class Inverse:
             return None
         if len(idle):
             missing = force[idle] - lambda_ @ rows.take(idle, axis=1)
-            if not missing.dot(missing) <= _NOTHING**2 * force.dot(force):
+            if not missing.dot(missing) <= SURELY**2 * force.dot(force):
                 return None
         return self._result(point, force, tau, None if len(partition.left) else lambda_)
 
@@ -149,8 +146,8 @@ class Inverse:
         tau = actuation.solve(free) if point.J.size else force[self._actuated]  # exact in an open tree
         rounding = 100 * np.finfo(float).eps * max_abs(A) * max_abs(tau)  # large forces near a singularity
         missing = max(0.0, max_abs(free - A @ tau) - rounding)
-        enough = _ACCURACY * max_abs(force)
-        fits = missing <= enough or missing <= _ACCURACY * self._terms.scale(point.q, v, a, force)
+        enough = ACCURACY * max_abs(force)
+        fits = missing <= enough or missing <= ACCURACY * self._terms.scale(point.q, v, a, force)
         near_singular = not fits and conditioning < _NEAR_SINGULAR
         if mobility <= count and (actuation.rank < mobility or near_singular):
             raise SingularityError(

@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from p3dof.checks import FloatArray, shown
+from p3dof.closed_loop.accuracy import NORMALISED
 from p3dof.closed_loop.sidecar import suggestion
 from p3dof.errors import ModelError
 
@@ -100,6 +101,6 @@ def configuration_of(
         if len(numbers) != size:
             raise ModelError(f"{what}: {shown(name)}: expected {size} values, got {len(numbers)}")
         q[model.idx_qs[index] : model.idx_qs[index] + size] = numbers
-        if not pin.isNormalized(model, q, 1e-6):
+        if not pin.isNormalized(model, q, NORMALISED):
             raise ModelError(f"{what}: {shown(name)}: its values are not normalised")
     return np.array(pin.normalize(model, q)) if model.nq != model.nv else q

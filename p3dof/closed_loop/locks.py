@@ -17,7 +17,7 @@ from p3dof.closed_loop.sidecar import Sidecar
 from p3dof.closed_loop.sidecar_file import reference_of
 from p3dof.errors import ModelError
 
-CLOSED = 1e-9
+_SHUT = 1e-9
 """Largest gap that a closure or a coupling may have which locked joints hold alone [m or rad]."""
 
 
@@ -117,7 +117,7 @@ def _moves(model: pin.Model, closure: Closure) -> bool:
     if one.parentJoint != two.parentJoint:
         return True
     gap = _gap(one.placement.actInv(two.placement), closure)
-    if not gap <= CLOSED:
+    if not gap <= _SHUT:
         raise ModelError(
             f"lock: the closure {closure.name} is open by {gap:.3g} m or rad, and no joint is left for it"
         )
@@ -158,7 +158,7 @@ def _left(coupling: Coupling, values: Mapping[str, float]) -> Coupling | None:
         return Coupling(coupling.joint, on, tuple(coefficients), coupling.name, others)
     coefficients[0] -= values[coupling.joint]
     if on is None and not others:
-        if abs(coefficients[0]) > CLOSED:
+        if abs(coefficients[0]) > _SHUT:
             raise ModelError(
                 f"lock: the coupling {coupling.title} does not hold: it is off by {coefficients[0]:.3g}"
             )

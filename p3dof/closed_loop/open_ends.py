@@ -13,7 +13,7 @@ import pinocchio as pin
 from p3dof.errors import FileError
 from p3dof.files import read_text
 
-NEAR = 1e-6
+_TOGETHER = 1e-6
 """How near two ends coincide, as a share of the robot's size."""
 
 _SIDECAR_KEY = "closed_loop:"
@@ -75,7 +75,7 @@ def _coinciding(model: pin.Model, names: list[str]) -> list[tuple[str, str]]:
     return [
         (a, b)
         for a, b in combinations(names, 2)
-        if np.abs(place[a] - place[b]).max() <= NEAR * size
+        if np.abs(place[a] - place[b]).max() <= _TOGETHER * size
         and joint[a] not in model.supports[joint[b]]
         and joint[b] not in model.supports[joint[a]]
     ]

@@ -21,13 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray
+from p3dof.closed_loop.accuracy import WELL
 from p3dof.closed_loop.closures import ClosurePoint
 from p3dof.closed_loop.linear import lapack
 
 IndexArray: TypeAlias = NDArray[np.int_]
 
-_WELL = 1e-5
-"""Least reciprocal condition number of Jd against J: what is computed by it has ten digits and more."""
 _NEARLY_TIGHT = 1e-7
 """Largest gap at which rows that follow from others are known to [m or rad]."""
 
@@ -116,7 +115,7 @@ class Split:
 
     def good(self, J: FloatArray, tolerance: float) -> bool:
         """Whether the matrix has the rank of the partition beyond doubt, and Jd is far from singular."""
-        if not self.condition >= max(_WELL, 10.0 * tolerance):
+        if not self.condition >= max(WELL, 10.0 * tolerance):
             return False
         left = self.partition.left
         if not len(left):

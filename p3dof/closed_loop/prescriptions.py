@@ -16,6 +16,8 @@ from p3dof.closed_loop.partitions import IndexArray
 from p3dof.closed_loop.sidecar import suggestion
 from p3dof.errors import InputError
 
+KINDS = 16
+"""How many kinds of prescription are remembered."""
 ByName: TypeAlias = Mapping[str, ArrayLike]
 """Joint or frame name → acceleration."""
 

@@ -35,11 +35,13 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from p3dof.checks import FloatArray, frozen_array, positive, shown
+from p3dof.closed_loop.accuracy import ACCURACY
 from p3dof.closed_loop.batch.kinematics import placed, shared_placements
 from p3dof.closed_loop.closed_tree import CLOSED, CONSISTENT
 from p3dof.closed_loop.closure_joints import ClosureJoint, joints_of
 from p3dof.closed_loop.closures import ClosurePoint, LoopKinematics, max_abs
 from p3dof.closed_loop.compliance import JointCompliance
+from p3dof.closed_loop.linear import UNIQUE
 from p3dof.closed_loop.loop_model import External
 from p3dof.closed_loop.model import ClosedLoopModel
 from p3dof.closed_loop.open_loads import Measure
@@ -50,12 +52,8 @@ from p3dof.threads import Own
 
 __all__ = ["BoolArray", "ClosureJoint", "JointReactions", "ReactionSolver", "loop_reactions"]
 
-_ACCURACY = 1e-9
-"""Largest error of (1), relative to the forces in it."""
 _NOTHING = np.zeros(6)
 """The wrench of a closure whose joint exerts none itself."""
-_UNIQUE = 1e-7
-"""Share of an undetermined change that a component must take part in to be undetermined."""
 LENGTH_SHARE = 1 / 20
 """The length of (2) as a share of the longest link, unless it is given."""
 
@@ -268,7 +266,7 @@ class ReactionSolver:
     def error_of(self, found: Solved, i: int) -> DynamicsError | None:
         """Return why a state has no reactions, if it has none."""
         residual = found.residual[i]
-        if residual <= _ACCURACY * found.scale[i]:  # not when something is not a number
+        if residual <= ACCURACY * found.scale[i]:  # not when something is not a number
             return None
         return DynamicsError(
             f"tau: the forces do not produce the motion, {residual:.3g} N or N m is missing; "
@@ -277,7 +275,7 @@ class ReactionSolver:
 
     def determined(self, found: Solved) -> BoolArray:
         """Return which components every solution has in common, (N, n, 2, 3): of forces, of moments."""
-        return np.asarray(found.moves <= _UNIQUE * np.array([[1.0], [self._size]]))
+        return np.asarray(found.moves <= UNIQUE * np.array([[1.0], [self._size]]))
 
     def _closed(self, q: ArrayLike, v: FloatArray) -> ClosurePoint:
         """Return the closures at `q` after checking that they are closed and stay so."""

@@ -13,13 +13,13 @@ from p3dof.closed_loop.coordinates import rounding
 from p3dof.closed_loop.linear import least_norm, orientation
 from p3dof.closed_loop.targets import Residual
 
-_FIRST_STEP = 0.3
+FIRST_STEP = 0.3
 """Largest first Newton step that is trusted [m or rad]."""
-_CONTRACTION = 0.25
+CONTRACTION = 0.25
 """A Newton step may be at most this fraction of the one before it."""
-_NEGLIGIBLE = 1e-9
+NEGLIGIBLE = 1e-9
 """After a Newton step this small, quadratic convergence leaves nothing but round-off [m or rad]."""
-_ON_THE_WAY = 1e-8
+ON_THE_WAY = 1e-8
 """Newton step after which an intermediate point of a path is good enough [m or rad]."""
 _SHORTEST = 2.0**-22
 """Smallest fraction of a path that is tried."""
@@ -27,7 +27,7 @@ _MOST = 2000
 """Newton steps after which a path is given up."""
 _PATIENCE = 15
 """Steps of the fallback within which the residual must halve."""
-_FAR = 4.0
+FAR = 4.0
 """Residual that can only be a length [m]: where larger, steps of lengths are in shares of it."""
 _MAX_STEP = 0.5
 """Largest step of the fallback [m or rad]."""
@@ -126,7 +126,7 @@ class System:
 
         A slide that is told to go a hundred metres may do so in few steps; its limits are those of angles.
         """
-        return np.where(self.kinematics.lengths, max(1.0, max_abs(r0) / _FAR), 1.0)
+        return np.where(self.kinematics.lengths, max(1.0, max_abs(r0) / FAR), 1.0)
 
     def moved(self, q: FloatArray, step: FloatArray) -> Point:
         """Evaluate the system at a configuration moved by a tangent step (nv,)."""
@@ -196,7 +196,7 @@ def least_squares(system: System, q: FloatArray, tolerance: float) -> Path:
     point = system.at(q)
     by = system.yardsticks(point.r)
     count, size, history = 0, np.inf, [np.inf] * _PATIENCE
-    while size > _NEGLIGIBLE and point.gap < 0.5 * history[-_PATIENCE]:
+    while size > NEGLIGIBLE and point.gap < 0.5 * history[-_PATIENCE]:
         count += 1
         history.append(point.gap)
         step = point.step_to(0.0)
@@ -217,8 +217,8 @@ def _correct(
     system: System, start: Point, goal: FloatArray, last: bool, tolerance: float, by: FloatArray
 ) -> tuple[Point | None, int]:
     """Newton's method for r = goal; None unless it contracts from the first step on."""
-    enough, error = (_NEGLIGIBLE, tolerance) if last else (_ON_THE_WAY, max(_ON_THE_WAY, tolerance))
-    point, limit = start, _FIRST_STEP
+    enough, error = (NEGLIGIBLE, tolerance) if last else (ON_THE_WAY, max(ON_THE_WAY, tolerance))
+    point, limit = start, FIRST_STEP
     for count in range(1, 11):
         step = point.step_to(goal)
         size = max_abs(step / by)
@@ -228,5 +228,5 @@ def _correct(
         if size <= enough:
             error = max(error, float(rounding(point.q[None])[0]))
             return (point if max_abs(point.r - goal) <= error else None), count
-        limit = _CONTRACTION * size
+        limit = CONTRACTION * size
     return None, count

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from p3dof.checks import FloatArray
+from p3dof.closed_loop.accuracy import ACCURACY
 from p3dof.closed_loop.assembly_results import Assembly, State
 from p3dof.closed_loop.closures import ClosurePoint, LoopKinematics, max_abs
 from p3dof.closed_loop.linear import Decomposition
@@ -17,8 +18,6 @@ from p3dof.threads import Workspace
 
 _FOLLOWS = 1e-9
 """Share of a target's row in one of a closure from which on that follows from the target, too."""
-_FEASIBLE = 1e-9
-"""Largest relative error of the velocity and acceleration that are asked for."""
 
 
 class TargetMotions(Workspace):
@@ -102,10 +101,10 @@ class TargetMotions(Workspace):
         return bool(partition.left[-1] < count and np.abs(of_target).max(initial=0.0) <= _FOLLOWS)
 
     def _check(self, what: str, error: FloatArray, b: FloatArray, x: FloatArray) -> None:
-        if error.dot(error) <= _FEASIBLE**2:
+        if error.dot(error) <= ACCURACY**2:
             return  # less than what is always allowed
         worst = max_abs(error)
-        if not worst <= _FEASIBLE * max(1.0, max_abs(b), max_abs(x)):
+        if not worst <= ACCURACY * max(1.0, max_abs(b), max_abs(x)):
             raise AssemblyError(
                 f"the closed mechanism cannot have this {what}: {worst:.3g} is left over", worst
             )

@@ -12,7 +12,7 @@ from p3dof.closed_loop.solver import Path, Point, System
 
 _MOST = 300
 """Steps after which a start is given up."""
-_ENOUGH = 1e-14
+_SOLVED = 1e-14
 """Residual below which no further step is taken [m or rad]."""
 _GAIN = 1e-4
 """Share of the predicted decrease from which on a step is taken."""
@@ -146,7 +146,7 @@ def levenberg_marquardt(
     point = system.at(q if limits is None else limits.inside(q))
     damping, growth, count = 1.0, 2.0, 0
     costs = [float(point.r @ point.r)]
-    while count < _MOST and point.gap > _ENOUGH:
+    while count < _MOST and point.gap > _SOLVED:
         count += 1
         step = _damped(point, damping * costs[-1], limits)
         there = _moved(system, point, step, limits)

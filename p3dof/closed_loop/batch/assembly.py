@@ -20,25 +20,18 @@ from p3dof.closed_loop.batch.closures import ClosureRows
 from p3dof.closed_loop.batch.kinematics import Frames, Pair, Samples, Sweep
 from p3dof.closed_loop.batch.linear import BoolArray, IndexArray, apply, independent_rows, inverse, largest
 from p3dof.closed_loop.closures import LoopKinematics
+from p3dof.closed_loop.solver import CONTRACTION, FAR, FIRST_STEP, NEGLIGIBLE, ON_THE_WAY
 
-_FIRST_STEP = 0.3
-"""Largest first Newton step that is trusted [m or rad]."""
 _NEAR = 1e-2
 """Largest first Newton step from a configuration that is not assembled [m or rad]."""
 _CUT = 0.25
 """Length to which a longer one is cut [m or rad]."""
-_CONTRACTION = 0.25
-"""A Newton step may be at most this fraction of the one before it."""
-_NEGLIGIBLE, _ON_THE_WAY = 1e-9, 1e-8
-"""Newton step after which only round-off is left, and one that is enough on the way [m or rad]."""
 _LAST = 1e-10
 """A Newton step behind which there is nothing to look at [m or rad]."""
 _SPACINGS = (64, 8, 1)
 """Every how many samples are solved first, and then in between those."""
 _SHORTEST = 2.0**-8
 """Smallest fraction of a path that is tried."""
-_FAR = 4.0
-"""Residual that can only be a length; see `solver.System.yardsticks` [m]."""
 _ROUNDS = 40
 """Steps along the path after which a sample is given up."""
 
@@ -198,7 +191,7 @@ class BatchSystem:
 
     def yardsticks(self, r0: FloatArray) -> FloatArray:
         """Return what to measure steps (n, nv) by; see `solver.System.yardsticks`."""
-        return np.where(self.kinematics.lengths, np.maximum(1.0, largest(r0) / _FAR)[:, None], 1.0)
+        return np.where(self.kinematics.lengths, np.maximum(1.0, largest(r0) / FAR)[:, None], 1.0)
 
     def same_branch(self, one: Points, other: Points) -> BoolArray:
         """Whether the Jacobian keeps its orientation between neighbouring solutions; see `solver.Point`.
@@ -251,7 +244,7 @@ def settle(system: BatchSystem, start: FloatArray, samples: IndexArray) -> tuple
             begin = system.at(_between(known, now.q[known], rest), samples[rest])
             found, good = _correct(system, begin, np.zeros_like(begin.r), samples[rest], near=True)
             post = now.take(known[np.abs(known - rest[:, None]).argmin(axis=1)])
-            good &= (largest(found.q - post.q) <= _FIRST_STEP) & system.same_branch(post, found)
+            good &= (largest(found.q - post.q) <= FIRST_STEP) & system.same_branch(post, found)
             rest = keep(rest, found, good)
         if len(known) and len(rest):
             at, of = (system.goals.coordinates(samples[which]) for which in (known, rest))
@@ -277,7 +270,7 @@ def _follow(system: BatchSystem, start: FloatArray, samples: IndexArray) -> tupl
             break
         here, end = now.take(active), np.minimum(s + step, 1.0)[active]
         size = largest(system.step(here, (1.0 - end)[:, None] * r0[active]) / by[active])
-        end = np.where(size > _FIRST_STEP, s[active] + (end - s[active]) * _CUT / size, end)
+        end = np.where(size > FIRST_STEP, s[active] + (end - s[active]) * _CUT / size, end)
         goal = (1.0 - end)[:, None] * r0[active]
         there, good = _correct(system, here, goal, samples[active], end == 1.0, by=by[active])
         good &= system.same_branch(here, there)
@@ -305,9 +298,9 @@ def _correct(
     measured `by` lengths and angles.
     """
     count = len(samples)
-    limit = np.full(count, _NEAR if near else _FIRST_STEP)
+    limit = np.full(count, _NEAR if near else FIRST_STEP)
     last = np.ones(count, dtype=bool) if last is None else last
-    enough = np.where(last, _NEGLIGIBLE, _ON_THE_WAY)
+    enough = np.where(last, NEGLIGIBLE, ON_THE_WAY)
     by = np.broadcast_to(by, (count, system.sweep.model.nv))
     there, solved, todo = here.take(np.arange(count)), np.zeros(count, dtype=bool), np.arange(count)
     step = system.step(here, goal)
@@ -322,7 +315,7 @@ def _correct(
         solved[todo[done]] = (next_size <= enough[todo])[done]
         there.put(todo, points)
         there.q[todo[done]] = system.moved(points.q[done], step[done])
-        todo, step, limit = todo[~done], step[~done], _CONTRACTION * size[~done]
+        todo, step, limit = todo[~done], step[~done], CONTRACTION * size[~done]
         if not len(todo):
             break
     return there, solved

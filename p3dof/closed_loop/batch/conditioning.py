@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from p3dof.checks import FloatArray
+from p3dof.closed_loop.accuracy import WELL
 from p3dof.closed_loop.batch.closures import ClosureRows
 from p3dof.closed_loop.batch.kinematics import Sweep
 from p3dof.closed_loop.batch.linear import (
@@ -23,9 +24,6 @@ from p3dof.closed_loop.batch.linear import (
 )
 from p3dof.closed_loop.closures import LoopKinematics
 from p3dof.closed_loop.linear import RANK_TOLERANCE, Decomposition, actuation_of
-
-WELL = 1e6
-"""Largest condition number of a square system in a batch."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +105,7 @@ class BatchConditioning:
         Jp, Jf = JR[:, :, choice.passive], JR[:, :, choice.free]
         with np.errstate(all="ignore"):
             x = solve(Jp, with_probes(Jf))
-            well = norms(Jp) * inverse_norms(x) <= WELL
+            well = norms(Jp) * inverse_norms(x) <= 1.0 / WELL
             N = x[:, :, PROBES:]  # of the joints that follow, but for the sign; that of the others is 1
             well &= follows(others[:, :, choice.free] - others[:, :, choice.passive] @ N, norms(J), len(J[0]))
         N = np.where(well[:, None, None], N, 0.0)

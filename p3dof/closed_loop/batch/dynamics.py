@@ -15,8 +15,9 @@ import numpy as np
 import pinocchio as pin
 
 from p3dof.checks import FloatArray
+from p3dof.closed_loop.accuracy import ACCURACY, SURELY, WELL
 from p3dof.closed_loop.batch.closures import ClosureRows
-from p3dof.closed_loop.batch.conditioning import WELL, BatchConditioning, Choice, choose, follow
+from p3dof.closed_loop.batch.conditioning import BatchConditioning, Choice, choose, follow
 from p3dof.closed_loop.batch.kinematics import Samples, Sweep
 from p3dof.closed_loop.batch.linear import (
     FEW,
@@ -32,7 +33,7 @@ from p3dof.closed_loop.batch.linear import (
     with_probes,
 )
 from p3dof.closed_loop.batch.results import BatchEvidence, BatchInverseDynamics
-from p3dof.closed_loop.closures import LoopKinematics
+from p3dof.closed_loop.closures import TIGHT, LoopKinematics
 from p3dof.closed_loop.coordinates import rounding
 from p3dof.closed_loop.linear import RANK_TOLERANCE
 from p3dof.closed_loop.loop_model import LoopModel
@@ -40,14 +41,6 @@ from p3dof.closed_loop.rotations import cross
 from p3dof.errors import InputError, P3dofError
 from p3dof.threads import Workspace
 
-CONSISTENT = 1e-9
-"""Largest relative error of velocities and accelerations in a batch."""
-_HELD = 1e-5
-"""Least conditioning of the actuation in a batch."""
-TIGHT = 1e-10
-"""Largest gap of a configuration in a batch [m or rad]."""
-_NOTHING = 1e-10
-"""Largest force that idle freedoms may need in a batch, relative to those in the equation of motion."""
 _CHOICES = 3
 """How many times the independent rows are chosen before the rest is left to the single samples."""
 
@@ -184,8 +177,8 @@ class BatchDynamics(Workspace):
         faster = apply(J, a) + self._closures.drift(q, samples, frames, v)
         size = largest(v)
         fits = largest(errors) <= np.maximum(TIGHT, rounding(q))
-        fits &= largest(opening) <= CONSISTENT * np.maximum(1.0, size)
-        fits &= largest(faster) <= CONSISTENT * np.maximum(np.maximum(1.0, largest(a)), size**2)
+        fits &= largest(opening) <= ACCURACY * np.maximum(1.0, size)
+        fits &= largest(faster) <= ACCURACY * np.maximum(np.maximum(1.0, largest(a)), size**2)
         return J, errors, fits
 
     def _project(
@@ -216,12 +209,12 @@ class BatchDynamics(Workspace):
         with np.errstate(all="ignore"):  # what is not a number passes no test
             x = solve(np.swapaxes(Jp, -1, -2), with_probes(asked))
             inverse, lambda_, weights = inverse_norms(x), x[:, :, PROBES], x[:, :, PROBES + 1 :]
-            well = (norms(Jp) * inverse <= WELL) & (norms(Jf) * inverse <= 1.0 / _HELD)
+            well = (norms(Jp) * inverse <= 1.0 / WELL) & (norms(Jf) * inverse <= 1.0 / WELL)
             well &= follow(others[:, :, free], weights, Jf, norms(J))
             left = f[:, passive] - apply(np.swapaxes(Jp, -1, -2), lambda_)
             rest = f[:, free] - apply(np.swapaxes(Jf, -1, -2), lambda_)
             missing = rest[:, count:]
-            well &= largest(missing) <= _NOTHING * largest(f)  # idle freedoms move as they must
+            well &= largest(missing) <= SURELY * largest(f)  # idle freedoms move as they must
         return rest[:, :count], np.maximum(largest(left), largest(missing)), well
 
 

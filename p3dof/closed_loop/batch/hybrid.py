@@ -19,13 +19,10 @@ import numpy as np
 import pinocchio as pin
 
 from p3dof.checks import FloatArray
+from p3dof.closed_loop.accuracy import ACCURACY, NO_CHANGE, SURELY, WELL
 from p3dof.closed_loop.batch.closures import ClosureRows
-from p3dof.closed_loop.batch.conditioning import WELL, BatchConditioning
-from p3dof.closed_loop.batch.dynamics import (
-    CONSISTENT,
-    TIGHT,
-    generalised,
-)
+from p3dof.closed_loop.batch.conditioning import BatchConditioning
+from p3dof.closed_loop.batch.dynamics import generalised
 from p3dof.closed_loop.batch.kinematics import Pair, Sweep
 from p3dof.closed_loop.batch.linear import (
     FEW,
@@ -44,25 +41,18 @@ from p3dof.closed_loop.batch.linear import (
     with_probes,
 )
 from p3dof.closed_loop.batch.results import BatchHybridDynamics, Prescribed
-from p3dof.closed_loop.closures import LoopKinematics
+from p3dof.closed_loop.closures import TIGHT, LoopKinematics
 from p3dof.closed_loop.coordinates import rounding
 from p3dof.closed_loop.linear import RANK_TOLERANCE, Decomposition
 from p3dof.closed_loop.loop_model import LoopModel
+from p3dof.closed_loop.prescriptions import KINDS
 from p3dof.errors import InputError
 from p3dof.threads import Workspace
 
-_SEEN = 1e-5
-"""Least conditioning of the prescribed accelerations in a batch."""
-_ACCURACY = 1e-10
-"""Largest residual in a batch, relative to the forces in it."""
-_ENOUGH = 1e-13
-"""The same, from which on nothing is refined."""
 _CHOICES = 2
 """How many times rows and joints are chosen before all is left to the single samples."""
-_KINDS = 16
-"""How many kinds of prescription are remembered."""
 _SOLUTIONS = 2
-"""Solutions of the linear equations at most; the second one refines the first."""
+"""Solutions of the linear equations at most; where they are not enough single samples get one more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +143,7 @@ class BatchHybrid(Workspace):
     def _rows(self, prescribed: Prescribed) -> tuple[ClosureRows, list[_Choice]]:
         """Return the rows of closures and prescribed frames, and the choice that was good last, if any."""
         if prescribed.kind not in self._known:
-            if len(self._known) >= _KINDS:
+            if len(self._known) >= KINDS:
                 self._known.clear()
             pairs = [self._pair(name, mask) for name, mask in prescribed.frames]
             self._known[prescribed.kind] = ClosureRows(self._kinematics, self._sweep, pairs), []
@@ -180,7 +170,7 @@ class BatchHybrid(Workspace):
         J, wanted = rows[:, :size], -closures.drift(q, samples, frames, v)
         wanted[:, size:] += prescribed.of_frames
         fits = largest(errors) <= np.maximum(TIGHT, rounding(q))
-        fits &= largest(apply(J, v)) <= CONSISTENT * np.maximum(1.0, largest(v))
+        fits &= largest(apply(J, v)) <= ACCURACY * np.maximum(1.0, largest(v))
         acting = joint_forces + generalised(self._kinematics, self._sweep, samples, external)
         tau: FloatArray = np.zeros((len(q), len(self._actuated)))
         a: FloatArray = np.zeros(v.shape)
@@ -207,8 +197,8 @@ class BatchHybrid(Workspace):
         tau, a, force, scale = self._solution(motions, q, v, a, acting)
         residual = largest(apply(np.swapaxes(motions.N, -1, -2), force))
         opening = largest(apply(rows, a) - wanted)
-        fits &= well & (residual <= _ACCURACY * scale)
-        fits &= opening <= CONSISTENT * np.maximum(1.0, largest(a))
+        fits &= well & (residual <= SURELY * scale)
+        fits &= opening <= ACCURACY * np.maximum(1.0, largest(a))
         if not fits[first]:
             known.clear()
         return fits, tau, a, residual, errors
@@ -252,7 +242,7 @@ class BatchHybrid(Workspace):
         N = np.zeros((count, rows.shape[2], of_frames + len(free)))
         N[:, free, of_frames + np.arange(len(free))] = 1.0
         N[:, dependent] = x[:, :, PROBES + 1 :]
-        well = (norms(Rd) * inverse_norms(x) <= WELL) & (norms(N) <= 1.0 / _SEEN)
+        well = (norms(Rd) * inverse_norms(x) <= 1.0 / WELL) & (norms(N) <= 1.0 / WELL)
         if len(choice.left):
             tolerance = RANK_TOLERANCE * norms(rows) / np.sqrt(rows.shape[2])
             well &= norms(rows[:, choice.left] @ N) <= tolerance
@@ -289,6 +279,6 @@ class BatchHybrid(Workspace):
             a = a - apply(motions.Z, apply(motions.H, apply(transposed[1], f)))
             a = np.where(np.isfinite(a), a, 0.0)
             f = force()
-            if np.all(largest(apply(transposed[2], f)) <= _ENOUGH * np.maximum(largest(f), largest(tau))):
+            if np.all(largest(apply(transposed[2], f)) <= NO_CHANGE * np.maximum(largest(f), largest(tau))):
                 break
         return tau, a, f, np.maximum(largest(f), largest(tau))

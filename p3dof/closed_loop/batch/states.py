@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from p3dof.checks import FloatArray
+from p3dof.closed_loop.accuracy import ACCURACY, WELL
 from p3dof.closed_loop.assembly import TOLERANCE, Assembler
 from p3dof.closed_loop.assembly_model import TargetLike
 from p3dof.closed_loop.assembly_results import Assembly, State
 from p3dof.closed_loop.batch.assembly import BatchSystem, Goals, settle
-from p3dof.closed_loop.batch.conditioning import WELL
-from p3dof.closed_loop.batch.dynamics import CONSISTENT, redundant
+from p3dof.closed_loop.batch.dynamics import redundant
 from p3dof.closed_loop.batch.kinematics import Sweep
 from p3dof.closed_loop.batch.linear import FEW, BoolArray, IndexArray, apply, blocks, largest, norms
 from p3dof.closed_loop.batch.targets import Targets
@@ -158,7 +158,7 @@ class BatchAssembler:
             good &= largest(points.r) <= np.maximum(TOLERANCE, rounding(q))
             J, K = points.J, points.K
             B = J[:, system.chosen]
-            good &= norms(B) * norms(K) <= WELL
+            good &= norms(B) * norms(K) <= 1.0 / WELL
             good &= redundant(J[:, : self._kinematics.size], K[:, :, start.rank :], norms(B[:, start.rank :]))
             v, fits = _solution(system, J, K, np.zeros((len(q), self._kinematics.size)), velocity)
             good &= fits
@@ -218,7 +218,7 @@ def _solution(
     b = np.concatenate((closures, target), axis=1)
     x = apply(K, b[:, system.chosen])
     scale = np.maximum(np.maximum(1.0, largest(b)), largest(x))
-    return x, largest(apply(J, x) - b) <= CONSISTENT * scale
+    return x, largest(apply(J, x) - b) <= ACCURACY * scale
 
 
 def _nearest(known: BoolArray, i: int) -> int | None:

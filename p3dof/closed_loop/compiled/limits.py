@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from p3dof.closed_loop.accuracy import NORMALISED, SURELY
 from p3dof.closed_loop.compiled.formulas import At
 from p3dof.closed_loop.compiled.rates import units
 from p3dof.closed_loop.compiled.vectors import dot
@@ -11,16 +12,12 @@ from p3dof.tracing import Number, Tape
 
 EVIDENCE = ("margin", "gap", "trusted")
 """Outputs that say how good a result is, the last ones of a function."""
-NORMALISED = 1e-6
-"""Largest error of the length of quaternions and circles, as in the general layer."""
 MARGIN = 1e-3
 """Smallest pivot, compared with those that the partition was made on, that is trusted."""
 MARGIN_OF_STATES = 2e-2
 """The same where accelerations are found: NᵀM N squares what is large near a singular partition."""
 LIGHTEST = 1e-10
 """Smallest inertia of a free motion, of what moves in it, that is more than rounding."""
-MISSING = 1e-10
-"""Largest force that no actuator gives, of all forces together, that is put down to rounding."""
 
 
 def stays_closed(
@@ -41,7 +38,7 @@ def nothing_missing(tape: Tape, missing: Sequence[Number], forces: Sequence[Numb
     """Return what is positive where no force is missing that no actuator gives."""
     if not missing:
         return 1.0
-    allowed = dot(forces, forces) * (MISSING * MISSING)
+    allowed = dot(forces, forces) * (SURELY * SURELY)
     return tape.add(tape.subtract(allowed, dot(missing, missing)), 1e-300)
 
 

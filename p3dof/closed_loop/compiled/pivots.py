@@ -19,13 +19,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from p3dof.checks import FloatArray
+from p3dof.closed_loop.linear import RANK_TOLERANCE
 from p3dof.errors import ModelError
 from p3dof.tracing import Number, Tape
 
 _THRESHOLD = 0.1
 """Smallest pivot in its row and column, over all samples."""
-_ZERO = 1e-9
-"""Entries below this part of the largest at the start are zero: rows that are left are redundant."""
 _TIES = 1e-6
 """Ratios closer than this are equal."""
 
@@ -73,7 +72,7 @@ def planned(J: FloatArray, last: Collection[int]) -> Plan:
     A = np.array(J)
     rows, columns = list(range(A.shape[1])), [c for c in range(A.shape[2]) if c not in set(last)]
     waiting = sorted(last)
-    smallest = _ZERO * max(np.abs(A).max(initial=0.0), 1e-300)
+    smallest = RANK_TOLERANCE * max(np.abs(A).max(initial=0.0), 1e-300)
     pivots, sizes = [], []
     while rows and (columns or waiting):
         found = _best(A, rows, columns, smallest) if columns else None

@@ -15,14 +15,15 @@ from numpy.typing import NDArray
 from p3dof.checks import FloatArray
 from p3dof.closed_loop.compiled.compiled_loop import CompiledLoop
 from p3dof.closed_loop.compiled.limits import MARGIN
+from p3dof.closed_loop.solver import CONTRACTION
 
 _PIECE = 0.2
 """Longest way of a joint in one piece [rad, or share of the robot's unit of length]."""
 _PIECES = 64
 """Most pieces."""
-_FIRST, _CONTRACTION = 0.1, 0.25
-"""Largest first correction [m or rad], and largest ratio of one to the one before."""
-_NEGLIGIBLE, _LAST = 1e-8, 1e-13
+_FIRST = 0.1
+"""Largest first correction [m or rad]."""
+_NEARLY, _LAST = 1e-8, 1e-13
 """Correction behind which the next one is rounding, and one that is [m or rad]."""
 _STEPS = 6
 """Most corrections of a piece."""
@@ -104,11 +105,11 @@ class Settler:
         for _ in range(_STEPS):
             found = self._compiled.rows("step", {"q": q})
             size = np.abs(found["q"] - q).max(axis=1, initial=0.0)
-            good &= (size <= np.maximum(limit, _NEGLIGIBLE)) & (found["margin"][:, 0] > MARGIN)
-            q, limit = found["q"], _CONTRACTION * size
+            good &= (size <= np.maximum(limit, _NEARLY)) & (found["margin"][:, 0] > MARGIN)
+            q, limit = found["q"], CONTRACTION * size
             if not good.any() or size[good].max() <= _LAST:
                 break
-        return Settled(q, good & (size <= _NEGLIGIBLE))
+        return Settled(q, good & (size <= _NEARLY))
 
     def _orientation(self, q: FloatArray) -> FloatArray:
         nothing = np.zeros((len(q), len(self.order)))

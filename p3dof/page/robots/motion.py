@@ -12,13 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from p3dof.checks import FloatArray, FrozenArrays, as_floats, frozen_array, shown
 from p3dof.closed_loop import ClosedLoopModel, CompiledLoop
+from p3dof.closed_loop.linear import UNIQUE
 from p3dof.errors import InputError, P3dofError
 
 MOST_SAMPLES = 1001
 """At so many samples at most the forces in the closures are computed; between them they go straight."""
 
-_UNIQUE = 1e-7
-"""Largest share that an undetermined multiplier may have in one that counts as determined."""
 
 _ROUNDING = 1e-12
 """Forces smaller than this share of a robot's weight are none [1 or m]."""
@@ -316,7 +315,7 @@ def _without_rounding(robot: ClosedLoopModel, forces: FloatArray) -> FloatArray:
 def _unique(robot: ClosedLoopModel, q: FloatArray) -> NDArray[np.bool_]:
     """Return which multipliers (rows,) are determined when the forces of the actuators are given."""
     U = np.linalg.svd(robot.closure_jacobian(q), full_matrices=True)[0]
-    return np.asarray(np.abs(U[:, robot.rank(q) :]).max(axis=1, initial=0.0) <= _UNIQUE)
+    return np.asarray(np.abs(U[:, robot.rank(q) :]).max(axis=1, initial=0.0) <= UNIQUE)
 
 
 def spread(count: int) -> Any:
