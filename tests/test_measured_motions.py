@@ -7,10 +7,12 @@ from decimal import Decimal
 
 import numpy as np
 import pytest
+from documents import ROOT
 from table_numbers import check_evidence, shows
 from test_cli import run
 
 import p3dof
+from p3dof.cli.loop.motion import forces_along
 from p3dof.errors import MotionError
 from p3dof.motion import Motion, WrenchHistory, motion_table, paper_motion
 from p3dof.motion.joint_files import read_joints
@@ -177,6 +179,53 @@ def test_poses_rounded_to_tenths_of_a_millimetre_have_the_forces_again(exact, co
     told = smooth.remarks()[-1]
     assert told.startswith("the poses are smoothed: quintic splines follow y to 0.5 Hz")
     assert f"{1e3 * fit.residual[2]:.2g} mrad rms" in told
+
+
+def test_rounded_joints_of_any_robot_have_their_accelerations_again(tmp_path, capsys):
+    """The five-bar's motors, to .1 mrad at 5 ms, by a clock: told, and smoothed on request."""
+    time, names = np.arange(201) / 200, ("left_motor", "right_motor")
+    exact = 1.9 + 0.1 * np.column_stack([np.sin(6 * time), np.cos(5 * time)])
+    bent = -0.1 * np.column_stack([36 * np.sin(6 * time), 25 * np.cos(5 * time)])
+    text = table(stamps(201, "0.005"), np.round(exact, 4), ",".join(["t", *names]))
+    rough, smooth = (read_joints(text, "log.csv", names, [False, False], way) for way in (None, "auto"))
+    apart = [np.abs(one.at(time)[2] - bent).max() for one in (rough, smooth)]
+    assert apart[0] > 5
+    assert apart[1] < 0.1  # of 3.6 rad/s²
+    assert "the values are too rough" in rough.remarks(names, [False, False])[1]
+    assert "the values are smoothed" in smooth.remarks(names, [False, False])[1]
+    shorter = table(stamps(201, "0.005", "0"), exact, ",".join(["t", *names]))
+    plain = read_joints(shorter, "log.csv", names, [False, False], 20.0)
+    assert plain.fit.pieces == (40, 40)
+    reference = JointReference(time, np.round(exact, 4), smooth="auto")
+    np.testing.assert_allclose(reference.over(time)[2], smooth.at(time)[2], atol=1e-9)
+    (tmp_path / "log.csv").write_text(text, encoding="utf-8")
+    robot = ROOT / "docs/_static/gallery/five_bar.urdf"
+    for option, words in (
+        (["--smooth", "auto"], "The values are smoothed"),
+        ([], "The values are too rough"),
+    ):
+        code, out, _ = run(capsys, "loop", "forces", robot, "--motion", tmp_path / "log.csv", *option)
+        assert code == 0
+        told = " ".join(out.split())
+        assert words in told
+        assert f"Times count from the first one, {NOON} s of the clock." in told
+
+
+def test_a_load_on_any_robot_stays_with_joints_of_the_same_clock():
+    robot, time = p3dof.load_robot(ROOT / "docs/_static/gallery/five_bar.urdf"), np.arange(51) / 50
+    angles = 1.9 + 0.1 * np.column_stack([np.sin(6 * time), np.cos(5 * time)])
+    rows = np.column_stack([np.zeros((26, 2)), np.sin(np.arange(26)), np.zeros((26, 3))])
+    found = []
+    for start in ("0", NOON):
+        joints = table(stamps(51, "0.02", start), angles, "t,left_motor,right_motor")
+        later = str(Decimal(start) + Decimal("0.25"))
+        load = WrenchHistory.from_csv(
+            io.StringIO(table(stamps(26, "0.02", later), rows, "t,fx,fy,fz,mx,my,mz"))
+        )
+        found.append(forces_along(robot, io.StringIO(joints), 51, {"left_tip": load}).tau)
+    bare = forces_along(robot, io.StringIO(joints), 51).tau
+    np.testing.assert_allclose(*found, atol=1e-5)  # 2.4e-7 s at most between the two, at 50 N/s
+    assert np.abs(found[1] - bare).max() > 0.05
 
 
 def test_noise_that_is_no_rounding_is_taken_out_too(exact):

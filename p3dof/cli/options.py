@@ -108,6 +108,15 @@ class Smoothing(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # lik
         return float(POSITIVE.convert(value, param, ctx))
 
 
+SMOOTH = click.option(
+    "--smooth",
+    type=Smoothing(),
+    metavar="auto|HZ",
+    help="Smooth the motion of a file, measured or rounded: up to a frequency [Hz], or as far as they "
+    "have more than noise.",
+)
+
+
 _CASE = (
     PARAMETERS,
     click.option(
@@ -122,13 +131,7 @@ _CASE = (
         help="Samples of the paper's motion, or of the curve through the poses of a file; 1001, or as many "
         "as peaks and work need, without it.",
     ),
-    click.option(
-        "--smooth",
-        type=Smoothing(),
-        metavar="auto|HZ",
-        help="Smooth the poses of a file, measured or rounded: up to a frequency [Hz], or as far as they "
-        "have more than noise.",
-    ),
+    SMOOTH,
     click.option(
         "--payload",
         type=Payload(),

@@ -17,12 +17,15 @@ import numpy as np
 from p3dof.checks import FloatArray
 from p3dof.errors import MotionError
 from p3dof.motion.csv_files import ANGLES, LENGTHS, Form, header_of, parse
+from p3dof.motion.remarks import roughness_told, smoothing_told
+from p3dof.motion.smoothing import Fit, Smooth, checked, fitted
 from p3dof.motion.splines import ORDER, interpolating
+from p3dof.motion.times import counted_told
 
 
 @dataclass(frozen=True, eq=False)
 class JointCurve:
-    """The spline of degree 7 through values of joints; through fewer than nine, the polynomial.
+    """The spline of degree 7 through values of joints, or near them; through fewer than nine, the polynomial.
 
     Parameters
     ----------
@@ -32,17 +35,68 @@ class JointCurve:
         Values of the joints [m or rad].
     start : float
         The time of a clock at time zero [s]; 0 where times are not those of a clock.
+    smooth : float or "auto", optional
+        Up to which frequency quintic splines follow the values [Hz], which they need not pass then;
+        ``"auto"`` passes those that are exact enough, and follows others as far as they have more than noise.
+
+    Raises
+    ------
+    MotionError
+        If there are too few values to smooth, or `smooth` is something else.
     """
 
     time: FloatArray
     values: FloatArray
     start: float = 0.0
+    smooth: Smooth = None
+
+    @cached_property
+    def fit(self) -> Fit | None:
+        """The splines near the values; None if the curve passes them."""
+        way = checked(self.smooth)
+        if way is None or (way == "auto" and not self._roughness([""] * self.values.shape[1])):
+            return None
+        found = fitted(self.time, self.values, way)
+        return found if found.settled else None
+
+    def remarks(self, names: Sequence[str], sliding: Sequence[bool]) -> tuple[str, ...]:
+        """Return what to know about the values: that they are rough, or smoothed; and from when times count.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Of the joints.
+        sliding : sequence of bool
+            Which of the values are lengths.
+
+        Returns
+        -------
+        tuple of str
+        """
+        found = [counted_told(self.start)] if self.start else []
+        if self.fit is not None:
+            units = ["mm" if slides else "mrad" for slides in sliding]
+            found.append(f"the values {smoothing_told(self.fit, names, units)}")
+        elif rough := self._roughness(names, sliding):
+            found.append(f"the values {rough})")
+        return tuple(found)
+
+    def _roughness(self, names: Sequence[str], sliding: Sequence[bool] = ()) -> str:
+        if len(self.time) < 2:
+            return ""
+        units = ["m/s" if slides else "rad/s" for slides in sliding] or ["/s"] * len(names)
+        spline, unit = self._spline
+        acceleration = np.asarray(spline((self.time - self.time[0]) / unit, 2)) / unit**2
+        return roughness_told(self.time, self.values, acceleration, names, units)
 
     def at(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return values, velocities and accelerations (M, n) at times between the first and the last."""
         if len(self.time) == 1:
             nothing = np.zeros((len(times), self.values.shape[1]))
             return self.values[np.zeros(len(times), dtype=int)], nothing, nothing
+        if self.fit is not None:
+            local = times - self.time[0]
+            return self.fit.at(local, 0), self.fit.at(local, 1), self.fit.at(local, 2)
         spline, unit = self._spline
         local = (times - self.time[0]) / unit
         values, velocities, accelerations = (np.asarray(spline(local, n)) / unit**n for n in range(3))
@@ -58,7 +112,9 @@ class JointCurve:
         return interpolating(self.time, self.values, ORDER)
 
 
-def read_joints(text: str, source: str, joints: Sequence[str], sliding: Sequence[bool]) -> JointCurve:
+def read_joints(
+    text: str, source: str, joints: Sequence[str], sliding: Sequence[bool], smooth: Smooth = None
+) -> JointCurve:
     """Read the motion of some joints from CSV text.
 
     Parameters
@@ -71,6 +127,8 @@ def read_joints(text: str, source: str, joints: Sequence[str], sliding: Sequence
         The joints that must be there.
     sliding : sequence of bool
         Which of their values are lengths.
+    smooth : float or "auto", optional
+        As of `JointCurve`.
 
     Returns
     -------
@@ -93,7 +151,7 @@ def read_joints(text: str, source: str, joints: Sequence[str], sliding: Sequence
     form = Form("a motion of joints", tuple(named), (len(named),), units, "the joints in any order")
     time, values, start = parse(text, source, form)
     values = np.ascontiguousarray(values[:, order])
-    curve = JointCurve(time, values, start)
+    curve = JointCurve(time, values, start, smooth)
     with np.errstate(all="ignore"):
         found = curve.at(time)
     for name, array in zip(("value", "velocity", "acceleration"), found, strict=True):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from p3dof.checks import FloatArray
@@ -46,7 +48,7 @@ def remarks_on_curve(curve: Curve) -> tuple[str, ...]:
     if curve.fit is None:
         told += [_waypoints(curve, acceleration), _roughness(curve, acceleration)]
     else:
-        told.append(_smoothing(curve.fit))
+        told.append(f"the poses {smoothing_told(curve.fit, _NAMES, _SMALL_UNITS)}")
     return tuple(words for words in told if words)
 
 
@@ -55,15 +57,27 @@ def is_rough(curve: Curve) -> bool:
     return bool(_roughness(curve, curve.at(curve.time)[2]))
 
 
-def _smoothing(fit: Fit) -> str:
-    """Say how far a curve follows the poses, and what it leaves of them."""
-    bands = ", ".join(f"{name} to {band:.3g} Hz" for name, band in zip(_NAMES, fit.band, strict=True))
+def smoothing_told(fit: Fit, names: Sequence[str], units: Sequence[str]) -> str:
+    """Say how far splines follow columns of values, and what they leave of them.
+
+    Parameters
+    ----------
+    fit : Fit
+        The splines.
+    names, units : sequence of str
+        Of the columns: what to call them, and in which unit a thousandth of each is.
+
+    Returns
+    -------
+    str
+    """
+    bands = ", ".join(f"{name} to {band:.3g} Hz" for name, band in zip(names, fit.band, strict=True))
     left, most = (
-        ", ".join(f"{1e3 * value:.2g} {unit}" for value, unit in zip(values, _SMALL_UNITS, strict=True))
+        ", ".join(f"{1e3 * value:.2g} {unit}" for value, unit in zip(values, units, strict=True))
         for values in (fit.residual, fit.largest)
     )
     return (
-        f"the poses are smoothed: quintic splines follow {bands}; what they leave is taken for noise: "
+        f"are smoothed: quintic splines follow {bands}; what they leave is taken for noise: "
         f"{left} rms, at most {most}"
     )
 
@@ -109,23 +123,51 @@ def _waypoints(curve: Curve, acceleration: FloatArray) -> str:
 
 
 def _roughness(curve: Curve, acceleration: FloatArray) -> str:
-    """Say that poses are too rough to differentiate: splines of two degrees tell different accelerations."""
-    if len(curve.time) <= FEW:
+    """Say that poses are too rough to differentiate."""
+    told = roughness_told(curve.time, curve.pose, acceleration, _NAMES, _UNITS)
+    return told and f"the poses {told}; velocities and accelerations in the file would help)"
+
+
+def roughness_told(
+    time: FloatArray,
+    values: FloatArray,
+    acceleration: FloatArray,
+    names: Sequence[str],
+    units: Sequence[str],
+) -> str:
+    """Say that values are too rough to differentiate: splines of two degrees tell different accelerations.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        [s]
+    values, acceleration : ndarray, shape (N, k)
+        Columns, and their second derivatives by the spline of degree `p3dof.motion.splines.ORDER`.
+    names, units : sequence of str
+        What to call each column, and the unit of its velocity.
+
+    Returns
+    -------
+    str
+        Empty if they are not; else without its last bracket.
+    """
+    if len(time) <= FEW:
         return ""
     try:
-        other = splines.derivatives(curve.time, curve.pose, 2, splines.ORDER - 2)[1]
+        other = splines.derivatives(time, values, 2, splines.ORDER - 2)[1]
     except MotionError:
         return ""
     apart = np.abs(acceleration - other)
-    typical = np.sqrt(np.mean(acceleration**2, axis=0))
-    share = np.sqrt(np.mean(apart**2, axis=0)) / np.maximum(typical, max(_ROUGH * typical.max(), _STILL))
+    with np.errstate(all="ignore"):  # squares of numbers that are too large are no statement
+        typical = np.sqrt(np.mean(acceleration**2, axis=0))
+        noise = np.sqrt(np.mean(apart**2, axis=0))
+        share = noise / np.maximum(typical, max(_ROUGH * typical.max(), _STILL))
     column = int(np.argmax(share))
-    if share[column] <= _ROUGH:
+    if not share[column] > _ROUGH:
         return ""
     worst = int(np.argmax(apart[:, column]))
     return (
-        f"the poses are too rough or too far apart to differentiate: at t = {curve.time[worst]:g} s splines "
-        f"of degree 7 and 5 differ by {apart[worst, column]:.2g} {_UNITS[column]}² in the acceleration of "
-        f"{_NAMES[column]} (rounded or noisy? smooth='auto', or --smooth auto, leaves the noise out; "
-        "velocities and accelerations in the file would help)"
+        f"are too rough or too far apart to differentiate: at t = {time[worst]:g} s splines "
+        f"of degree 7 and 5 differ by {apart[worst, column]:.2g} {units[column]}² in the acceleration of "
+        f"{names[column]} (rounded or noisy? smooth='auto', or --smooth auto, leaves the noise out"
     )

@@ -11,6 +11,7 @@ from p3dof.closed_loop.tables import is_slide
 from p3dof.errors import InputError, MotionError
 from p3dof.files import Source, called, read_text
 from p3dof.motion.joint_files import JointCurve, read_joints
+from p3dof.motion.smoothing import Smooth
 from p3dof.motion.times import require_rising, rounding_told
 
 
@@ -26,6 +27,9 @@ class JointReference:
         Rising times [s]; they count from the first one.
     values : array-like, shape (N, n_actuated)
         Of the joints [m or rad].
+    smooth : float or "auto", optional
+        For measured or rounded values, which the reference need not pass then, as of
+        `p3dof.motion.Motion.from_poses`; `curve.remarks` state what it does.
 
     Raises
     ------
@@ -34,24 +38,24 @@ class JointReference:
         clock that were rounded before the first one was subtracted.
     """
 
-    def __init__(self, time: ArrayLike, values: ArrayLike) -> None:
+    def __init__(self, time: ArrayLike, values: ArrayLike, smooth: Smooth = None) -> None:
         times = frozen_array("time", time, ("N",), MotionError)
         if not len(times):
             raise MotionError("time: expected at least one sample, got none")
         require_rising("time", times)
         times, first = times - times[0], float(times[0])
         rounded = rounding_told(times, first)
-        if rounded:
+        if rounded and smooth is None:
             raise MotionError(f"time: {rounded}")
         rows = frozen_array("values", values, (len(times), "n"), MotionError)
-        self.curve = JointCurve(times, rows)
+        self.curve = JointCurve(times, rows, smooth=smooth)
         with np.errstate(all="ignore"):
             found = self.curve.at(times)
         if not all(np.isfinite(array).all() for array in found):
             raise MotionError("values: too large or too near in time for finite velocities and accelerations")
 
     @classmethod
-    def from_csv(cls, loop: ClosedLoopModel, path: Source) -> JointReference:
+    def from_csv(cls, loop: ClosedLoopModel, path: Source, smooth: Smooth = None) -> JointReference:
         """Read a motion of the actuated joints: CSV with ``t`` and their names, see the file formats.
 
         Parameters
@@ -60,6 +64,8 @@ class JointReference:
             The robot.
         path : path-like or stream
             The file.
+        smooth : float or "auto", optional
+            As of the class.
 
         Returns
         -------
@@ -72,7 +78,7 @@ class JointReference:
         """
         sliding = [is_slide(loop, loop.model.getJointId(name)) for name in loop.actuated]
         curve = read_joints(read_text(path), called(path), loop.actuated, sliding)
-        return cls(curve.time, curve.values)
+        return cls(curve.time, curve.values, smooth)
 
     @classmethod
     def standing(cls, values: ArrayLike) -> JointReference:

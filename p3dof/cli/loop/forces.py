@@ -12,9 +12,11 @@ from p3dof.cli.kinds import Whole
 from p3dof.cli.loop.control import EXTERNAL, METHOD, externals
 from p3dof.cli.loop.group import loop, with_robot
 from p3dof.cli.loop.motion import Forces, forces_along
+from p3dof.cli.options import SMOOTH
 from p3dof.cli.output import print_plain, show
 from p3dof.closed_loop import ClosedLoopModel
 from p3dof.closed_loop.tables import actuators_table, motors_table
+from p3dof.motion.smoothing import Smooth
 
 MOTION = click.option(
     "--motion",
@@ -34,6 +36,7 @@ MOTION = click.option(
     type=Whole(2, 100_000),
     help="Samples of the curve through the values of the file; as many as peaks need, without it.",
 )
+@SMOOTH
 @EXTERNAL
 @click.option(
     "--equilibrium",
@@ -51,6 +54,7 @@ def forces(
     inputs: list[Path],
     motion_file: Path,
     samples: int | None,
+    smooth: Smooth,
     external: tuple[str, ...],
     equilibrium: bool,
     method: Literal["general", "compiled"],
@@ -62,7 +66,7 @@ def forces(
     """
     protect([*inputs, motion_file], [out])
     found: Forces = forces_along(
-        robot, source(motion_file), samples, externals(external), equilibrium, method
+        robot, source(motion_file), samples, externals(external), equilibrium, method, smooth
     )
     written = write_results(found.to_csv, out)
     console = console_beside(out)

@@ -17,6 +17,7 @@ from p3dof.errors import AssemblyError, DynamicsError, InputError, P3dofError, S
 from p3dof.files import Source, called, read_text, write_table
 from p3dof.motion import WrenchHistory
 from p3dof.motion.joint_files import JointCurve, read_joints
+from p3dof.motion.smoothing import Smooth
 from p3dof.simulation import JointReference, follow_motion
 from p3dof.simulation.robot_loads import ExternalOverTime, Loads
 
@@ -94,6 +95,7 @@ def forces_along(
     external: ExternalOverTime | None = None,
     equilibrium: bool = False,
     method: Method = "general",
+    smooth: Smooth = None,
 ) -> Forces:
     """Return the forces of the actuated joints along a motion of them, idle freedoms moving as they must.
 
@@ -112,6 +114,8 @@ def forces_along(
         Whether idle freedoms start where gravity and springs let them rest.
     method : {"general", "compiled"} or CompiledLoop
         What computes it, as of `ClosedLoopModel.inverse_dynamics_batch`.
+    smooth : float or "auto", optional
+        How to smooth the values of the file, as of `JointCurve`.
 
     Returns
     -------
@@ -129,13 +133,13 @@ def forces_along(
     joints = [robot.model.getJointId(name) for name in robot.actuated]
     text, name = read_text(motion), called(motion)
     sliding = [is_slide(robot, joint) for joint in joints]
-    curve = read_joints(text, name, robot.actuated, sliding)
-    clock = (f"Times count from the first one, {curve.start:.16g} s of the clock.",) if curve.start else ()
+    curve = read_joints(text, name, robot.actuated, sliding, smooth)
+    known = [f"{words[0].upper()}{words[1:]}." for words in curve.remarks(robot.actuated, sliding)]
     external = {
         frame: wrench.since(curve.start) if isinstance(wrench, WrenchHistory) else wrench
         for frame, wrench in (external or {}).items()
     }
-    told, loads = (*clock, *_ends(robot, curve)), (Loads(robot, external), method)
+    told, loads = (*known, *_ends(robot, curve)), (Loads(robot, external), method)
     idle = overview(robot, robot.assemble(curve.values[0]).q).idle
     if equilibrium and not idle:
         raise InputError("--equilibrium: the robot has no idle freedoms")
@@ -178,7 +182,7 @@ def _with_idle(
     told: tuple[str, ...],
 ) -> Forces:
     """Return the forces of a robot with idle freedoms, whose motion is integrated in time."""
-    motion = JointReference(curve.time, curve.values)
+    motion = JointReference(curve.time, curve.values, curve.smooth)
     count = 2 * _FEWEST * 4 + 1 if samples is None else samples
     external, equilibrium, method = options
     with progress_bar("motion", count) as progress:
