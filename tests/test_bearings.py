@@ -267,7 +267,7 @@ def test_every_number_of_the_tables_of_bearings(robot):
     """ISO 281, 76 and 14728-1 and hinged beams, trapezoid by trapezoid, of unlike parts and uneven times."""
     papers, rows = paper_motion(41), [0, 1, 4, 9, 10, 17, 26, 30, 39, 40]
     states = [np.array(part)[rows] for part in (papers.pose, papers.velocity, papers.acceleration)]
-    motion = Motion(papers.time[rows], *states, check=False)
+    motion = Motion(papers.time[rows] + 2.0, *states, check=False)
     soft = Stiffness(rods=RodSection(diameter=0.018, young=195e9))
     reactions = robot.reactions(motion, "elastic", stiffness=soft)
     report = bearing_life(PAPER, reactions, PARTS, stiffness=soft, rest=0.7)
@@ -296,7 +296,7 @@ def test_every_number_of_the_tables_of_bearings(robot):
             load = np.abs(f @ rail.T).sum(axis=1) + turning
             loads, way, cycles = lives(load / part.dynamic, rate, 3, part.basis)
             loads = part.dynamic * loads[0], part.dynamic * loads[1], loads[2]
-            share = integral(turning / load) / motion.time[-1]
+            share = integral(turning / load) / step.sum()
             hours = cycles * 1.7 / 3600
             life = (cycles * way / 1e3, (hours if hours < 1e5 else (">", 1e5)), part.static / loads[1])
             guides[joint] = (part.name, *loads, f"near {loads[2]:g}", (share,), way, *life)
@@ -362,6 +362,11 @@ def test_warnings_come_first_for_what_breaks(robot):
     report = bearing_life(heavy, reactions, Bearings(BALL), stiffness=soft)
     assert report.warnings[0].startswith("leg_a buckles at") or "buckles at" in report.warnings[0]
     assert any("static safety" in words for words in report.warnings)
+    unsafe = [rod for rod in report.rods if rod.buckling_safety < 4]
+    assert 0 < len(unsafe) < 4
+    for rod, words in zip(unsafe, report.warnings, strict=False):
+        assert words.startswith(f"{rod.rod} buckles at {rod.buckling:.4g} N, {rod.buckling_safety:.2g} times")
+    assert sum("buckles" in words for words in report.warnings) == len(unsafe)
     html = report._repr_html_()
     assert "buckles" in html
     assert "Bearings" in html
@@ -394,6 +399,7 @@ def test_bad_arguments(robot, elastic):
     with pytest.raises(ParameterError, match="moments: expected three positive"):
         replace(GUIDE, moments=(1.0, 0.0, 1.0))
     assert replace(GUIDE, moments=[0.2, 0.1, 0.3]).moments == (0.2, 0.1, 0.3)  # of a small carriage
+    assert Bearing(0.5, 0.4).dynamic == 0.5
     with pytest.raises(ParameterError, match="guides: expected a Guide"):
         Bearings(guides=BALL)
 

@@ -291,7 +291,9 @@ def loads_by_hand(result, joint):
 
 
 ROWS, PART = [0, 7, 11, 23, 24, 40], paper_motion(41)
-UNEVEN = Motion(PART.time[ROWS], PART.pose[ROWS], PART.velocity[ROWS], PART.acceleration[ROWS], check=False)
+UNEVEN = Motion(
+    PART.time[ROWS] + 3, PART.pose[ROWS], PART.velocity[ROWS], PART.acceleration[ROWS], check=False
+)
 ORDER = ("force", "axial", "radial", "rms_force", "moment", "across", "rms_moment")
 NAMED = {joint.name: f"{joint.name} ({joint.label})" for joint in JOINTS}
 
@@ -685,7 +687,7 @@ def test_the_loads_of_a_joint_by_hand():
         np.ones((3, 3), bool),
         np.array([[[2.0, 3, 6], [1, 4, 8]], [[0, 1, 0], [0, 0, 1]], [[99, 99, 99]] * 2]),
     )
-    found = loads_of(one, np.array([0.0, 0.5, 2]), np.array([True, True, False]))
+    found = loads_of(one, np.array([4.0, 4.5, 6]), np.array([True, True, False]))
     expected = {
         "force": (13, True), "axial": (4, False), "radial": (np.hypot(3, 12), True),
         "moment": (7, False), "across": (np.hypot(2, 6), False),

@@ -205,7 +205,7 @@ class Guide:
         c, s = math.cos(self.turn), math.sin(self.turn)
         rail = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])  # its axes, as columns
         rated = self.dynamic / np.asarray(self.moments)
-        return np.abs(across @ rail).sum(axis=-1), (np.abs(about @ rail) * rated).sum(axis=-1)
+        return np.abs(across @ rail).sum(axis=1), (np.abs(about @ rail) * rated).sum(axis=1)
 
 
 @dataclass(frozen=True)

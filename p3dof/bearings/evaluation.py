@@ -115,7 +115,6 @@ def _rates(parameters: Parameters, reactions: Reactions) -> dict[str, FloatArray
     moving = kinematics.mechanism_motion(
         parameters.geometry, motion.pose, motion.velocity, motion.acceleration
     )
-    still = np.zeros((len(motion), 3))
     omega = {name: body.omega for name, body in moving.bodies.items()}
     found = {}
     for i, joint in enumerate(JOINTS):
@@ -123,7 +122,7 @@ def _rates(parameters: Parameters, reactions: Reactions) -> dict[str, FloatArray
             found[joint.name] = moving.bodies[joint.successor].at(np.zeros(3))[1][:, 2]
             continue
         axis = reactions.rotations[:, i, :, 1]
-        relative = omega[joint.successor] - omega.get(joint.predecessor, still)
+        relative = omega[joint.successor] - omega[joint.predecessor]
         found[joint.name] = np.einsum("ni,ni->n", relative, axis)
     return found
 
