@@ -20,7 +20,7 @@ from sweep_problems import files, problem, reductions, wait_until
 
 import p3dof
 from p3dof import blocks
-from p3dof.blocks import manifest
+from p3dof.files import hash_of
 
 PARQUET = pytest.mark.skipif(find_spec("pyarrow") is None, reason="pyarrow not installed")
 FORMATS = ("npz", pytest.param("parquet", marks=PARQUET))
@@ -354,7 +354,7 @@ def test_a_manifest_whose_reductions_do_not_fit_is_refused_though_its_hash_is_ri
     path = made.folder / "sweep.json"
     assert old in path.read_text(encoding="utf-8")
     data = json.loads(path.read_text(encoding="utf-8").replace(old, new))
-    data["hash"] = manifest._hash({key: value for key, value in data.items() if key != "hash"})
+    data["hash"] = hash_of({key: value for key, value in data.items() if key != "hash"})
     path.write_text(json.dumps(data), encoding="utf-8")
     with pytest.raises(p3dof.FileError, match=r"expected the manifest of a sweep \(") as caught:
         blocks.Sweep.load(tmp_path)

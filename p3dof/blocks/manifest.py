@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -28,7 +27,7 @@ from p3dof.blocks.reduction import Reduction
 from p3dof.blocks.statistics import Histogram, Moments
 from p3dof.checks import one_line, shown
 from p3dof.errors import FileError, InputError, P3dofError, SweepError
-from p3dof.files import parse_json, read_text
+from p3dof.files import dump_hashed, hash_of, parse_hashed, read_text
 from p3dof.version import __version__
 
 Format: TypeAlias = Literal["npz", "parquet"]
@@ -139,12 +138,12 @@ class Manifest:
     @property
     def text(self) -> str:
         """The content of the file."""
-        return json.dumps({**self.to_dict(), "hash": self.hash}, indent=1, ensure_ascii=False) + "\n"
+        return dump_hashed(self.to_dict())
 
     @cached_property
     def hash(self) -> str:
         """SHA-256 of all of it: each block carries it."""
-        return _hash(self.to_dict())
+        return hash_of(self.to_dict())
 
 
 def manifest_of(
@@ -210,13 +209,12 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     path = folder / NAME_OF_FILE
     text = read_text(path, _LARGEST_FILE)
     try:
-        data = parse_json(text)
-        told = data.pop("hash")
-        if data["kind"] != KIND or data["format_version"] != VERSION or _hash(data) != told:
-            raise ValueError("its hash does not fit")
-    except (ValueError, LookupError, TypeError, AttributeError) as error:
+        data = parse_hashed(text, KIND)
+        if data["format_version"] != VERSION:
+            raise ValueError("it is of another version")
+    except (ValueError, LookupError) as error:
         raise FileError(f"{path}: expected the manifest of a sweep ({one_line(str(error))})") from error
-    return dict(data)
+    return data
 
 
 def parse_manifest(data: Mapping[str, Any], path: Path) -> Manifest:
@@ -330,7 +328,3 @@ def _differences(there: Any, ours: Any, where: str) -> Iterator[str]:
 
 def _short(value: Any) -> str:
     return one_line(json.dumps(value, ensure_ascii=False), 60)
-
-
-def _hash(data: Any) -> str:
-    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import binascii
 import io
 import json
 from collections.abc import Mapping, Sequence
@@ -16,9 +15,7 @@ from numpy.typing import NDArray
 from p3dof.blocks.manifest import Manifest
 from p3dof.blocks.problem import Block
 from p3dof.blocks.reduction import Form, State
-from p3dof.checks import one_line
-from p3dof.errors import FileError, MissingExtraError
-from p3dof.files import UnfitError, pack_arrays, parse_json, read_bytes, unpack_arrays
+from p3dof.files import UnfitError, pack_arrays, parquet, parse_json, read_bytes, unpack_arrays
 
 _ROWS = "N"
 _LONGEST_TEXT = 6_000
@@ -181,36 +178,27 @@ def _states_in(manifest: Manifest, arrays: Mapping[str, Any]) -> tuple[State, ..
     )
 
 
-def _pyarrow() -> Any:
-    try:
-        import pyarrow as pa
-        import pyarrow.parquet
-    except ImportError as error:
-        raise MissingExtraError("Parquet needs pyarrow: pip install 'p3dof[tables]'") from error
-    return pa
-
-
 def require_format(kind: str) -> None:
     """Raise `MissingExtraError` unless blocks can be stored in this format here."""
     if kind == "parquet":
-        _pyarrow()
+        parquet.pyarrow()
 
 
 def _pack_parquet(about: str, columns: Mapping[str, Any], states: bytes) -> bytes:
-    pa = _pyarrow()
+    pa = parquet.pyarrow()
     metadata = {"p3dof": about, "p3dof.reductions": base64.b64encode(states).decode()}
     table = pa.table(dict(columns)).replace_schema_metadata(metadata)
     stream = io.BytesIO()
-    pa.parquet.write_table(table, stream, compression="zstd", use_dictionary=False, write_page_checksum=True)
+    pa.parquet.write_table(table, stream, compression="zstd", use_dictionary=False, **parquet.WRITE)
     return stream.getvalue()
 
 
 def _read_parquet(manifest: Manifest, block: Block, path: Path, names: Sequence[str], what: str) -> Content:
-    pa = _pyarrow()
+    pa = parquet.pyarrow()
     room = _ROOM + 9 * len(block) * len(manifest.keep) + 100 * sum(r.most for r in manifest.reductions)
     data = read_bytes(path, room)
-    try:
-        with pa.parquet.ParquetFile(pa.BufferReader(data), page_checksum_verification=True) as file:
+    with parquet.damage_told(f"{path}: expected {what}"):
+        with pa.parquet.ParquetFile(pa.BufferReader(data), **parquet.READ) as file:
             about = file.schema_arrow.metadata or {}
             check_about(about[b"p3dof"].decode(), manifest, block.number)
             if file.metadata.num_rows != (len(block) if manifest.keep else 0):
@@ -221,8 +209,6 @@ def _read_parquet(manifest: Manifest, block: Block, path: Path, names: Sequence[
             table = file.read(columns=list(names))
             states = base64.b64decode(about[b"p3dof.reductions"], validate=True)
         columns = {name: table.column(name).to_numpy() for name in names}
-    except (pa.ArrowException, OSError, ValueError, LookupError, UnicodeDecodeError, binascii.Error) as error:
-        raise FileError(f"{path}: expected {what} ({one_line(str(error))})") from error
     if not manifest.reductions:
         return Content(columns, ())
     reader = _Reader(_states_form(manifest), manifest, block)

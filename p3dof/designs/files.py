@@ -17,6 +17,7 @@ from p3dof.checks import FloatArray, one_line
 from p3dof.designs.names import Column, columns_of
 from p3dof.errors import FileError, InputError, MissingExtraError
 from p3dof.files import called, is_stream, reason, suffix_of, write_streamed
+from p3dof.files.parquet import READ, WRITE, damage_told, pyarrow
 
 _LONGEST_LINE = 100_000
 """Longest line of a CSV file [characters]."""
@@ -86,7 +87,7 @@ def count_designs(source: Any) -> int | None:
         return None
     try:
         if Path(source).suffix.lower() == ".parquet":
-            return int(_pyarrow().ParquetFile(source).metadata.num_rows)
+            return int(pyarrow().parquet.ParquetFile(source).metadata.num_rows)
         with Path(source).open("rb") as stream:
             return max(sum(chunk.count(b"\n") for chunk in iter(partial(stream.read, 1 << 20), b"")) - 1, 0)
     except Exception:  # reading it tells
@@ -222,28 +223,20 @@ def _is_number(field: str) -> bool:
     return "_" not in field and field.isascii()
 
 
-def _pyarrow() -> Any:
-    try:
-        import pyarrow.parquet
-    except ImportError as error:
-        raise MissingExtraError("Parquet files need pyarrow: pip install 'p3dof[tables]'") from error
-    return pyarrow.parquet
-
-
 def _read_parquet(source: Any, name: str, rows: int, meaning: Meaning) -> Iterator[Rows]:
-    parquet, path = _pyarrow(), Path(source)
-    with path.open("rb") as stream:
-        with _damage_named(name):
-            file = parquet.ParquetFile(stream, page_checksum_verification=True)
+    told, parquet = f"{name}: no Parquet file, or damaged", pyarrow().parquet
+    with Path(source).open("rb") as stream:
+        with damage_told(told):
+            file = parquet.ParquetFile(stream, **READ)
             header = list(file.schema_arrow.names)
         _check_names(header, name, meaning)
         if not file.metadata.num_rows:
             raise InputError(f"{name}: expected rows of numbers, got none")
-        with _damage_named(name):
+        with damage_told(told):
             batches = file.iter_batches(batch_size=rows)
         first = 1
         while True:
-            with _damage_named(name):
+            with damage_told(told):
                 batch = next(batches, None)
             if batch is None:
                 break
@@ -251,25 +244,12 @@ def _read_parquet(source: Any, name: str, rows: int, meaning: Meaning) -> Iterat
             yield Rows(first, columns)
             first += len(batch)
         if first != file.metadata.num_rows + 1:
-            raise FileError(f"{name}: damaged (it says that it has {file.metadata.num_rows} rows)")
-
-
-@contextmanager
-def _damage_named(name: str) -> Iterator[None]:
-    """Turn what pyarrow says of a damaged file into one line."""
-    import pyarrow
-
-    try:
-        yield
-    except (pyarrow.ArrowException, OSError, ValueError, LookupError, OverflowError, MemoryError) as error:
-        raise FileError(f"{name}: no Parquet file, or damaged ({one_line(str(error), 100)})") from error
+            raise FileError(f"{told} (it says that it has {file.metadata.num_rows} rows)")
 
 
 def _numbers(column: Any, field: str, name: str, first: int) -> FloatArray:
-    import pyarrow
-
-    kind = column.type
-    if not (pyarrow.types.is_floating(kind) or pyarrow.types.is_integer(kind)):
+    kind, types = column.type, pyarrow().types
+    if not (types.is_floating(kind) or types.is_integer(kind)):
         raise InputError(f"{name}, column {field}: expected numbers, got the type {kind}")
     if column.null_count:
         missing = int(np.argmax(column.is_null().to_numpy(zero_copy_only=False)))
@@ -289,13 +269,13 @@ class ResultWriter:
     """
 
     def __init__(self, stream: IO[bytes], parquet: bool) -> None:
-        self._stream, self._parquet = stream, _pyarrow() if parquet else None
+        self._stream, self._parquet = stream, parquet
         self._table: Any = None
         self._header: list[str] = []
 
     def write(self, columns: Mapping[str, NDArray[Any]]) -> None:
         """Write a block of rows, each column (n,): numbers, or text."""
-        if self._parquet is not None:
+        if self._parquet:
             self._write_parquet(columns)
             return
         if not self._header:
@@ -311,12 +291,9 @@ class ResultWriter:
         self._stream.write(text.encode())
 
     def _write_parquet(self, columns: Mapping[str, NDArray[Any]]) -> None:
-        import pyarrow
-
-        table = pyarrow.table({name: pyarrow.array(array) for name, array in columns.items()})
+        table = pyarrow().table(dict(columns))
         if self._table is None:
-            assert self._parquet is not None  # noqa: S101 - asked by the caller
-            self._table = self._parquet.ParquetWriter(self._stream, table.schema, write_page_checksum=True)
+            self._table = pyarrow().parquet.ParquetWriter(self._stream, table.schema, **WRITE)
         self._table.write_table(table)
 
     def close(self) -> None:
@@ -345,7 +322,7 @@ def results_file(path: Path) -> Iterator[ResultWriter]:
     """
     parquet = suffix_of(path, "designs") == ".parquet"
     if parquet:
-        _pyarrow()
+        pyarrow()
     opened: AbstractContextManager[IO[bytes]] = write_streamed(path)
     with opened as stream:
         writer = ResultWriter(stream, parquet)

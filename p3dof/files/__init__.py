@@ -3,7 +3,7 @@
 from p3dof.files.archives import MAX_TEXT, UnfitError, pack_arrays, unpack_arrays
 from p3dof.files.csv_text import write_table
 from p3dof.files.generated import check_generated, differences, write_generated
-from p3dof.files.json_text import parse_json
+from p3dof.files.json_text import dump_hashed, hash_of, parse_hashed, parse_json
 from p3dof.files.kinds import SUFFIXES, suffix_of
 from p3dof.files.reading import MAX_BYTES, Source, called, is_stream, read_bytes, read_text, reason
 from p3dof.files.temporary import scratch_folder
@@ -21,9 +21,12 @@ __all__ = [
     "check_generated",
     "check_writable",
     "differences",
+    "dump_hashed",
+    "hash_of",
     "is_stream",
     "make_folders",
     "pack_arrays",
+    "parse_hashed",
     "parse_json",
     "parse_yaml",
     "read_bytes",

@@ -1,7 +1,8 @@
 """NumPy archives (.npz) of plain arrays, read with no trust in whoever wrote them.
 
 The directory of an archive is bounded before it is taken in, every member's size is known from its header
-before its content is, no more than the declared size is ever decompressed, and nothing is ever unpickled.
+before its content is, no more than the declared size is ever decompressed, and nothing is ever unpickled. The
+checksum that an archive has of each array (CRC-32) is held against what was read.
 """
 
 from __future__ import annotations
@@ -130,8 +131,10 @@ def _read_archive(
     found: Callable[[dict[str, Any]], None],
     max_directory: int,
 ) -> dict[str, Any]:
-    _check_directory(stream, max_directory)
+    count = _check_directory(stream, max_directory)
     with zipfile.ZipFile(stream) as archive:
+        if len(archive.infolist()) != count:  # one that is damaged may seem to end before
+            raise UnfitError(f"it holds {len(archive.infolist())} arrays, but had {count}")
         members = {info.filename: info for info in archive.infolist()}
         for info in archive.infolist():
             if not info.filename.endswith(".npy") or members[info.filename] is not info:
@@ -143,17 +146,18 @@ def _read_archive(
         return arrays
 
 
-def _check_directory(stream: IO[bytes], most: int) -> None:
-    """Raise unless the directory at the end of a zip file is small, whatever the file's size."""
+def _check_directory(stream: IO[bytes], most: int) -> int:
+    """Return how many members a zip file has; raise unless the directory at its end is small."""
     size = stream.seek(0, os.SEEK_END)
     before = min(size, _END.size + 20)
     stream.seek(size - before)
     tail = stream.read(before)
     if len(tail) < _END.size:
         raise UnfitError("it is cut off, or something else")
-    signature, *_, directory, _offset, comment = _END.unpack(tail[-_END.size :])
+    signature, *_, count, directory, _offset, comment = _END.unpack(tail[-_END.size :])
     if signature != b"PK\5\6" or comment or tail.startswith(b"PK\6\7") or directory > most:
         raise UnfitError("it does not end as such a file does")
+    return int(count)
 
 
 def _read(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, accept: Accept) -> Any:

@@ -18,7 +18,16 @@ import numpy as np
 from p3dof.blocks.folder import locked
 from p3dof.checks import one_line
 from p3dof.errors import FileError, SweepError
-from p3dof.files import UnfitError, called, pack_arrays, parse_json, read_text, unpack_arrays, write_atomic
+from p3dof.files import (
+    UnfitError,
+    called,
+    dump_hashed,
+    pack_arrays,
+    parse_hashed,
+    read_text,
+    unpack_arrays,
+    write_atomic,
+)
 from p3dof.version import __version__
 
 MANIFEST = "optimisation.json"
@@ -73,19 +82,17 @@ class Journal:
 
     def _begin(self, folder: Path, resume: bool) -> None:
         path = folder / MANIFEST
-        text = json.dumps(self._about, indent=1, sort_keys=True, ensure_ascii=False) + "\n"
+        ours = json.loads(json.dumps(self._about, sort_keys=True))
         if not path.exists():
-            write_atomic(path, text)
+            write_atomic(path, dump_hashed(ours))
             return
         try:
-            there = parse_json(read_text(path, _LARGEST))
-            if there["kind"] != _KIND:
-                raise ValueError("it is of another kind")
-        except (ValueError, LookupError, TypeError) as error:
+            there = parse_hashed(read_text(path, _LARGEST), _KIND)
+        except ValueError as error:
             raise FileError(
                 f"{path}: expected the state of an optimisation ({one_line(str(error))})"
             ) from error
-        different = list(_differences(there, json.loads(text), ""))
+        different = list(_differences(there, ours, ""))
         if different:
             more = f" (and {len(different) - _TOLD} more)" if len(different) > _TOLD else ""
             raise SweepError(
