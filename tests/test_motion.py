@@ -606,10 +606,12 @@ def test_units_are_converted(tmp_path, square, gap):
 
 
 def test_millimetres_convert_without_an_extra_rounding(tmp_path):
-    rows = "".join(f"{t},{y},0,0\n" for t, y in ((0, 100), (7, 300), (11, 29)))
-    motion = Motion.from_csv(write(tmp_path, "t [ms],y [mm],z,theta\n" + rows))
-    assert motion.pose[:, 0].tolist() == [0.1, 0.3, 0.029]
-    assert motion.time.tolist() == [0.0, 0.007, 0.011]
+    header = HEADER.replace("t,y,", "t [ms],y [mm],", 1)
+    for number, metres in ((100, 0.1), (300, 0.3), (29, 0.029)):
+        rows = "".join(f"{t},{number}{',0' * 8}\n" for t in (0, 7, 11))  # at rest: nothing is computed of it
+        motion = Motion.from_csv(write(tmp_path, f"{header}\n{rows}"))
+        assert motion.pose[:, 0].tolist() == [metres] * 3
+        assert motion.time.tolist() == [0.0, 0.007, 0.011]
 
 
 def test_a_pose_only_file_is_differentiated(tmp_path):
@@ -639,7 +641,8 @@ ROWS = ["0,0,0,0", "0.5,.1,0,1e-1", "1,0.2,+0.0,-.3"]
 def test_harmless_variants_are_read(tmp_path, text):
     motion = Motion.from_csv(write(tmp_path, text))
     assert motion.time.tolist() == [0, 0.5, 1]
-    assert motion.pose.tolist() == [[0, 0, 0], [0.1, 0, 0.1], [0.2, 0, -0.3]]
+    poses = [[0, 0, 0], [0.1, 0, 0.1], [0.2, 0, -0.3]]  # they come from the curve through them
+    np.testing.assert_allclose(motion.pose, poses, rtol=0, atol=1e-15)
 
 
 GOOD = "\n".join(ROWS)
