@@ -231,7 +231,8 @@ class Motion(FrozenArrays, ShownInNotebook):
                 curve = near if near.fit is not None and near.fit.settled else curve
         elif smooth is not None:
             curve = replace(curve, smooth=smooth)
-        pose, velocity, acceleration = curve.at(curve.time)
+        near, velocity, acceleration = curve.at(curve.time)
+        pose = curve.pose if curve.fit is None else near
         return cls(curve.time, pose, velocity, acceleration, check=False, curve=curve, start=start)
 
     @classmethod
