@@ -9,6 +9,7 @@ import threading
 import weakref
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import fields, is_dataclass, replace
 from functools import cached_property
 from itertools import chain
@@ -357,3 +358,37 @@ def test_an_integral_belongs_to_one_run():
     assert "the integral of this controller, give each run its own: another thread uses it" in str(error)
     alone = robot.simulate(0.03, controller=p3dof.PD(robot, motion, integral_time=0.1), control=loop)
     np.testing.assert_array_equal(run.forces, alone.forces)
+
+
+def test_threads_draw_into_one_scene_of_guests(monkeypatch):
+    """What is made when it is first asked for is made once: whoever asks meanwhile gets the same."""
+    pytest.importorskip("meshcat", reason="meshcat not installed")
+    pytest.importorskip("tornado", reason="tornado not installed")
+    from p3dof.viewer import guests
+    from p3dof.viewer.live_viewer import LiveViewer
+
+    both, make = threading.Barrier(2), guests.guest_of
+
+    def slow(session: Any) -> Any:
+        with suppress(threading.BrokenBarrierError):
+            both.wait(timeout=0.3)  # both are here, unless one has to wait for the other
+        return make(session)
+
+    monkeypatch.setattr(guests, "guest_of", slow)
+    with LiveViewer({"title": "nothing", "runs": []}, port=0) as viewer:
+        one, other = at_once([lambda: viewer.guest] * 2)
+    assert one is other
+
+
+@pytest.mark.parametrize("name", ["mujoco", "drake"])
+def test_an_engine_serves_one_thread_after_the_other(name):
+    pytest.importorskip({"drake": "pydrake"}.get(name, name), reason=f"{name} not installed")
+
+    def doors(engine: Any, k: int) -> Iterator[Door]:
+        motion = p3dof.paper_motion(40)
+        part = p3dof.Motion(
+            *(column[k::4] for column in (motion.time, motion.pose, motion.velocity, motion.acceleration))
+        )
+        yield "forces", lambda: engine.forces(part)
+
+    assert same_in_threads(doors, lambda: p3dof.engines.load(name)) == {"forces"}

@@ -177,7 +177,7 @@ def available(kernels: MachineKernels) -> bool:
 
 
 class CompiledRun:
-    """One run of one machine, without Python between its steps; not for several threads at once.
+    """One run of one machine, without Python between its steps, for the thread that makes it.
 
     Parameters
     ----------

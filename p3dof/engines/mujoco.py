@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from dataclasses import replace
 from typing import Any
@@ -17,6 +18,9 @@ from p3dof.engines.base import FREEDOMS, Engine
 from p3dof.engines.samples import FinalState, FrameMotion, Sample
 from p3dof.errors import DynamicsError
 from p3dof.parameters import PAPER, PLATFORM, Parameters
+
+_WARNED = threading.Lock()
+"""Held by who is told of MuJoCo's warnings: one for all models."""
 
 
 class MujocoEngine(Engine):
@@ -128,14 +132,15 @@ class MujocoEngine(Engine):
         data = lib.MjData(model)
         data.qpos[:], data.ctrl[:], data.qfrc_applied[:] = q, forces, self._pushes
         trouble: list[str] = []
-        before = lib.get_mju_user_warning()
-        lib.set_mju_user_warning(trouble.append)  # rather than into a file
-        try:
-            begin = time.perf_counter()
-            lib.mj_step(model, data, nstep=count)
-            seconds = time.perf_counter() - begin
-        finally:
-            lib.set_mju_user_warning(before)
+        with _WARNED:
+            before = lib.get_mju_user_warning()
+            lib.set_mju_user_warning(trouble.append)  # rather than into a file
+            try:
+                begin = time.perf_counter()
+                lib.mj_step(model, data, nstep=count)
+                seconds = time.perf_counter() - begin
+            finally:
+                lib.set_mju_user_warning(before)
         if trouble:
             raise DynamicsError(f"mujoco: {one_line(trouble[0])}")
         return self._final(duration, step, data.qpos.copy(), seconds)

@@ -18,7 +18,7 @@ from p3dof.viewer.session import Answerer, Message, Session
 
 
 class LiveViewer:
-    """One machine in the browser, until it is stopped or the process ends.
+    """One machine in the browser, until it is stopped or the process ends, for any number of threads.
 
     Whole runs are sent to the pages, never frames: each page has its own time, and so two pages can look at
     two instants. A page that has lost its viewer goes on with what it has, and finds it again after `start`.
@@ -61,6 +61,7 @@ class LiveViewer:
         self._guest: Any = None
         self._widget: Any = None
         self._ended = threading.Event()
+        self._making = threading.RLock()  # there is one server, one widget, one scene of guests
         self.server = PageServer(self.session, self._page, port)
 
     def __enter__(self) -> Self:
@@ -106,9 +107,11 @@ class LiveViewer:
         """
         from p3dof.viewer.widget import PageWidget
 
-        if self._widget is None:
-            self._widget = PageWidget(self.session, self._page_of_widget, str(self.session.document["title"]))
-        return self._widget
+        with self._making:
+            if self._widget is None:
+                title = str(self.session.document["title"])
+                self._widget = PageWidget(self.session, self._page_of_widget, title)
+            return self._widget
 
     @property
     def url(self) -> str:
@@ -139,11 +142,12 @@ class LiveViewer:
         MissingExtraError
             If MeshCat is not installed.
         """
-        if self._guest is None:
-            from p3dof.viewer.guests import guest_of
+        from p3dof.viewer.guests import guest_of
 
-            self._guest = guest_of(self.session)
-        return self._guest
+        with self._making:
+            if self._guest is None:
+                self._guest = guest_of(self.session)
+            return self._guest
 
     def show(self, result: Any, name: str | None = None, **options: Any) -> Self:
         """Show a run in all pages, in place of one with its name or beside the others.
@@ -215,17 +219,19 @@ class LiveViewer:
 
     def start(self) -> Self:
         """Serve again after `stop`, at the same address: pages that are open still find their way back."""
-        if not self.server.running:
-            self._ended.clear()
-            self.server = PageServer(self.session, self._page, self.server.port, self.server.token)
+        with self._making:
+            if not self.server.running:
+                self._ended.clear()
+                self.server = PageServer(self.session, self._page, self.server.port, self.server.token)
         return self
 
     def stop(self) -> None:
         """End serving: no thread and no port is left. May be called more than once."""
-        self.server.stop()
-        if self._widget is not None:
-            self._widget.stop()
-            self._widget = None
+        with self._making:
+            self.server.stop()
+            if self._widget is not None:
+                self._widget.stop()
+                self._widget = None
         self.session.stop()
         self._ended.set()
 

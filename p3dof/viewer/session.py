@@ -73,7 +73,13 @@ class Session:
         """Pass all messages for the pages from now on to a function; return what ends that."""
         with self._lock:
             self._listeners.append(listener)
-        return lambda: self._listeners.remove(listener) if listener in self._listeners else None
+
+        def unsubscribe() -> None:
+            with self._lock:
+                if listener in self._listeners:
+                    self._listeners.remove(listener)
+
+        return unsubscribe
 
     def greeting(self) -> list[bytes]:
         """Return what a page is told when it is connected."""
