@@ -11,6 +11,8 @@ import subprocess
 import pytest
 from documents import ROOT
 
+from p3dof.errors import FileError
+from p3dof.page import html as page_template
 from p3dof.page.html import page_html
 
 PAGE = ROOT / "p3dof/page/page.html"
@@ -58,3 +60,30 @@ def test_two_builds_of_the_page_are_the_same_bytes_as_the_one_here():
     for _ in range(2):
         done = subprocess.run(check, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
+
+
+DAMAGES = {
+    "cut": lambda data: data[: len(data) // 2],
+    "a byte short": lambda data: data[:-1],
+    "empty": lambda _: b"",
+    "missing": lambda _: None,
+}
+
+
+@pytest.mark.parametrize("name", ["page.html", "p3dof.wasm", "studio.html"])
+@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
+def test_a_page_that_is_not_as_it_was_installed_is_told(name, damage, tmp_path, monkeypatch):
+    """Half a page would be written as if it were one, and show nothing."""
+    for file in ("page.html", "p3dof.wasm", "studio.html"):
+        data = (PAGE.parent / file).read_bytes()
+        data = damage(data) if file == name else data
+        if data is not None:
+            (tmp_path / file).write_bytes(data)
+    monkeypatch.setattr(page_template, "files", lambda _: tmp_path)
+    made = {
+        "studio.html": lambda: page_template.template("studio.html", ("@@TITLE@@", "@@DOCUMENT@@")),
+        "page.html": lambda: page_html(SMALL),
+        "p3dof.wasm": lambda: page_html(SMALL | {"engine": {"kind": "p3dof"}}),
+    }
+    with pytest.raises(FileError, match=rf"{name}: is not as it was installed; install p3dof again"):
+        made[name]()

@@ -9,7 +9,6 @@ import html
 import json
 import os
 from collections.abc import Mapping, Sequence
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -24,6 +23,7 @@ from p3dof.files import check_writable, write_atomic
 from p3dof.indices import COLUMNS, DEFINITIONS, Indices
 from p3dof.indices.results import Machine as WithIndices
 from p3dof.motion import Motion
+from p3dof.page.html import filled, template
 from p3dof.workspace.machine import Machine as WithWorkspace
 from p3dof.workspace.workspace import Workspace
 
@@ -167,12 +167,8 @@ def studio_page(
         machine, motion, designs, indices=indices, counts=counts, better=better, start=start, title=title
     )
     data = json.dumps(document, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-    rest, parts = (files(__package__) / "studio.html").read_text("utf-8"), []
-    values = (html.escape(title), data.replace("<", "\\u003c"))
-    for place, value in zip(("@@TITLE@@", "@@DOCUMENT@@"), values, strict=True):
-        before, _, rest = rest.partition(place)
-        parts += [before, value]
-    return "".join((*parts, rest))
+    values = {"@@TITLE@@": html.escape(title), "@@DOCUMENT@@": data.replace("<", "\\u003c")}
+    return filled(template("studio.html", tuple(values)), values)
 
 
 def save_studio(path: str | os.PathLike[str], machine: Machine, *contents: Any, **options: Any) -> Path:
