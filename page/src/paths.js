@@ -1,4 +1,5 @@
 // Where the platform goes from one stop to the next: straight lines with blends, as p3dof.tasks makes them.
+import { plainLine } from "./document.js";
 
 /** A pose of the platform on its way, and what happens there. */
 /**
@@ -12,7 +13,12 @@
  */
 
 /** A way that is not possible; the message says which and why. */
-export class TaskError extends Error {}
+export class TaskError extends Error {
+    /** @param {string} text */
+    constructor(text) {
+        super(plainLine(text));
+    }
+}
 
 /** @typedef {(time: number) => [number, number, number]} Profile share of the time to share of the way, and its rates */
 

@@ -23,10 +23,16 @@ const NUMBER = /^\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$/;
 function quantity(value, kind, where) {
     if (typeof value === "number" && Number.isFinite(value)) return value;
     const found = typeof value === "string" ? NUMBER.exec(value) : null;
-    const factor = found && (found[2] ? UNITS[kind][found[2]] : "e0");
-    if (!found || factor === undefined || factor === null) throw new TaskError(`${where}: expected a ${kind}, got ${JSON.stringify(value)}`);
-    if (typeof factor === "number") return Number(found[1]) * factor;
-    const [digits, power] = found[1].toLowerCase().split("e");
+    const units = /** @type {Record<string, number | string>} */ ({ "": "e0", ...UNITS[kind] });
+    const number = found && Object.hasOwn(units, found[2]) ? scaled(found[1], units[found[2]]) : NaN;
+    if (!Number.isFinite(number)) throw new TaskError(`${where}: expected a ${kind}, got ${JSON.stringify(value)}`);
+    return number;
+}
+
+/** @param {string} text @param {number | string} factor */
+function scaled(text, factor) {
+    if (typeof factor === "number") return Number(text) * factor;
+    const [digits, power] = text.toLowerCase().split("e");
     return Number(`${digits}e${Number(power ?? 0) + Number(factor.slice(1))}`);
 }
 
@@ -44,6 +50,7 @@ export function readFile(text) {
     try {
         data = parseYaml(text);
     } catch (error) {
+        if (error instanceof RangeError) throw new TaskError("not a task file: nested too deeply");
         if (!(error instanceof YamlError || error instanceof SyntaxError)) throw error;
         throw new TaskError(`not a task file: ${error.message}`);
     }
