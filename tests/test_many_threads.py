@@ -22,6 +22,7 @@ import pytest
 
 import p3dof
 from p3dof.closed_loop import ClosedLoopModel, ReactionSolver
+from p3dof.closed_loop.compiled.functions import FUNCTIONS
 from p3dof.errors import InputError, P3dofError
 from p3dof.load_friction import HingeContact
 from p3dof.threads import OneThread, Own, Workspace
@@ -360,21 +361,36 @@ def test_an_integral_belongs_to_one_run():
     np.testing.assert_array_equal(run.forces, alone.forces)
 
 
+def slowly(make: Callable[..., Any]) -> Callable[..., Any]:
+    """The same, but two threads that are let in at once are in it together."""
+    both = threading.Barrier(2)
+
+    def made(*given: Any, **options: Any) -> Any:
+        with suppress(threading.BrokenBarrierError):
+            both.wait(timeout=0.3)  # until one knows that the other has to wait
+        return make(*given, **options)
+
+    return made
+
+
+def test_what_takes_long_is_compiled_once_for_all_threads(monkeypatch):
+    robot = p3dof.load_robot(GALLERY / "four_bar.urdf")
+    q = robot.assemble().q
+    monkeypatch.setattr(ClosedLoopModel, "compile", slowly(ClosedLoopModel.compile))
+    one, other = at_once([lambda: robot.compiled_for(q)] * 2)
+    assert one is other
+    monkeypatch.setitem(FUNCTIONS, "integrate", slowly(FUNCTIONS["integrate"]))
+    first, second = at_once([lambda: one.function("integrate")] * 2)
+    assert first is second
+
+
 def test_threads_draw_into_one_scene_of_guests(monkeypatch):
-    """What is made when it is first asked for is made once: whoever asks meanwhile gets the same."""
     pytest.importorskip("meshcat", reason="meshcat not installed")
     pytest.importorskip("tornado", reason="tornado not installed")
     from p3dof.viewer import guests
     from p3dof.viewer.live_viewer import LiveViewer
 
-    both, make = threading.Barrier(2), guests.guest_of
-
-    def slow(session: Any) -> Any:
-        with suppress(threading.BrokenBarrierError):
-            both.wait(timeout=0.3)  # both are here, unless one has to wait for the other
-        return make(session)
-
-    monkeypatch.setattr(guests, "guest_of", slow)
+    monkeypatch.setattr(guests, "guest_of", slowly(guests.guest_of))
     with LiveViewer({"title": "nothing", "runs": []}, port=0) as viewer:
         one, other = at_once([lambda: viewer.guest] * 2)
     assert one is other
