@@ -167,11 +167,19 @@ def test_what_would_be_lost_in_a_closed_stream_is_refused(capsys, monkeypatch, s
 
 @pytest.mark.usefixtures("idle")
 @pytest.mark.parametrize(
-    ("line", "extra"), [("forces --figure f.png", "plot"), ("report --out r.html", "report")]
+    ("line", "module", "extra"),
+    [
+        ("forces --figure f.png", "matplotlib.figure", "plot"),
+        ("report --out r.html", "matplotlib.figure", "report"),
+        ("report --out r.pdf", "playwright", "video"),
+        ("show --out s.mp4", "playwright", "video"),
+    ],
 )
-def test_a_library_that_is_missing_is_told_before_the_work(capsys, tmp_path, monkeypatch, line, extra):
+def test_a_library_that_is_missing_is_told_before_the_work(
+    capsys, tmp_path, monkeypatch, line, module, extra
+):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    monkeypatch.setitem(sys.modules, module, None)
     code, out, err = run(capsys, *line.split())
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert f"pip install 'p3dof[{extra}]'" in err

@@ -61,18 +61,27 @@ class OutputFile(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # li
         if str(value) == "-" and self._stream:
             return _standard_output(param, ctx)
         try:
-            suffix_of(value, self._kind)
+            suffix = suffix_of(value, self._kind)
         except P3dofError as error:
             self.fail(str(error), param, ctx)
-        if self._kind == "figure":
-            from p3dof.plots.common import require_figures
-
-            require_figures()
-        elif self._kind == "report":
-            from p3dof.report.templates import require_reports
-
-            require_reports()
+        _require_library(self._kind, suffix)
         return Path(value)
+
+
+def _require_library(kind: str, suffix: str) -> None:
+    """Raise `MissingExtraError` if what such a file is made with is not installed."""
+    if kind == "figure":
+        from p3dof.plots.common import require_figures
+
+        require_figures()
+    if kind == "report":
+        from p3dof.report.templates import require_reports
+
+        require_reports()
+    if kind in ("report", "film", "picture", "show") and suffix != ".html":
+        from p3dof.viewer.headless import require_playwright
+
+        require_playwright()
 
 
 class OutputFolder(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # likewise

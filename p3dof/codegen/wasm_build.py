@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import shutil
 import subprocess
-import tempfile
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
@@ -14,6 +13,7 @@ from p3dof.codegen.filling import fill
 from p3dof.codegen.wasm_section import with_section
 from p3dof.codegen.webassembly import WebModule
 from p3dof.errors import MissingExtraError, ModelError
+from p3dof.files import scratch_folder
 
 _COMPILE = (
     "--target=wasm32-unknown-unknown",
@@ -64,8 +64,7 @@ def webassembly(header: str, library: str, module: WebModule) -> bytes:
     """
     clang, linker = tools()
     sources = _sources(header, library, module)
-    with tempfile.TemporaryDirectory(prefix="p3dof-") as scratch:
-        folder = Path(scratch)
+    with scratch_folder() as folder:
         (folder / "include").mkdir()
         for name, text in sources.items():
             (folder / name).write_text(text, encoding="utf-8")

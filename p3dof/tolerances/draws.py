@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
@@ -32,6 +30,7 @@ from p3dof.designs.folding import Folded, column_or_number, folding_of
 from p3dof.designs.names import OFFSETS
 from p3dof.designs.status import DesignStatus
 from p3dof.errors import InputError
+from p3dof.files import scratch_folder
 from p3dof.motion.wrenches import Load
 from p3dof.parameters import Geometry
 from p3dof.tolerances.directions import columns_of_directions, designs_of
@@ -85,8 +84,8 @@ class Draws(NamedTuple):
             return sweep(problem, self.folder, resume=self.resume, **options)
         if self.resume:
             raise InputError("resume: expected a folder to go on in")
-        with tempfile.TemporaryDirectory(prefix="p3dof") as place:
-            made = sweep(problem, Path(place) / "draws", shared=self.client is None, **options)
+        with scratch_folder() as place:
+            made = sweep(problem, place / "draws", shared=self.client is None, **options)
             _ = made.reductions, self.columns(made, keep)
             return made
 

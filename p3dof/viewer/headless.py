@@ -215,12 +215,7 @@ def browser_of_system() -> Iterator[Any]:
     MissingExtraError
         If playwright or a browser is missing, or it does not start.
     """
-    try:
-        from playwright import sync_api
-    except ImportError as error:
-        raise MissingExtraError(
-            "pictures and films need a browser without a window: pip install 'p3dof[video]', and Chromium"
-        ) from error
+    sync_api = require_playwright()
     sandbox = () if os.name == "nt" or os.geteuid() else ("--no-sandbox",)  # as root it would not start
     with sync_api.sync_playwright() as playwright:
         try:
@@ -234,6 +229,17 @@ def browser_of_system() -> Iterator[Any]:
             yield browser
         finally:
             browser.close()
+
+
+def require_playwright() -> Any:
+    """Return what drives a browser; raise `MissingExtraError` if it is not installed."""
+    try:
+        from playwright import sync_api
+    except ImportError as error:
+        raise MissingExtraError(
+            "pictures and films need a browser without a window: pip install 'p3dof[video]', and Chromium"
+        ) from error
+    return sync_api
 
 
 def find_browser(playwright: Any) -> str:
