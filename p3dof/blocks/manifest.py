@@ -271,7 +271,8 @@ def require_same(there: Mapping[str, Any], manifest: Manifest, folder: Path) -> 
     if found:
         more = f" (and {len(found) - _TOLD} more differences)" if len(found) > _TOLD else ""
         raise SweepError(
-            f"{folder}: holds another sweep: {'; '.join(found[:_TOLD])}{more}; choose another folder"
+            f"{folder}: holds another sweep: {one_line('; '.join(found[:_TOLD]))}{more}; "
+            "choose another folder"
         )
 
 

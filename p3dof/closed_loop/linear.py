@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -150,6 +151,8 @@ def least_norm(A: FloatArray, b: FloatArray, relative: float) -> FloatArray:
 def orientation(A: FloatArray, B: FloatArray, relative: float) -> float:
     """Return the sign of det(Uᵀ B V), A being U diag(s) Vᵀ; U and V of as many columns as A's rank.
 
+    It is NaN of matrices that are not finite.
+
     Parameters
     ----------
     A, B : (m, n) array
@@ -167,6 +170,8 @@ def orientation(A: FloatArray, B: FloatArray, relative: float) -> float:
             _REGULAR, (10.0 * relative) ** 2
         ):
             return float(np.linalg.slogdet(B.dot(A.T))[0])
+    if not np.isfinite(A).all():
+        return math.nan  # of a robot whose numbers are too large: SVD would not converge
     U, s, Vt = np.linalg.svd(A, full_matrices=False)
     rank = int(np.count_nonzero(s > relative * s[:1]))
     return float(np.linalg.slogdet(U[:, :rank].T @ B @ Vt[:rank].T)[0])

@@ -21,6 +21,7 @@ from typing import IO, Any, TypeAlias
 
 import numpy as np
 
+from p3dof.checks import one_line
 from p3dof.errors import FileError
 from p3dof.files.reading import called
 
@@ -121,7 +122,7 @@ def unpack_arrays(
             return _read_archive(stream, names, accept, found, max_directory)
     except _ERRORS as error:
         reason = (error.strerror if isinstance(error, OSError) else None) or str(error) or "it is cut off"
-        raise FileError(f"{name}: expected {what} ({reason})") from error
+        raise FileError(f"{name}: expected {what} ({one_line(reason)})") from error
 
 
 def _read_archive(

@@ -96,7 +96,7 @@ class Journal:
         if different:
             more = f" (and {len(different) - _TOLD} more)" if len(different) > _TOLD else ""
             raise SweepError(
-                f"{folder}: holds another optimisation: {', '.join(different[:_TOLD])}{more}; "
+                f"{folder}: holds another optimisation: {one_line(', '.join(different[:_TOLD]))}{more}; "
                 "choose another folder"
             )
         if not resume:

@@ -7,6 +7,7 @@ lead; what a mesh refers to itself (materials, images) is not looked for.
 from __future__ import annotations
 
 import io
+import logging
 import os
 import re
 import warnings
@@ -250,4 +251,5 @@ def _trimesh() -> Any:
         import trimesh
     except ImportError as error:
         raise MissingExtraError("meshes need trimesh: pip install 'p3dof[shapes]'") from error
+    logging.getLogger("trimesh").addHandler(logging.NullHandler())  # else it writes to the terminal
     return trimesh
