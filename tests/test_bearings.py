@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from lagrange import BODIES, LagrangeModel
+from scipy.optimize import brentq
 from table_numbers import check_table, shows
 
 import p3dof
@@ -366,7 +367,13 @@ def test_warnings_come_first_for_what_breaks(robot):
     assert 0 < len(unsafe) < 4
     for rod, words in zip(unsafe, report.warnings, strict=False):
         assert words.startswith(f"{rod.rod} buckles at {rod.buckling:.4g} N, {rod.buckling_safety:.2g} times")
+        assert words.endswith(" its compression; 4 times are usual")
     assert sum("buckles" in words for words in report.warnings) == len(unsafe)
+    weak = [words for words in report.warnings if "static safety" in words]
+    assert all(words.endswith(" s, less than 2") for words in weak)
+    assert [words.split(":")[0] for words in weak] == [
+        one.joint for one in report.bearings if one.static_safety < 2
+    ]
     html = report._repr_html_()
     assert "buckles" in html
     assert "Bearings" in html
@@ -376,6 +383,26 @@ def test_warnings_come_first_for_what_breaks(robot):
         ).rods
         == ()
     )
+
+
+def test_two_carriages_are_recommended_where_moments_are_half_of_the_load(elastic):
+    """However small the load: shares do not depend on its size."""
+
+    def guided(size, reactions=elastic):
+        guide = replace(GUIDE, moments=[size * moment for moment in GUIDE.moments])
+        return bearing_life(
+            PAPER, reactions, Bearings(joints={"slide_a": guide}), stiffness=Stiffness(rods=None)
+        )
+
+    def share(size):
+        return guided(size).guides[0].moment_share
+
+    for wanted in (0.502, 0.498):
+        size = brentq(lambda size, wanted=wanted: share(size) - wanted, 1, 100, xtol=1e-9)
+        told = [words for words in guided(size).warnings if "two carriages" in words]
+        assert len(told) == (wanted > 0.5)
+    light = replace(elastic, forces=1e-4 * elastic.forces, moments=1e-4 * elastic.moments)
+    assert guided(1, light).guides[0].moment_share == pytest.approx(share(1), rel=1e-12)
 
 
 def test_bad_arguments(robot, elastic):

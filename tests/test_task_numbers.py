@@ -13,7 +13,14 @@ import p3dof
 from p3dof import Actuators, AxisLimits, Body, Limits, Task, Waypoint
 from p3dof.bearings import Bearing, Bearings, Guide
 from p3dof.drives import Cycle
-from p3dof.manipulator import comparison_table, loads_table, needs_table, uses_table, verdicts_table
+from p3dof.manipulator import (
+    assumptions,
+    comparison_table,
+    loads_table,
+    needs_table,
+    uses_table,
+    verdicts_table,
+)
 from p3dof.manipulator.task_limits import sizing_table
 from p3dof.manipulator.tasks import limits_table, pieces_table
 
@@ -344,6 +351,9 @@ def test_how_much_of_all_ratings_is_used(robot, forces, samples):
     ]
     assert len({row[1] for row in rows}) == 6
     check_table(uses_table(found), rows)
+    told = assumptions(found)["limits"]
+    assert "force 640, 300, 500 N, speed 0.9, 1.3, 1 m/s, power any, 150, 260 W, nut force 900 N" in told
+    assert told.endswith(", with 2, 0, 4 kg of drives in its force")
     for left in (len(rows) - 5, 1):
         check_table(uses_table(found, len(rows) - left), rows[: len(rows) - left], note=[left, "more"])
 
