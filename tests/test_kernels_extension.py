@@ -5,6 +5,7 @@ from __future__ import annotations
 import array
 import ctypes
 import gc
+import importlib.util
 import os
 import shutil
 import subprocess
@@ -26,7 +27,7 @@ import p3dof
 from p3dof import kinematics
 from p3dof.codegen.batch import ONE_LOOP, kernel_code
 from p3dof.compiled import kernels
-from p3dof.compiled.extension.sources import PACKAGE, fingerprint
+from p3dof.compiled.extension.sources import PACKAGE, fingerprint, is_cut_off
 from p3dof.compiled.formulas import WITH_FRICTION, all_kernels, is_symmetric, kernel
 from p3dof.compiled.reduced import model_of
 from p3dof.compiled.reduced.friction import friction_numbers
@@ -817,6 +818,25 @@ def test_the_extension_is_of_the_sources_beside_it(tmp_path):
     assert fingerprint(tmp_path) != _compiled.sources
     shutil.rmtree(tmp_path / "compiled")
     assert fingerprint(tmp_path) is None  # as in a wheel: nothing can be said
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="ELF is Linux's")
+def test_an_extension_that_is_cut_off_is_not_loaded(monkeypatch, tmp_path):
+    """It would end Python with SIGBUS, at every start."""
+    whole = Path(importlib.util.find_spec("p3dof.compiled.extension._compiled").origin)
+    assert not is_cut_off(whole)
+    data, cut = whole.read_bytes(), tmp_path / "_compiled.so"
+    for size in (len(data) - 1, len(data) - 4096, len(data) // 2, 64):
+        cut.write_bytes(data[:size])
+        assert is_cut_off(cut)
+    monkeypatch.setattr(kernels, "find_spec", lambda name: importlib.util.spec_from_file_location(name, cut))
+    kernels._extension.cache_clear()
+    try:
+        with pytest.warns(UserWarning, match="the compiled extension is cut off: install the package again"):
+            assert kernels.levels() == ("numpy",)
+        assert kernels.in_words() == "numpy: the extension does not load, install it again"
+    finally:
+        kernels._extension.cache_clear()
 
 
 def test_an_extension_of_other_sources_is_not_used(monkeypatch):

@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from functools import cache, partial
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from p3dof.algebra import BLOCK
 from p3dof.checks import FloatArray, as_floats, shown
-from p3dof.compiled.extension.sources import fingerprint
+from p3dof.compiled.extension.sources import fingerprint, is_cut_off
 from p3dof.compiled.formulas import NAMES, WITH_FRICTION, Kernel, is_symmetric, kernel
 from p3dof.compiled.reduced import model_of
 from p3dof.compiled.reduced.friction import friction_numbers
@@ -352,28 +353,41 @@ def on_arrays(
     return good
 
 
+_CUT = "is cut off: install the package again"
 _OLD = "was compiled from other sources than are here: install the package again"
 
 
 @cache
 def _extension() -> Any:
+    found = _loaded()
+    if found is not None and not _is_old():
+        return found
+    if found is not None or _is_cut_off():
+        reason = _CUT if found is None else _OLD
+        warnings.warn(f"the compiled extension {reason}; until then NumPy does its work", stacklevel=2)
+    return None
+
+
+def _loaded() -> Any:
+    """Return the extension; None if there is none, or to load it would end the process."""
+    if _is_cut_off():
+        return None
     try:
         from p3dof.compiled.extension import _compiled
     except ImportError:
-        return None
-    if _is_old():
-        warnings.warn(f"the compiled extension {_OLD}; until then NumPy does its work", stacklevel=2)
         return None
     return _compiled
 
 
+def _is_cut_off() -> bool:
+    spec = find_spec("p3dof.compiled.extension._compiled")
+    return spec is not None and spec.origin is not None and is_cut_off(Path(spec.origin))
+
+
 def _is_old() -> bool:
     """Whether the extension loads, but is not of the sources beside it."""
-    try:
-        from p3dof.compiled.extension import _compiled
-    except ImportError:
-        return False
-    return _compiled.sources not in (0, fingerprint() or _compiled.sources)
+    found = _loaded()
+    return found is not None and found.sources not in (0, fingerprint() or found.sources)
 
 
 def _level(level: str | None) -> str:

@@ -48,3 +48,27 @@ def fingerprint(package: Path = PACKAGE) -> int | None:
     for file in (source, *headers(package)):
         found.update(file.read_bytes().replace(b"\r\n", b"\n"))
     return int.from_bytes(found.digest(), "big") >> 1
+
+
+def is_cut_off(library: Path) -> bool:
+    """Return whether a shared library ends before it says: to load it would end the process (SIGBUS).
+
+    Parameters
+    ----------
+    library : Path
+        The file. Only ELF, the format of Linux, can be told: its last table is at the end.
+
+    Returns
+    -------
+    bool
+    """
+    try:
+        with library.open("rb") as file:
+            head = file.read(64)
+        size = library.stat().st_size
+    except OSError:
+        return False  # loading it tells
+    if head[:6] != b"\x7fELF\x02\x01" or len(head) < 64:
+        return False
+    table, entry, count = (int.from_bytes(head[a:b], "little") for a, b in ((40, 48), (58, 60), (60, 62)))
+    return size < table + entry * count
