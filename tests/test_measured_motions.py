@@ -235,6 +235,8 @@ def test_noise_that_is_no_rounding_is_taken_out_too(exact):
     apart = np.abs(forces_of(found).forces - expected.forces).max()
     assert apart < 0.01 * np.abs(expected.forces).max()
     np.testing.assert_allclose(found.curve.fit.residual, 3e-5, rtol=0.1)
+    later = Motion.from_poses(motion.time + 7, noisy, smooth="auto")  # the zero of time is nothing to it
+    np.testing.assert_allclose(later.acceleration, found.acceleration, atol=1e-6)
 
 
 @pytest.mark.parametrize("count", [12, 26, 101, 1001])
