@@ -259,6 +259,7 @@ def test_a_screw_holds_itself_when_half_is_lost():
     assert Screw(0.005, "90 %", inertia=0.0, efficiency_back="80%").efficiency == 0.9
     usual = Screw(0.005, inertia=0.0), Belt(0.04), Gear(3)
     assert [part.efficiency for part in usual] == [0.9, 0.95, 1.0]
+    assert [part.drag for part in usual[:2]] == [0.0, 0.0]
     assert [part.efficiency_back for part in usual] == pytest.approx([8 / 9, 18 / 19, 1.0], rel=1e-14)
     assert Screw(0.005, 0.9, inertia=0.0).efficiency_back == pytest.approx(0.88889, abs=1e-5)
 
