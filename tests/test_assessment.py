@@ -146,7 +146,7 @@ def test_drives_stand_in_the_place_of_the_machine_s_armature(forces):
     )
     laden = p3dof.forces_of_task(heavy, TASK.plan(2.0, 501))
     assert np.abs(laden.forces - forces.forces).max() > 50
-    np.testing.assert_allclose(cycle_of(laden).force, forces.forces, atol=1e-9)
+    np.testing.assert_allclose(cycle_of(laden).force, forces.forces, rtol=0, atol=1e-9)
     catalogue = Catalogue([SMALL], SCREWS[:1])
     pair = [p3dof.size_drives(robot, one, catalogue)[0] for robot, one in ((ROBOT, forces), (heavy, laden))]
     for one, two in zip(*(sizing.axes for sizing in pair), strict=True):
@@ -291,10 +291,10 @@ def test_forces_and_reactions_of_a_task_are_those_of_its_pieces(forces):
         piece = next(piece for piece in forces.plan.pieces if piece.name == name)
         direct = machine.reactions(piece.motion, "elastic")
         rows = np.searchsorted(loads.time, piece.motion.time[1:-1])
-        np.testing.assert_allclose(loads.forces[rows], direct.forces[1:-1], atol=1e-9)
+        np.testing.assert_allclose(loads.forces[rows], direct.forces[1:-1], rtol=0, atol=1e-9)
         rows = np.searchsorted(one.time, piece.motion.time[1:-1])
         np.testing.assert_allclose(
-            one.forces[rows], machine.inverse_dynamics(piece.motion).forces[1:-1], atol=1e-9
+            one.forces[rows], machine.inverse_dynamics(piece.motion).forces[1:-1], rtol=0, atol=1e-9
         )
     report = bearing_life(p3dof.PAPER, loads, PARTS)
     assessed = p3dof.assess(ROBOT, forces, bearings=PARTS).bearings
@@ -373,7 +373,7 @@ def test_friction_that_grows_with_loads_is_in_all_of_it():
     assert one["peak force of A"].values[0] == pytest.approx(found.found.peak_forces[0], rel=1e-9)
     # Of a guide, actuator and friction act along it together: their sum is what moves the slider.
     along = without_jumps(found.reactions, plan)["slide_a"].forces[:, 2]
-    np.testing.assert_allclose(along, joined(bare.found).forces[:, 0], atol=1e-8)
+    np.testing.assert_allclose(along, joined(bare.found).forces[:, 0], rtol=0, atol=1e-8)
 
 
 @pytest.mark.parametrize(

@@ -130,11 +130,11 @@ def test_assemble_takes_units_and_writes_a_reference(capsys, tmp_path, five_bar)
     expected = robots.five_bar_q(1.9, np.deg2rad(70))
     found = columns(tmp_path / "q.csv")
     assert list(found) == ["left_joint", "left_elbow", "right_joint", "right_elbow"]
-    np.testing.assert_allclose([value[0] for value in found.values()], expected, atol=1e-12)
+    np.testing.assert_allclose([value[0] for value in found.values()], expected, rtol=0, atol=1e-12)
     assert loop(capsys, "assemble", five_bar, *values, "--out", tmp_path / "q.yaml")[0] == 0
     reference = yaml.safe_load((tmp_path / "q.yaml").read_text())["reference"]
     again = p3dof.load_robot(five_bar, reference=reference)
-    np.testing.assert_allclose(again.reference, expected, atol=1e-12)
+    np.testing.assert_allclose(again.reference, expected, rtol=0, atol=1e-12)
     code, out, err = loop(capsys, "assemble", five_bar, "--set", "right_joint=1.2", "--out", "-")
     assert code == 0
     assert out.startswith("left_joint,")
@@ -276,7 +276,7 @@ def test_simulate_keeps_energy_and_loops(capsys, tmp_path, five_bar):
     np.testing.assert_array_equal(found["force left_joint [N m]"], 2.0)
     np.testing.assert_array_equal(found["force right_joint [N m]"], 0.0)
     angles = np.column_stack([found[name] for name in ("left_joint", "right_joint")])
-    np.testing.assert_allclose(angles[0], [1.9, 1.2], atol=1e-12)
+    np.testing.assert_allclose(angles[0], [1.9, 1.2], rtol=0, atol=1e-12)
     work = 2.0 * (angles[-1, 0] - angles[0, 0])  # a constant torque
     assert abs(work) > 0.1
     assert found["energy [J]"][-1] - found["energy [J]"][0] == pytest.approx(work, abs=1e-7)
@@ -689,5 +689,5 @@ def test_rods_of_a_robot_reach_from_joint_to_joint_and_meet_where_loops_close():
     assert ground == {tuple(np.round(ends[f"{side}_joint_rod_0"][0], 9)) for side in ("left", "right")}
     for side in ("left", "right"):
         near, far = ends[f"{side}_joint_rod_0"], ends[f"{side}_elbow_rod_0"]
-        np.testing.assert_allclose(near[1], far[0], atol=1e-12)
-    np.testing.assert_allclose(ends["left_elbow_rod_0"][1], ends["right_elbow_rod_0"][1], atol=1e-9)
+        np.testing.assert_allclose(near[1], far[0], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(ends["left_elbow_rod_0"][1], ends["right_elbow_rod_0"][1], rtol=0, atol=1e-9)

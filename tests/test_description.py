@@ -194,7 +194,7 @@ def test_joint_axes_and_their_signs():
         model, data, pin.neutral(model), model.getFrameId("rod_right_tip"), pin.LOCAL_WORLD_ALIGNED
     )
     np.testing.assert_allclose(
-        tip[:3, model.idx_vs[model.getJointId("hinge_right")]], [0, g.L, 0], atol=1e-14
+        tip[:3, model.idx_vs[model.getJointId("hinge_right")]], [0, g.L, 0], rtol=0, atol=1e-14
     )
 
 

@@ -195,7 +195,9 @@ def test_they_are_those_of_springs_between_bodies(seed):
     for i in range(len(motion)):
         springs = Springs(parameters, book, i, stiffness)
         needs = [-np.concatenate([part[i] for part in book.needs[name]]) for name in BODIES]
-        np.testing.assert_allclose(wrenches[i], springs.wrenches(np.concatenate(needs)), atol=1e-8 * scale)
+        np.testing.assert_allclose(
+            wrenches[i], springs.wrenches(np.concatenate(needs)), rtol=0, atol=1e-8 * scale
+        )
         H, each = springs.influence(), stiffness.misfits().ravel()
         np.testing.assert_allclose(fit[0, i].ravel(), np.abs(H) @ each, rtol=1e-6, atol=1e-8)
         np.testing.assert_allclose(fit[1, i].ravel() ** 2, H**2 @ each**2, rtol=1e-6, atol=1e-8)
@@ -222,7 +224,7 @@ def test_friction_in_joints_bends_the_rods_too(seed):
                 axes = [rotation[i].T @ axis for axis in np.eye(3)[:2]]  # a leg turns about x, the platform y
             row[3:] = -4.0 * sum(axis * np.tanh(axis @ spin / 0.3) for axis in axes)
         load = -np.concatenate([np.concatenate([part[i] for part in book.needs[name]]) for name in BODIES])
-        np.testing.assert_allclose(wrenches[i], springs.wrenches(load, own), atol=1e-8 * scale)
+        np.testing.assert_allclose(wrenches[i], springs.wrenches(load, own), rtol=0, atol=1e-8 * scale)
     assert np.abs(result["loop_a"].moments[:, 1]).max() > 0.1
     assert result.residual.max() < 1e-10 * scale
 
@@ -255,7 +257,7 @@ def test_with_payloads_and_tilted_gravity_and_balls_they_are_exact(seed):
     for i in range(len(motion)):
         needs = [-np.concatenate([part[i] for part in book.needs[name]]) for name in BODIES]
         exact = exact_wrenches(Springs(parameters, book, i, stiffness, kind), np.concatenate(needs))
-        np.testing.assert_allclose(wrenches[i], exact, atol=1e-11 * scale)
+        np.testing.assert_allclose(wrenches[i], exact, rtol=0, atol=1e-11 * scale)
     rigid = robot.reactions(motion, kind, wrench=states.wrench)
     fixed = np.concatenate([rigid.determined_forces, rigid.determined_moments], axis=-1)
     assert np.abs(wrenches - components(rigid))[fixed].max() < 1e-13 * scale
@@ -286,9 +288,9 @@ def test_the_mirrored_motion_has_mirrored_rods(robot, found):
         sizes = [
             np.linalg.norm(result[name].forces, axis=-1) for result, name in ((found, one), (other, two))
         ]
-        np.testing.assert_allclose(*sizes, atol=1e-10)
+        np.testing.assert_allclose(*sizes, rtol=0, atol=1e-10)
     left, right = found["hinge_left"].forces[:, 0], other["hinge_right"].forces[:, 0]
-    np.testing.assert_allclose(left, right, atol=1e-10)
+    np.testing.assert_allclose(left, right, rtol=0, atol=1e-10)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -312,7 +314,7 @@ def test_mirrored_loads_are_mirrored_whatever_the_stiffness(seed):
                 np.linalg.norm(getattr(found[key], kind), axis=-1)
                 for found, key in ((one, name), (other, twin))
             ]
-            np.testing.assert_allclose(*sizes, atol=1e-10)
+            np.testing.assert_allclose(*sizes, rtol=0, atol=1e-10)
 
 
 def test_what_rigid_bodies_determine_stays(robot, found):
@@ -354,8 +356,8 @@ def test_stiffness_that_is_alike_in_all_joints_is_the_choice_of_the_idealisation
     solver = ReactionSolver(robot.loop, cuts("paper"), compliances=alike)
     for i in range(len(motion)):
         one = solver.solve(states.q[i], states.v[i], states.a[i], forces[i])
-        np.testing.assert_allclose(one.forces, rigid.forces[i], atol=1e-9)
-        np.testing.assert_allclose(one.moments, rigid.moments[i], atol=1e-9)
+        np.testing.assert_allclose(one.forces, rigid.forces[i], rtol=0, atol=1e-9)
+        np.testing.assert_allclose(one.moments, rigid.moments[i], rtol=0, atol=1e-9)
 
 
 def test_the_tip_of_a_beam_gives_way_as_the_text_book_says():

@@ -67,7 +67,7 @@ def test_the_four_bar_turns_freely_without_end():
 
 
 def test_the_delta_shifts_and_does_not_turn(page):
-    np.testing.assert_allclose(page["turning"], 0, atol=1e-12)
+    np.testing.assert_allclose(page["turning"], 0, rtol=0, atol=1e-12)
     assert page["mobility"] == 3
     assert page["delta"].unique.all()
 

@@ -33,10 +33,10 @@ def test_home():
         assert abs(value) < 4e-16, name  # a rounding or two of lengths of 0.5 m
     for name, body in motion.bodies.items():
         if not name.startswith(("leg", "rod")):
-            np.testing.assert_allclose(body.rotation, np.eye(3), atol=1e-15, err_msg=name)
-    np.testing.assert_allclose(motion.bodies["platform"].origin, [0, 0, -G.h], atol=1e-16)
-    np.testing.assert_allclose(motion.bodies["platform"].joint, [-G.r, 0, -G.h], atol=1e-16)
-    np.testing.assert_allclose(motion.bodies["crossbar_lower"].joint, [-G.r, G.b, -G.h], atol=1e-16)
+            np.testing.assert_allclose(body.rotation, np.eye(3), rtol=0, atol=1e-15, err_msg=name)
+    np.testing.assert_allclose(motion.bodies["platform"].origin, [0, 0, -G.h], rtol=0, atol=1e-16)
+    np.testing.assert_allclose(motion.bodies["platform"].joint, [-G.r, 0, -G.h], rtol=0, atol=1e-16)
+    np.testing.assert_allclose(motion.bodies["crossbar_lower"].joint, [-G.r, G.b, -G.h], rtol=0, atol=1e-16)
 
 
 @settings(max_examples=100)
@@ -106,7 +106,7 @@ def test_every_assembly_mode_closes_the_legs(seed):
 def test_paper_has_four_modes_at_home_and_the_working_one_is_first():
     modes = kinematics.forward_kinematics(G, [0.0, 0.0, 0.0], all_modes=True)
     assert np.isfinite(modes).all()
-    np.testing.assert_allclose(modes[0], 0, atol=1e-15)
+    np.testing.assert_allclose(modes[0], 0, rtol=0, atol=1e-15)
     assert len(np.unique(modes.round(9), axis=0)) == 4
     assert (modes[2:, 1] > 2 * G.h - 1e-9).all()  # platform above the sliders
 
@@ -115,7 +115,7 @@ def test_forward_kinematics_follows_theta_past_minus_pi_over_two():
     theta = np.linspace(-2.5, 1.04, 100)
     pose = np.column_stack([0 * theta, 0 * theta, theta])
     back = kinematics.forward_kinematics(G, kinematics.inverse_kinematics(G, pose).sliders)
-    np.testing.assert_allclose(back, pose, atol=1e-12)
+    np.testing.assert_allclose(back, pose, rtol=0, atol=1e-12)
 
 
 @settings(max_examples=50)

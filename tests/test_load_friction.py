@@ -73,7 +73,7 @@ def test_both_methods_agree(robot):
             for method in ("pinocchio", "virtual-power")
         )
         largest = np.abs(one.reactions.forces).max()
-        np.testing.assert_allclose(one.result.forces, other.result.forces, atol=1e-13 * largest)
+        np.testing.assert_allclose(one.result.forces, other.result.forces, rtol=0, atol=1e-13 * largest)
         for name, limit in one.coulomb.limits.items():
             np.testing.assert_allclose(limit, other.coulomb.limits[name], rtol=1e-11)
 
@@ -139,7 +139,7 @@ def test_on_random_machines_it_is_the_virtual_power_of_its_own_reactions(seed, m
         motion, "elastic", wrench=states.wrench, stiffness=stiffness, load_friction=friction
     )
     scale = np.abs(again.forces).max() * conditioning(machine.geometry, states.pose).max()
-    np.testing.assert_allclose(found.reactions.forces, again.forces, atol=1e-12 * scale)
+    np.testing.assert_allclose(found.reactions.forces, again.forces, rtol=0, atol=1e-12 * scale)
     limits = expected_limits(friction, again, found.result.nut_forces)
     assert limits.keys() == found.coulomb.limits.keys()
     for name, limit in limits.items():
@@ -151,7 +151,7 @@ def test_on_random_machines_it_is_the_virtual_power_of_its_own_reactions(seed, m
             for axis in range(limit.shape[1]):
                 one = replace(machine, friction=Friction({}, {name: limit[i, axis]}, friction.smoothing))
                 added += share_of(one, name, axis, motion.pose[i], motion.velocity[i])
-        np.testing.assert_allclose(found.result.forces[i] - base[i], added, atol=1e-10 * scale)
+        np.testing.assert_allclose(found.result.forces[i] - base[i], added, rtol=0, atol=1e-10 * scale)
     assert np.abs(found.result.power_residual).max() < 1e-11 * scale
     assert np.abs(again.residual).max() < 1e-10 * scale
 
@@ -179,7 +179,7 @@ def test_the_mirrored_motion_has_mirrored_friction(robot):
     friction = replace(ALL, joints={})
     one = robot.load_friction(motion, friction, stiffness=S1)
     other = robot.load_friction(Motion(motion.time, *mirror), friction, stiffness=S1)
-    np.testing.assert_allclose(other.result.forces, one.result.forces[:, [1, 0, 2]], atol=1e-10)
+    np.testing.assert_allclose(other.result.forces, one.result.forces[:, [1, 0, 2]], rtol=0, atol=1e-10)
     twins = {
         "hinge_left": "hinge_right",
         "hinge_lower": "hinge_lower_right",
@@ -188,7 +188,7 @@ def test_the_mirrored_motion_has_mirrored_friction(robot):
         "slide_a": "slide_b",
     }
     for name, twin in twins.items():
-        np.testing.assert_allclose(other.coulomb.limits[twin], one.coulomb.limits[name], atol=1e-10)
+        np.testing.assert_allclose(other.coulomb.limits[twin], one.coulomb.limits[name], rtol=0, atol=1e-10)
 
 
 def test_friction_of_a_guide_stays_with_its_actuator(robot):
@@ -197,9 +197,9 @@ def test_friction_of_a_guide_stays_with_its_actuator(robot):
     found = robot.load_friction(paper_motion(21), friction, stiffness=S1)
     assert np.abs(found.additions[:, [0, 2]]).max() < 1e-11
     assert found.largest_additions[1] > 2
-    np.testing.assert_allclose(found.of_guides, found.additions, atol=1e-11)
+    np.testing.assert_allclose(found.of_guides, found.additions, rtol=0, atol=1e-11)
     plain = robot.reactions(paper_motion(21), "elastic", stiffness=S1)
-    np.testing.assert_allclose(found.reactions.forces, plain.forces, atol=1e-10)
+    np.testing.assert_allclose(found.reactions.forces, plain.forces, rtol=0, atol=1e-10)
     assert found.steps <= 2
 
 
@@ -232,12 +232,12 @@ def test_rotors_and_balances_load_no_joint(robot):
         heavy = p3dof.load(replace(PAPER, actuators=actuators))
         for method in ("pinocchio", "virtual-power"):
             found = heavy.load_friction(motion, plain, method=method, stiffness=S1)
-            np.testing.assert_allclose(found.additions, bare.additions, atol=1e-10)
+            np.testing.assert_allclose(found.additions, bare.additions, rtol=0, atol=1e-10)
             lossy = heavy.load_friction(motion, screws, method=method, stiffness=S1)
             nuts = found.result.forces - found.result.slider_accelerations * actuators.rotors
-            np.testing.assert_allclose(lossy.result.nut_forces, nuts, atol=1e-10)
+            np.testing.assert_allclose(lossy.result.nut_forces, nuts, rtol=0, atol=1e-10)
             lost = 0.1 * np.abs(nuts) * np.tanh(lossy.result.slider_velocities / 1e-3)
-            np.testing.assert_allclose(lossy.result.forces - found.result.forces, lost, atol=1e-10)
+            np.testing.assert_allclose(lossy.result.forces - found.result.forces, lost, rtol=0, atol=1e-10)
             assert np.abs(lossy.result.power_residual).max() < 1e-9
 
 
@@ -349,7 +349,10 @@ def test_invalid_samples_stay_out(robot):
         assert np.flatnonzero(~found.result.valid).tolist() == [4]
         whole = robot.load_friction(motion, REFERENCE)
         np.testing.assert_allclose(
-            np.delete(found.result.forces, 4, axis=0), np.delete(whole.result.forces, 4, axis=0), atol=1e-10
+            np.delete(found.result.forces, 4, axis=0),
+            np.delete(whole.result.forces, 4, axis=0),
+            rtol=0,
+            atol=1e-10,
         )
         assert np.isnan(found.largest_additions).all()
         assert "nan" in str(additions_table(found).rows)
@@ -375,10 +378,10 @@ def test_where_it_does_not_apply_it_is_refused(robot):
 def test_reactions_bearings_and_page_have_it(robot, effect):
     motion = paper_motion(101)
     every = robot.reactions(motion, stiffness=S1, load_friction=REFERENCE)
-    np.testing.assert_allclose(every.elastic.forces, effect.reactions.forces, atol=1e-9)
+    np.testing.assert_allclose(every.elastic.forces, effect.reactions.forces, rtol=0, atol=1e-9)
     assert every.residual.max() < 1e-10
     known = of_result(robot.loop, PAPER, effect.result, "elastic", stiffness=S1)
-    np.testing.assert_allclose(known.forces, effect.reactions.forces, atol=1e-9)
+    np.testing.assert_allclose(known.forces, effect.reactions.forces, rtol=0, atol=1e-9)
     parts = Bearings(Bearing(3000.0), Guide(1e4, 50e3, (120, 120, 150)))
     bare = bearing_life(PAPER, robot.reactions(motion, "elastic", stiffness=S1), parts)
     rough = bearing_life(PAPER, every, parts)
@@ -406,7 +409,7 @@ def test_tasks_and_drives_have_it(robot, tmp_path):
     assert (np.abs(rough.forces - bare.forces).max(axis=0) > 3).all()
     laden = p3dof.load(PAPER.carrying(plan.pieces[0].payload))
     own = laden.inverse_dynamics(plan.pieces[0].motion, load_friction=REFERENCE, stiffness=S1)
-    np.testing.assert_allclose(rough.results[0].forces, own.forces, atol=1e-10)
+    np.testing.assert_allclose(rough.results[0].forces, own.forces, rtol=0, atol=1e-10)
     drive = next(iter(GENERIC))
     assert p3dof.size_drives(robot, rough, drive)[0].worst[1].share > 0
     lossy = LoadFriction(slides=SlideContact(screw=0.1))

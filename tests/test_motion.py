@@ -793,17 +793,17 @@ def test_from_rest_derivatives_are_those_of_its_poses(ramp, stop):
     eased = paper_motion(2001).from_rest(ramp, stop, samples=4001)
     assert eased.duration == pytest.approx(1 + (ramp + stop) / 2)
     velocity, acceleration = splines.derivatives(eased.time, eased.pose, 2)
-    np.testing.assert_allclose(eased.velocity, velocity, atol=1e-8)
+    np.testing.assert_allclose(eased.velocity, velocity, rtol=0, atol=1e-8)
     np.testing.assert_allclose(eased.acceleration, acceleration, atol=1e-5)
     if stop:
-        np.testing.assert_allclose(eased.pose[-1], paper_motion(2).pose[-1], atol=1e-14)
-        np.testing.assert_allclose([eased.velocity[-1], eased.acceleration[-1]], 0, atol=1e-14)
+        np.testing.assert_allclose(eased.pose[-1], paper_motion(2).pose[-1], rtol=0, atol=1e-14)
+        np.testing.assert_allclose([eased.velocity[-1], eased.acceleration[-1]], 0, rtol=0, atol=1e-14)
 
 
 def test_from_rest_keeps_a_late_beginning():
     motion = paper_motion(101)
     late = Motion(motion.time + 7, motion.pose, motion.velocity, motion.acceleration)
-    np.testing.assert_allclose(late.from_rest(0.1).pose, motion.from_rest(0.1).pose, atol=1e-13)
+    np.testing.assert_allclose(late.from_rest(0.1).pose, motion.from_rest(0.1).pose, rtol=0, atol=1e-13)
 
 
 @pytest.mark.parametrize(

@@ -95,8 +95,10 @@ def test_paper_masses_are_the_printed_ones():
 @pytest.mark.parametrize("name", LEGS)
 def test_paper_leg_inertia_is_the_printed_one_about_the_upper_joint(name):
     leg = getattr(PAPER.bodies, name)
-    np.testing.assert_allclose(leg.com, [0.2, 0, 0], atol=1e-15)
-    np.testing.assert_allclose(leg.inertia_about(np.zeros(3)), np.diag([0.0006, 0.0524, 0.0524]), atol=1e-16)
+    np.testing.assert_allclose(leg.com, [0.2, 0, 0], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(
+        leg.inertia_about(np.zeros(3)), np.diag([0.0006, 0.0524, 0.0524]), rtol=0, atol=1e-16
+    )
 
 
 def test_paper_platform_inertia_is_the_printed_one_about_c5_in_the_axes_of_t5():
@@ -104,7 +106,7 @@ def test_paper_platform_inertia_is_the_printed_one_about_c5_in_the_axes_of_t5():
     axes = np.column_stack([x0, -z0, y0])  # of T5, in the platform frame
     printed = np.diag([0.0269, 0.0658, 0.0501])
     got = PAPER.bodies.platform.inertia_about([-PAPER.geometry.r, 0, 0])
-    np.testing.assert_allclose(axes.T @ got @ axes, printed, atol=1e-16)
+    np.testing.assert_allclose(axes.T @ got @ axes, printed, rtol=0, atol=1e-16)
 
 
 def test_paper_platform_mass_centre():
@@ -125,7 +127,7 @@ def test_solids_round_to_the_printed_masses():
 def test_solids_platform_about_c5_is_the_printed_inertia_but_for_one_entry():
     about_c5 = SOLIDS.bodies.platform.inertia_about([-0.1, 0, 0])
     assert np.round(np.diag(about_c5), 4).tolist() == [0.0269, 0.0501, 0.0736]  # printed: .0269, .0501, .0658
-    np.testing.assert_allclose(about_c5, np.diag(np.diag(about_c5)), atol=1e-16)
+    np.testing.assert_allclose(about_c5, np.diag(np.diag(about_c5)), rtol=0, atol=1e-16)
 
 
 def test_solids_legs_are_near_the_printed_inertia():
@@ -137,8 +139,8 @@ def test_solids_follow_the_geometry():
     twice = of_solids(Geometry(r=0.2, R=0.5, L=0.8, b=0.1))
     for (_, big), (_, small) in zip(twice.bodies.items(), SOLIDS.bodies.items(), strict=True):
         assert big.mass == pytest.approx(8 * small.mass)
-        np.testing.assert_allclose(big.com, 2 * small.com, atol=1e-15)
-        np.testing.assert_allclose(big.inertia, 32 * small.inertia, atol=1e-15)
+        np.testing.assert_allclose(big.com, 2 * small.com, rtol=0, atol=1e-15)
+        np.testing.assert_allclose(big.inertia, 32 * small.inertia, rtol=0, atol=1e-15)
     heavy = of_solids(density=2 * STEEL_DENSITY, limits=Limits(speed=1.0))
     assert heavy.bodies.mass == pytest.approx(2 * SOLIDS.bodies.mass)
     assert heavy.limits.speed == 1.0
@@ -188,7 +190,7 @@ def test_the_rounded_plate_against_its_outline(corners, radius, thickness):
     mass = 1000 * thickness * area
     plate = rounded_plate(corners, radius, thickness, density=1000)
     assert plate.mass == pytest.approx(mass, rel=1e-8)
-    np.testing.assert_allclose(plate.com, [*centroid, 0], atol=1e-9)
+    np.testing.assert_allclose(plate.com, [*centroid, 0], rtol=0, atol=1e-9)
     xx, yy, xy = 1000 * thickness * np.array([second[0, 0], second[1, 1], second[0, 1]])
     across = mass * thickness**2 / 12
     expected = [[yy + across, -xy, 0], [-xy, xx + across, 0], [0, 0, xx + yy]]
@@ -255,7 +257,7 @@ def test_a_cylinder_against_its_integrals(axis, start):
     spread = np.full(3, 10 * length * across / 2)  # ∫ d_i² dm about the mass centre
     spread[axis] = 10 * area * ((start + length - middle) ** 3 - (start - middle) ** 3) / 3
     assert body.mass == pytest.approx(10 * area * length)
-    np.testing.assert_allclose(body.com, middle * np.eye(3)[axis], atol=1e-16)
+    np.testing.assert_allclose(body.com, middle * np.eye(3)[axis], rtol=0, atol=1e-16)
     np.testing.assert_allclose(body.inertia, np.diag(spread.sum() - spread), rtol=1e-9)
 
 
@@ -358,8 +360,8 @@ def test_about_and_inertia_about_are_inverse(mass, com, point, turn, spread):
     moved = body.inertia_about(point)
     again = Body.about(point, mass, com, moved)
     scale = max(1.0, np.abs(moved).max())
-    np.testing.assert_allclose(again.inertia, inertia, atol=1e-13 * scale)
-    np.testing.assert_allclose(body.inertia_about(com), inertia, atol=1e-15)
+    np.testing.assert_allclose(again.inertia, inertia, rtol=0, atol=1e-13 * scale)
+    np.testing.assert_allclose(body.inertia_about(com), inertia, rtol=0, atol=1e-15)
     # Against the definition: the mass as three pairs of points along the principal axes.
     points = np.vstack([np.array(com) + sign * axes.T for sign in (1, -1)])  # (6, 3)
     weights = np.tile(np.array(spread) / 2, 2)
@@ -368,7 +370,7 @@ def test_about_and_inertia_about_are_inverse(mass, com, point, turn, spread):
     arm = np.array(com) - point
     expected = sum(w * (d @ d * np.eye(3) - np.outer(d, d)) for w, d in zip(weights, arms, strict=True))
     expected = expected + rest * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    np.testing.assert_allclose(moved, expected, atol=1e-11 * scale)
+    np.testing.assert_allclose(moved, expected, rtol=0, atol=1e-11 * scale)
 
 
 @pytest.mark.parametrize(
@@ -596,7 +598,7 @@ def test_the_form_by_kinds():
     assert {getattr(parameters.bodies, name).mass for name in SLIDERS} == {1.0}
     for name in LEGS:
         leg = getattr(parameters.bodies, name)
-        np.testing.assert_allclose(np.diag(leg.inertia), [0.0006, 0.0124, 0.0124], atol=1e-17)
+        np.testing.assert_allclose(np.diag(leg.inertia), [0.0006, 0.0124, 0.0124], rtol=0, atol=1e-17)
     assert parameters.bodies.crossbar_lower.mass == 0
     assert parameters.bodies.slider_a.inertia[0, 0] == 1e-3  # text to YAML 1.1
 

@@ -97,7 +97,7 @@ def test_a_sidecar_makes_a_hinge_a_ball_that_keeps_its_name():
     turned = pin.SE3(pin.exp3(np.array([0.1, -0.4, 0.2])), np.array([0.4, 0, 0]))
     expected = pin.SE3(pin.exp3(np.array([0, 0.7, 0])), np.zeros(3)) * turned
     np.testing.assert_allclose(
-        data.oMf[model.getFrameId("lower")].homogeneous, expected.homogeneous, atol=1e-15
+        data.oMf[model.getFrameId("lower")].homogeneous, expected.homogeneous, rtol=0, atol=1e-15
     )
 
 
@@ -113,6 +113,7 @@ def test_a_sidecar_makes_a_hinge_a_universal_joint_of_two(axes):
     np.testing.assert_allclose(
         data.oMf[model.getFrameId("lower")].rotation,
         pin.exp3(0.5 * first) @ pin.exp3(-0.8 * second),
+        rtol=0,
         atol=1e-15,
     )
     assert sum(body.mass for body in model.inertias) == robots.ROD.mass + robots.BAR.mass
@@ -157,7 +158,10 @@ def test_other_joints_change_nothing_else():
         *rng.random((2, model.nv)),
     )
     np.testing.assert_allclose(
-        pin.rnea(copy, copy.createData(), q, v, a), pin.rnea(model, model.createData(), q, v, a), atol=1e-12
+        pin.rnea(copy, copy.createData(), q, v, a),
+        pin.rnea(model, model.createData(), q, v, a),
+        rtol=0,
+        atol=1e-12,
     )
     for field in ("lowerPositionLimit", "upperPositionLimit", "upperEffortLimit", "armature"):
         np.testing.assert_array_equal(getattr(copy, field), getattr(model, field))
@@ -185,8 +189,8 @@ def test_a_loop_of_urdf_plus_is_a_closure_along_its_axis(kind, expected):
     assert closure == Closure("ring_predecessor", "ring_successor", expected)
     frame = loaded.model.frames[loaded.model.getFrameId("ring_predecessor")]
     rotation = pin.exp3(np.array([0, 0.3, 0]))
-    np.testing.assert_allclose(frame.placement.translation, [0.4, 0, 0], atol=1e-15)
-    np.testing.assert_allclose(frame.placement.rotation[:, 2], rotation @ [0, 1, 0], atol=1e-15)
+    np.testing.assert_allclose(frame.placement.translation, [0.4, 0, 0], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(frame.placement.rotation[:, 2], rotation @ [0, 1, 0], rtol=0, atol=1e-15)
     assert np.linalg.det(frame.placement.rotation) == pytest.approx(1)
 
 
@@ -474,7 +478,7 @@ def test_whole_turns_of_continuous_joints_change_no_coupling_of_several():
     for turns in ((0, 0, 0), (1, 0, 0), (0, -2, 3)):
         turned = (angles + 2 * math.pi * np.array(turns))[order]
         q = np.column_stack((np.cos(turned), np.sin(turned))).ravel()
-        np.testing.assert_allclose(loaded.closure_error(q), 0, atol=1e-14)
+        np.testing.assert_allclose(loaded.closure_error(q), 0, rtol=0, atol=1e-14)
 
 
 @pytest.mark.parametrize(

@@ -318,7 +318,7 @@ def test_references_that_are_none():
     still = reference()
     assert (still.duration, still.size) == (1.0, 2)
     values, speeds, accelerations = still.over(np.array([-1.0, 2.0]))
-    np.testing.assert_allclose(values, [[1.9, 1.2], [2.0, 1.05]], atol=1e-12)
+    np.testing.assert_allclose(values, [[1.9, 1.2], [2.0, 1.05]], rtol=0, atol=1e-12)
     assert not speeds.any()
     assert not accelerations.any()
 
@@ -383,7 +383,7 @@ def test_forces_and_speeds_beyond_the_file_are_told():
 def test_a_run_starts_where_an_initial_state_says():
     loop = slider()
     run = simulate_robot(loop, 1.0, InitialState(joints=([0.5], [0.2])), samples=3)
-    np.testing.assert_allclose(run.q[:, 0], [0.5, 0.6, 0.7], atol=1e-12)
+    np.testing.assert_allclose(run.q[:, 0], [0.5, 0.6, 0.7], rtol=0, atol=1e-12)
     free = pin.Model()
     free.addJoint(0, pin.JointModelSpherical(), pin.SE3.Identity(), "ball")
     free.appendBodyToJoint(1, pin.Inertia.Random(), pin.SE3.Identity())

@@ -252,7 +252,7 @@ def test_a_controller_is_called_at_its_rate_only():
         return HOME
 
     p3dof.load().simulate(0.1, controller=controller, control=ControlLoop(1000), method="compiled")
-    np.testing.assert_allclose(asked, np.arange(100) / 1000, atol=1e-15)
+    np.testing.assert_allclose(asked, np.arange(100) / 1000, rtol=0, atol=1e-15)
 
 
 @pytest.mark.parametrize("answer", [lambda: 1 / 0, lambda: [0, 0, np.nan], lambda: None, lambda: [1, 2]])
@@ -268,8 +268,8 @@ def test_a_controller_that_fails_keeps_the_run_until_there(answer):
     one, other = errors
     assert str(one) == str(other)
     assert (one.time, one.run.stop) == (pytest.approx(other.time, abs=1e-12), other.run.stop)
-    np.testing.assert_allclose(one.run.time, other.run.time, atol=1e-12)
-    np.testing.assert_allclose(one.run.pose, other.run.pose, atol=1e-9)
+    np.testing.assert_allclose(one.run.time, other.run.time, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(one.run.pose, other.run.pose, rtol=0, atol=1e-9)
 
 
 def test_bad_starts_are_refused_as_in_python():

@@ -97,9 +97,9 @@ def test_a_curve_is_the_polynomial_through_few_poses(six):
     pose, velocity, acceleration = six.curve.at(t)
     for k in range(3):
         known = fit.fit(six.time, SIX[:, k], 5)
-        np.testing.assert_allclose(pose[:, k], known(t), atol=1e-13)
-        np.testing.assert_allclose(velocity[:, k], known.deriv()(t), atol=1e-11)
-        np.testing.assert_allclose(acceleration[:, k], known.deriv(2)(t), atol=1e-9)
+        np.testing.assert_allclose(pose[:, k], known(t), rtol=0, atol=1e-13)
+        np.testing.assert_allclose(velocity[:, k], known.deriv()(t), rtol=0, atol=1e-11)
+        np.testing.assert_allclose(acceleration[:, k], known.deriv(2)(t), rtol=0, atol=1e-9)
     assert repr(six.curve) == "Curve(through 6 poses, 0 to 0.5 s)"
 
 

@@ -138,8 +138,8 @@ def test_let_go_at_home_it_falls_freely_to_its_stops(method):
     assert run.stop.time == pytest.approx(np.sqrt(2 * 0.2 / 9.806), abs=1e-9)
     assert re.fullmatch("slider [ABC] at its lower end, -0.2 m", run.stop.reason)  # all at once
     assert run.time[-1] == run.stop.time
-    np.testing.assert_allclose(run.sliders[-1], -0.2, atol=1e-9)
-    np.testing.assert_allclose(run.pose[:, 1], -9.806 * run.time**2 / 2, atol=1e-9)
+    np.testing.assert_allclose(run.sliders[-1], -0.2, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(run.pose[:, 1], -9.806 * run.time**2 / 2, rtol=0, atol=1e-9)
     np.testing.assert_array_equal(run.time[:-1], np.linspace(0, 1, 1001)[: len(run) - 1])
     assert "ended by slider stop at t = 0.201969 s" in repr(run)
 
@@ -211,7 +211,7 @@ def test_held_forces_are_those_of_the_last_period():
         method="virtual-power",
         samples=np.linspace(0, 0.1, 101),
     )
-    np.testing.assert_allclose(times, np.arange(10) * 0.01, atol=1e-15)
+    np.testing.assert_allclose(times, np.arange(10) * 0.01, rtol=0, atol=1e-15)
     assert len(run) == 101
     for k in range(10):
         assert np.all(run.forces[10 * k : 10 * k + 10] == run.forces[10 * k])
@@ -330,7 +330,7 @@ def test_a_sample_at_a_tick_has_the_forces_that_begin_there(rate, duration, samp
         samples=samples,
     )
     tick = np.minimum(np.floor(run.time * rate + 1e-6), np.ceil(duration * rate - 1e-6) - 1)
-    np.testing.assert_allclose(run.forces[:, 0] - hold[0], tick % 7, atol=1e-12)
+    np.testing.assert_allclose(run.forces[:, 0] - hold[0], tick % 7, rtol=0, atol=1e-12)
 
 
 def test_a_controller_may_fill_the_same_array_again():
@@ -539,7 +539,7 @@ def test_a_controller_that_fails_says_when_and_keeps_the_run(method, rate, answe
     if rate:
         assert error.time == pytest.approx(0.05)
         assert error.run.time[-1] == pytest.approx(0.049, abs=2e-3)
-        np.testing.assert_allclose(error.run.pose, 0, atol=1e-9)
+        np.testing.assert_allclose(error.run.pose, 0, rtol=0, atol=1e-9)
     assert not error.run.finished
     assert error.run.stop.kind == "controller"
     assert error.run.stop.time == error.time
@@ -603,7 +603,7 @@ def test_files_hold_the_run(tmp_path):
     followed = robot.simulate(
         0.01, controller=p3dof.PD(robot, motion), reference=other, method="virtual-power", samples=2
     )
-    np.testing.assert_allclose(followed.reference, other.resampled([0, 0.01]).pose, atol=1e-14)
+    np.testing.assert_allclose(followed.reference, other.resampled([0, 0.01]).pose, rtol=0, atol=1e-14)
     with pytest.raises(InputError, match="motion: expected a Motion, got 3"):
         robot.simulate(0.01, reference=3, method="virtual-power")
     with pytest.raises(InputError, match="error: the run had no motion to follow"):

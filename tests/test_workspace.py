@@ -139,7 +139,7 @@ def test_volume_and_areas_of_random_machines_are_what_random_poses_count(seed):
     some = pose[inside][:200]
     low, high = space.z_range(some[:, 0], some[:, 2])
     assert ((low <= some[:, 1] + 1e-9) & (some[:, 1] <= high + 1e-9)).all()
-    np.testing.assert_allclose(high - low, space.height(some[:, 0], some[:, 2]), atol=1e-12)
+    np.testing.assert_allclose(high - low, space.height(some[:, 0], some[:, 2]), rtol=0, atol=1e-12)
     # constant orientation, dexterous and reachable are of one order
     assert space.dexterous(0.1) <= space.area(0.0) * (1 + 1e-9) + 1e-15
     assert space.area(0.05) <= space.reachable * (1 + 1e-9)
@@ -218,7 +218,7 @@ def test_the_loci_are_where_the_machine_is_singular():
             assert inner.sum() > 400
             np.testing.assert_allclose(known.actuation[inner], 0, atol=2e-6)
         else:
-            np.testing.assert_allclose(known.serial[:, "abc".index(name[7])], 0, atol=1e-9)
+            np.testing.assert_allclose(known.serial[:, "abc".index(name[7])], 0, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(4))

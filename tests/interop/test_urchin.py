@@ -50,7 +50,7 @@ def test_every_solid_is_there_in_its_colour(robot):
         assert len(found.visuals) == len(link.visuals)
         for visual, solid in zip(found.visuals, link.visuals, strict=True):
             assert visual.material.name == solid.colour.name
-            np.testing.assert_allclose(visual.material.color, solid.colour.rgba, atol=1e-12)
-            np.testing.assert_allclose(visual.origin[:3, 3], solid.placement.position, atol=1e-12)
-            np.testing.assert_allclose(visual.origin[:3, :3], solid.placement.rotation, atol=1e-12)
+            np.testing.assert_allclose(visual.material.color, solid.colour.rgba, rtol=0, atol=1e-12)
+            np.testing.assert_allclose(visual.origin[:3, 3], solid.placement.position, rtol=0, atol=1e-12)
+            np.testing.assert_allclose(visual.origin[:3, :3], solid.placement.rotation, rtol=0, atol=1e-12)
             assert visual.geometry.geometry.meshes

@@ -55,7 +55,7 @@ def test_every_solid_is_there_in_its_colour(robot):
         assert len(found.collisions) == len(link.collisions)
         for solid in link.visuals:
             rgba = robot._material_map[solid.colour.name].color.rgba
-            np.testing.assert_allclose(rgba, solid.colour.rgba, atol=1e-12)
+            np.testing.assert_allclose(rgba, solid.colour.rgba, rtol=0, atol=1e-12)
     assert len(robot.scene.geometry) == sum(len(link.visuals) for link in LINKS.values())
     # It melts the collision solids of a link into one mesh.
     assert len(robot.collision_scene.geometry) == sum(bool(link.collisions) for link in LINKS.values())
