@@ -10,7 +10,7 @@ import pytest
 from table_numbers import check_table, shows
 
 import p3dof
-from p3dof.workspace import Box, Workspace, WorkspaceMargins, box_table
+from p3dof.workspace import Box, Workspace, WorkspaceMargins, box_table, largest
 
 LINES, CLOSER = 17, 9
 """Lines of a grid over all boxes, and of one about the best of these, in each direction."""
@@ -23,6 +23,7 @@ CASES = {
     "far from singular": (
         (0.1, 0.25, 0.4), (-0.25, 0.25), (-160, 160), WorkspaceMargins(0.2, np.radians(50)), None, None
     ),
+    "by both margins": ((0.1, 0.25, 0.4), (-0.3, 0.3), (-86, 86), WorkspaceMargins(0.625, 0.756), None, None),
     "little travel": ((0.1, 0.25, 0.4), (-0.02, 0.02), (-45, 45), WorkspaceMargins(), None, None),
     "upright": ((0.1, 0.25, 0.4), (-0.2, 0.2), (-5, 70), WorkspaceMargins(0.5, np.radians(25)), None, None),
 }  # fmt: skip
@@ -147,3 +148,30 @@ def test_the_table_has_both_boxes_and_says_which_is_which() -> None:
     assert volume["symmetric"] == pytest.approx(0.1128, abs=5e-5)
     told = (volume["all"], "Of all boxes", volume["symmetric"], "|y| ≤ Y, |θ| ≤ Θ")
     check_table(table, rows, note=told)
+
+
+def test_a_box_ends_where_a_demand_does() -> None:
+    """A lone velocity along y moves slider A by w/S of it: too much beyond a y that is known."""
+    end, (r, R, L) = 0.12, (0.1, 0.25, 0.4)
+    lever = (R - r + end) / np.sqrt(L**2 - (R - r + end) ** 2)
+    limits = p3dof.Limits(travel=(-0.25, 0.25), speed=2.0)
+    margins = WorkspaceMargins(velocity=(2.0 / lever, 0, 0))
+    space = p3dof.load().workspace(limits, margins)
+    for box in (space.largest_box(), space.largest_symmetric_box()):
+        assert np.array([*box.y, *box.theta]) == pytest.approx([-end, end, -np.pi / 4, np.pi / 4], abs=1e-6)
+        assert max(np.abs(box.y)) <= end
+        height = volumes(p3dof.load().workspace(limits), np.array([[-end, end, -np.pi / 4, np.pi / 4]]))
+        assert box.volume == pytest.approx(height[0], rel=2e-3)
+
+
+def test_an_optimum_that_rounding_puts_outside_is_drawn_in() -> None:
+    space = space_of("by both margins")
+    region, box = space._region, space.largest_box()
+    family = largest._family(region, space.points, None, symmetric=False)
+    found = np.array([*box.y, *box.theta])
+    middle = np.repeat([found[:2].mean(), found[2:].mean()], 2)
+    outside = middle + (1 + 1e-9) * (found - middle)
+    assert largest._sizes(region, family, outside[None])[0] < 0
+    drawn = largest._pulled_in(region, family, middle + 0.8 * (found - middle), outside)
+    assert largest._sizes(region, family, drawn[None])[0] > 0
+    assert np.abs(drawn - found).max() < 1e-7

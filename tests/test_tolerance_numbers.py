@@ -129,12 +129,16 @@ GIVEN = {"R": "0.2 mm", "platform.mass": "2 %"}
 @shows("p3dof.tolerances.tables._of_forces", "p3dof.tolerances.tables.tolerance_tables")
 def test_tables_of_forces_have_sums_over_differences(slopes: tuple[np.ndarray, np.ndarray]) -> None:
     forces, by = slopes
-    found = tolerance_tables(p3dof.tolerance(PAPER, SHORT, sigma=GIVEN, worst=2.5))
+    result = p3dof.tolerance(PAPER, SHORT, sigma=GIVEN, worst=2.5)
+    found = tolerance_tables(result)
     at = np.abs(forces).argmax(axis=0)
     sides = np.sign(forces[at, range(3)])
     peaks = np.abs(forces).max(axis=0)
     spread = SIGMAS[:, None, None] * by
-    deviation = np.sqrt((spread**2).sum(axis=0)).max(axis=0)
+    of_all = np.sqrt((spread**2).sum(axis=0))
+    assert_allclose(result.low, forces - 1.9599640 * of_all, rtol=1e-8, atol=1e-6)
+    assert_allclose(result.high, forces + 1.9599640 * of_all, rtol=1e-8, atol=1e-6)
+    deviation = of_all.max(axis=0)
     of_peak = SIGMAS[:, None] * by[:, at, range(3)] * sides
     at_peak = np.sqrt((of_peak**2).sum(axis=0))
     worst = (np.abs(forces) + 2.5 * np.abs(spread).sum(axis=0)).max(axis=0)
