@@ -280,7 +280,10 @@ def test_what_each_slider_bears_and_does(robot, forces, samples, drive):
     if drive is not None:
         rows["power of the motor, peak [W]"] = peak(samples, motor * samples.speed, np.maximum)
         rows["power taken back by the motor, peak [W]"] = peak(samples, motor * samples.speed, np.minimum)
-    check_table(loads_table(assessed(robot, forces, drive)), rows)
+    note = (
+        ("Without inertia and losses of drives",) if drive is None else ("and the losses of its drive too",)
+    )
+    check_table(loads_table(assessed(robot, forces, drive)), rows, note=note)
 
 
 @shows("p3dof.manipulator.assessment_tables.needs_table")
@@ -351,6 +354,7 @@ def test_how_much_of_all_ratings_is_used(robot, forces, samples):
     ]
     assert len({row[1] for row in rows}) == 6
     check_table(uses_table(found), rows)
+    assert {"drives", "ambient"} <= assumptions(found).keys() - assumptions(assessed(robot, forces)).keys()
     told = assumptions(found)["limits"]
     assert "force 640, 300, 500 N, speed 0.9, 1.3, 1 m/s, power any, 150, 260 W, nut force 900 N" in told
     assert told.endswith(", with 2, 0, 4 kg of drives in its force")
