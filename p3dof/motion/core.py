@@ -231,8 +231,9 @@ class Motion(FrozenArrays, ShownInNotebook):
                 curve = near if near.fit is not None and near.fit.settled else curve
         elif smooth is not None:
             curve = replace(curve, smooth=smooth)
-        near, velocity, acceleration = curve.at(curve.time)
-        pose = curve.pose if curve.fit is None else near
+        pose, velocity, acceleration = curve.at(curve.time)
+        if curve.fit is None:
+            pose = curve.pose
         return cls(curve.time, pose, velocity, acceleration, check=False, curve=curve, start=start)
 
     @classmethod
