@@ -7,12 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import constants
 
 import p3dof
 from p3dof.cli import main
 from p3dof.errors import ParameterError
 from p3dof.parameters import PAPER, Geometry
-from p3dof.parameters.quantities import ANGLE, FORCE, INERTIA, LENGTH, MASS, MOMENT, POWER, PRESSURE
+from p3dof.parameters.inertial import inertial_of_cylinder, inertial_of_plate
+from p3dof.parameters.quantities import _UNITS, ANGLE, FORCE, INERTIA, LENGTH, MASS, MOMENT, POWER, PRESSURE
 from p3dof.parameters.serialization import dump, parse
 
 PLAIN = """
@@ -182,3 +184,76 @@ def test_machines_made_in_python_may_have_any_size():
     assert p3dof.load(machine).parameters is machine
     assert parse(dump(machine), any_size=True).geometry == machine.geometry
     assert np.isfinite(p3dof.load(machine).forces(np.zeros(3), np.zeros(3), np.zeros(3))).all()
+
+
+SI = {
+    (1, 0, 0, 0): {"m": 1, "cm": 1e-2, "mm": 1e-3, "µm": 1e-6, "um": 1e-6, "km": 1e3}
+    | {"in": constants.inch, "ft": constants.foot},
+    (0, 1, 0, 0): {"kg": 1, "g": constants.gram, "t": 1e3, "lb": constants.lb, "oz": constants.oz},
+    (0, 0, 1, 0): {"s": 1, "ms": 1e-3, "min": constants.minute},
+    (0, 0, 0, 1): {"rad": 1, "mrad": 1e-3, "deg": constants.degree, "°": constants.degree},
+    (0, 0, -1, 1): {"rpm": 2 * np.pi / constants.minute},
+    (1, 1, -2, 0): {"N": 1, "mN": 1e-3, "kN": 1e3}
+    | {"lbf": constants.lbf, "kgf": constants.kgf, "ozf": constants.lbf / 16},
+    (2, 1, -3, 0): {"W": 1, "kW": 1e3, "hp": constants.hp},
+    (-1, 1, -2, 0): {"Pa": 1, "MPa": 1e6, "GPa": 1e9, "psi": constants.psi},
+    (2, 1, -2, 0): {"Nm": 1, "Nmm": 1e-3, "Ncm": 1e-2},
+}
+"""What units are by metre, kilogram, second and radian: by SciPy's constants."""
+
+
+def test_every_unit_is_what_it_is_elsewhere():
+    """All of them, none besides; those of SciPy have nine digits at least."""
+    known = {name: (powers, value) for powers, part in SI.items() for name, value in part.items()}
+    assert set(_UNITS) <= set(known)
+    for name, (powers, factor) in _UNITS.items():
+        assert powers == known[name][0], name
+        assert float(factor) == pytest.approx(known[name][1], rel=1e-9), name
+
+
+def test_a_solid_cylinder_by_quadrature():
+    """Gauss's rule along the axis and the radius, and the mean around: exact for these polynomials."""
+    x, w = np.polynomial.legendre.leggauss(4)
+    radius, length, density, start = 0.3, 0.7, 2.5, -0.1
+    r, along = (x + 1) * radius / 2, start + (x + 1) * length / 2
+    ring = density * 2 * np.pi * (w * r)[:, None] * w * radius / 2 * length / 2  # (r, along)
+    mass = ring.sum()
+    centre = (ring * along).sum() / mass
+    axial, across = (
+        (ring * r[:, None] ** 2).sum(),
+        (ring * (r[:, None] ** 2 / 2 + (along - centre) ** 2)).sum(),
+    )
+    for axis in range(3):
+        found = inertial_of_cylinder(radius, length, axis, start, density)
+        moments = np.roll([axial, across, across], axis)
+        assert found.mass == pytest.approx(mass, rel=1e-12)
+        np.testing.assert_allclose(found.com, np.roll([centre, 0, 0], axis), atol=1e-15)
+        np.testing.assert_allclose(found.inertia, np.diag(moments), rtol=1e-12)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_widened_plate_by_counting_points(turned):
+    """Points of a fine grid that are no farther from the triangle than the radius; either way around."""
+    corners = np.array([[0.0, 0.1], [1.0, 0.0], [0.3, 0.8]])[:: -1 if turned else 1]
+    size, radius, thickness, density = 0.5, 0.07, 0.02, 3.0
+    step = 1e-3
+    grid = np.stack(np.meshgrid(np.arange(-0.1, 0.7, step), np.arange(-0.1, 0.6, step)), axis=-1).reshape(
+        -1, 2
+    )
+    a, b, c = size * np.array([[0.0, 0.1], [1.0, 0.0], [0.3, 0.8]])
+    far, inside = np.full(len(grid), np.inf), np.ones(len(grid), bool)
+    for p, q in ((a, b), (b, c), (c, a)):
+        d, e = q - p, grid - p
+        share = np.clip(e @ d / (d @ d), 0, 1)
+        far = np.minimum(far, np.linalg.norm(e - share[:, None] * d, axis=1))
+        inside &= d[0] * e[:, 1] - d[1] * e[:, 0] >= 0
+    points = grid[inside | (far <= radius)]
+    mass = density * thickness * step**2 * len(points)
+    centre, d = points.mean(axis=0), points - points.mean(axis=0)
+    (xx, xy), (_, yy) = mass * d.T @ d / len(points)
+    thin = mass * thickness**2 / 12
+    inertia = [[yy + thin, -xy, 0], [-xy, xx + thin, 0], [0, 0, xx + yy]]
+    found = inertial_of_plate(corners, size, radius, thickness, density)
+    assert found.mass == pytest.approx(mass, rel=1e-3)  # points at the edge: their number by that of all
+    np.testing.assert_allclose(found.com, [*centre, 0], atol=1e-4)
+    np.testing.assert_allclose(found.inertia, inertia, rtol=0, atol=2e-3 * inertia[2][2])
