@@ -151,9 +151,3 @@ def test_a_mutant_is_one_change_and_tells_its_place(tmp_path, monkeypatch):
         assert sum(change in tree for tree in trees) == 1, change
     assert all("{x - 1} is 5" in tree and "A word of 3." in tree for tree in trees)
     assert {mutant.line for mutant in found} == {1, 3, 5}
-
-
-def test_every_module_of_the_mutants_has_its_tests():
-    for module, tests in mutants.TESTS.items():
-        assert len(mutants.mutants_of(module)) > 3
-        assert all((TESTS / f"test_{name}.py").is_file() for name in tests)
