@@ -129,3 +129,14 @@ def test_blocks_that_are_not_run_are_few():
     """Of the pages' languages, only these hold something that no test runs."""
     languages = {block.language for page in PAGES for block in blocks(page)}
     assert languages <= {"python", "console", "yaml", "text", "c", "js", "csv"}
+
+
+def test_each_guarantee_names_tests_that_are_there():
+    text = (DOCS / "explanation/guarantees.md").read_text(encoding="utf-8")
+    rows = [line for line in text.splitlines() if line.startswith("| ") and "guaranteed" not in line]
+    for row in rows:
+        named = re.findall(r"`(test_\w+\.py)::(test_\w+)`", row.split(" | ")[-1])
+        assert named, row
+        for file, test in named:
+            assert f"\ndef {test}(" in (ROOT / "tests" / file).read_text(encoding="utf-8"), (file, test)
+    assert len(rows) > 20
