@@ -15,7 +15,7 @@ endif
 DEV := $(VENV)/.dev$(EXTRAS)
 # What the extension is built from: a change builds it again.
 SOURCES := setup.py MANIFEST.in $(wildcard p3dof/compiled/extension/*.[ch] p3dof/compiled/extension/generated/*.h p3dof/tracing/*.h p3dof/integrators/*.h)
-DEBIAN := liburdfdom-tools libsdformat-dev pkg-config g++ clang libclang-rt-dev lld chromium nodejs $(if $(shell command -v npm),,npm) \
+DEBIAN := cmake liburdfdom-tools libsdformat-dev pkg-config g++ clang libclang-rt-dev lld chromium nodejs $(if $(shell command -v npm),,npm) \
 	$(if $(filter x86_64,$(shell uname -m)),gcc-multilib)
 MODULES := page/node_modules/.package-lock.json
 
