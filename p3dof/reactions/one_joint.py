@@ -62,7 +62,8 @@ class Peak:
         Which of these fields contain a component that rigid bodies do not determine: with elastic joints they
         rest on their stiffness, without they are NaN.
     fit_force, fit_moment : float
-        The most that a misfit of assembly adds to the force and to the moment [N, N m].
+        A bound of what a misfit of assembly adds to the force and to the moment: the norm of what it adds
+        at worst to each component [N, N m].
     """
 
     joint: str

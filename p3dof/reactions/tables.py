@@ -76,7 +76,7 @@ def reactions_table(result: AnyReactions) -> Table:
         if result.rests_on_stiffness
         else "open: rigid bodies do not determine it, see below"
     )
-    fit = "; fit: the most that a misfit of assembly adds" if len(columns) > len(_LOADS) else ""
+    fit = "; fit: no misfit of assembly adds more" if len(columns) > len(_LOADS) else ""
     note = (
         "Axial and radial: along and across the joint's axis; moment and across: all, and across the axis; "
         f"{marks}{fit}. Largest error of Newton's and Euler's equations: {residual:.1e} N or N m."
