@@ -288,6 +288,7 @@ def test_drakes_ball_constraint_is_a_point_closure():
             "<mimic> multiplier: expected a finite number, got 'x'",
         ),
         (chain(first='<parent link="base"/>'), "<parent> is given twice in <joint>"),
+        (chain().replace('xyz="0 1 0"', 'xyz="0 1e-320 0"', 1), "expected a direction, got nearly zero"),
         (chain(first='<limit effort="1" velocity="1"/>'), "<limit> is given twice in <joint>"),
         (
             chain().replace('"revolute"', '"hinge"', 1),

@@ -40,6 +40,8 @@ _PARTS = {"link": ("inertial",), "joint": ("parent", "child", "origin", "axis", 
 """What Pinocchio is given of a file: of each the first, so that there may be no second."""
 _KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 _LIMITED = ("revolute", "prismatic")
+_SHORT = 1e-9
+"""Length of an axis below which its direction is rounding, if it has one."""
 
 
 def build_tree(
@@ -169,8 +171,8 @@ class _Reader(XmlReader):
                 self.fail(f"<{tag}> {name}: expected {wanted}, got {shown(attributes.get(name))}")
             if tag == "mass" and values[0] < 0:
                 self.fail(f"<mass> value: expected no negative mass, got {values[0]:g}")
-            if tag == "axis" and not any(values) and self._turns():
-                self.fail("<axis> xyz: expected a direction, got zero")
+            if tag == "axis" and max(map(abs, values)) < _SHORT and self._turns():
+                self.fail(f"<axis> xyz: expected a direction, got {'nearly ' * any(values)}zero")
 
     def _turns(self) -> bool:
         """Whether the joint needs an axis: CAD exporters give fixed ones a zero axis."""
