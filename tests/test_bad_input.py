@@ -54,6 +54,7 @@ MOTIONS = {
     "0,0,0,0\n1,0,0,0\n": "column 1: expected t, got '0'",
     "T,Y,Z,THETA\n0,0,0,0\n": "column 1: expected t, got 'T'",
     "t [h],y,z,theta\n0,0,0,0\n": "expected a unit of s, ms, got [h]",
+    "t [\x1b],y,z,theta\n0,0,0,0\n": "expected a unit of s, ms, got [\\x1b]",
     two("1e300,0,0"): "line 2, column y: expected a number of at most 1e+30 in size, got 1e+300",
     two("0,1e200,0"): "line 2, column z: expected a number of at most 1e+30 in size",
     two("inf,0,0"): "column y: expected a finite number, got inf",

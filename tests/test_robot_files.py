@@ -289,6 +289,10 @@ def test_drakes_ball_constraint_is_a_point_closure():
         ),
         (chain(first='<parent link="base"/>'), "<parent> is given twice in <joint>"),
         (chain().replace('xyz="0 1 0"', 'xyz="0 1e-320 0"', 1), "expected a direction, got nearly zero"),
+        (
+            chain().replace('xyz="0 1 0"', 'xyz="1e308 1 0"', 1),
+            "expected a direction, got one that is too long",
+        ),
         (chain(first='<limit effort="1" velocity="1"/>'), "<limit> is given twice in <joint>"),
         (
             chain().replace('"revolute"', '"hinge"', 1),

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from p3dof.checks import FloatArray, visible
+from p3dof.checks import FloatArray, one_line
 from p3dof.closed_loop.closure_kinds import PARTS, KindRows, lengths_of
 from p3dof.closed_loop.coordinates import length_coordinates
 from p3dof.closed_loop.couplings import CouplingRows
@@ -200,11 +200,11 @@ class LoopKinematics:
 
     def _ends(self, closure: Closure) -> Ends:
         frame1, frame2 = (
-            self.frame(name, f"closure {visible(closure.name)}", ModelError)
+            self.frame(name, f"closure {one_line(closure.name)}", ModelError)
             for name in (closure.frame1, closure.frame2)
         )
         if frame1.parentJoint == frame2.parentJoint:
-            raise ModelError(f"closure {visible(closure.name)}: both frames are on the same body")
+            raise ModelError(f"closure {one_line(closure.name)}: both frames are on the same body")
         placements = frame1.placement.copy(), frame2.placement.copy()
         return frame1.parentJoint, placements[0], frame2.parentJoint, placements[1]
 

@@ -41,7 +41,7 @@ _PARTS = {"link": ("inertial",), "joint": ("parent", "child", "origin", "axis", 
 _KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 _LIMITED = ("revolute", "prismatic")
 _SHORT = 1e-9
-"""Length of an axis below which its direction is rounding, if it has one."""
+"""Length of an axis below which its direction is rounding, if it has one; one may be as much too long."""
 
 
 def build_tree(
@@ -171,8 +171,11 @@ class _Reader(XmlReader):
                 self.fail(f"<{tag}> {name}: expected {wanted}, got {shown(attributes.get(name))}")
             if tag == "mass" and values[0] < 0:
                 self.fail(f"<mass> value: expected no negative mass, got {values[0]:g}")
-            if tag == "axis" and max(map(abs, values)) < _SHORT and self._turns():
-                self.fail(f"<axis> xyz: expected a direction, got {'nearly ' * any(values)}zero")
+            if tag == "axis" and self._turns() and not _SHORT <= math.hypot(*values) <= 1 / _SHORT:
+                length = (
+                    "one that is too long" if math.hypot(*values) > 1 else "nearly " * any(values) + "zero"
+                )
+                self.fail(f"<axis> xyz: expected a direction, got {length}")
 
     def _turns(self) -> bool:
         """Whether the joint needs an axis: CAD exporters give fixed ones a zero axis."""

@@ -19,7 +19,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from p3dof.checks import LARGEST, FloatArray
+from p3dof.checks import LARGEST, FloatArray, one_line
 from p3dof.errors import MotionError
 from p3dof.motion.times import is_of_clock
 
@@ -268,7 +268,9 @@ def _factor(name: str, unit: str | None, where: str, form: Form) -> tuple[float,
         return (1.0, 1.0)
     known = units.get(unit.replace("²", "^2"))
     if known is None:
-        raise MotionError(f"{where}, column {name}: expected a unit of {', '.join(units)}, got [{unit:.40}]")
+        raise MotionError(
+            f"{where}, column {name}: expected a unit of {', '.join(units)}, got [{one_line(unit, 40)}]"
+        )
     return known
 
 
