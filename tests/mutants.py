@@ -60,6 +60,7 @@ TESTS = {
     "p3dof/kinematics/gate.py": (*SHARED, "gate"),
     "p3dof/kinematics/validity.py": (*SHARED, "gate"),
     "p3dof/parameters/": ("shown_tables", "parameters", "parameter_data", "units"),
+    "p3dof/parameters/actuators.py": ("actuators",),
     "p3dof/motion/": ("motion", "measured_motions", "shown_tables"),
     "p3dof/motion/smoothing.py": ("reported_errors", "measured_motions"),
     "p3dof/motion/joint_files.py": ("measured_motions", "cli_loop", "joint_data"),
