@@ -887,3 +887,15 @@ def test_a_wrench_history_refuses():
         WrenchHistory([1, 0], np.zeros((2, 6)))
     with pytest.raises(MotionError, match="time: expected real numbers, got 'now'"):
         WrenchHistory([0], np.zeros((1, 6)))("now")
+
+
+def test_what_lies_between_samples_does_not_ask_when_they_began():
+    """A motion that begins at 5 s is that from 0 s, later; between samples too."""
+    own = paper_motion(41)
+    later = Motion(own.time + 5.0, own.pose, own.velocity, own.acceleration)
+    at = np.linspace(0, own.duration, 97)
+    found = splines.between_samples(later.time, later.pose, later.velocity, later.acceleration, at + 5.0)
+    for one, other in zip(
+        found, splines.between_samples(own.time, own.pose, own.velocity, own.acceleration, at), strict=True
+    ):
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-10 * np.abs(other).max())
