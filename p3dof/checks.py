@@ -44,7 +44,7 @@ _DOUBLES, _SQUARE = np.dtype(np.float64), LARGEST**2
 _FEW = 5000
 """Entries of an array for whose scalar product no threads are woken."""
 
-_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069]")
 """What terminals obey: control characters, and those that change the direction of text."""
 
 _PLAIN_WORDS = {

@@ -258,7 +258,7 @@ def of_tree(data: bytes, rng: Rng, read: Callable[..., Any], write: Callable[...
         inside[key] = rng.choice(VALUES)
     try:
         return write(found).encode("utf-8", "surrogatepass")
-    except RecursionError:  # it is nested deeply already
+    except (RecursionError, ValueError):  # it is nested deeply, or in itself, already
         return of_text(data, rng)
 
 

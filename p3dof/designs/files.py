@@ -211,7 +211,7 @@ def _name_the_field(
         for column, field in zip(header, fields, strict=True):
             if not _is_number(field):
                 got = repr(one_line(field.strip(), _SHOWN)) if field.strip() else "nothing"
-                raise InputError(f"{where}, column {column}: expected a number, got {got}")
+                raise InputError(f"{where}, column {one_line(column)}: expected a number, got {got}")
     raise InputError(f"{name}, rows {first} to {first + len(taken) - 1}: not valid CSV")
 
 
