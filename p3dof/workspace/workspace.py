@@ -189,7 +189,7 @@ class Workspace(ShownInNotebook):
         return largest_box(self._region, self.points, self._tilt_of_box(tilt), symmetric=False)
 
     def largest_symmetric_box(self, tilt: float | None = None) -> Box:
-        """Return the largest box of poses |y| ≤ Y, |θ| ≤ Θ, with a height in z free for all of them.
+        """Return the largest box of poses from -Y to Y and -Θ to Θ, with a height in z free for all of them.
 
         Parameters
         ----------
