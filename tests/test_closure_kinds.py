@@ -127,6 +127,30 @@ def test_jacobian_and_drift_of_every_kind_are_derivatives_where_the_loops_are_op
     np.testing.assert_allclose(expected, rate, rtol=0, atol=1e-9 * max(1.0, np.abs(rate).max()))
 
 
+@pytest.mark.parametrize(
+    "kinds", [("hinge", "planar"), ("hinge", "slider"), ("distance", "universal", "distance")]
+)
+def test_a_closure_is_the_same_whatever_kinds_are_beside_it(kinds):
+    """Kinds of as many rows, or of others, are computed together."""
+    every, q = all_kinds(5)
+    names = [c.kind for c in every.sidecar.closures]
+    some = [names.index(kind) for kind in kinds]
+    loop = ClosedLoopModel(every.model, Sidecar([every.sidecar.closures[i] for i in some], ()))
+    rows = np.concatenate([np.arange(every.closure_error(q).size)[every.constraint_rows[i]] for i in some])
+    np.testing.assert_array_equal(loop.closure_error(q), every.closure_error(q)[rows])
+    size = np.abs(every.closure_jacobian(q)).max()
+    np.testing.assert_allclose(
+        loop.closure_jacobian(q), every.closure_jacobian(q)[rows], rtol=0, atol=1e-14 * size
+    )
+    v, a = np.random.default_rng(3).normal(size=(2, every.model.nv))
+    for one in (every, loop):
+        one._kinematics.move(q, v, a)
+    drift = every._kinematics.acceleration()[rows]
+    np.testing.assert_allclose(
+        loop._kinematics.acceleration(), drift, rtol=0, atol=1e-14 * np.abs(drift).max()
+    )
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_many_configurations_of_every_kind_are_each(seed):
     loop, q = all_kinds(seed)
