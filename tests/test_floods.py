@@ -1,26 +1,37 @@
-"""Pages in notebooks under floods of garbage: they still answer."""
+"""Live pages of any robot and in notebooks under floods of garbage and storms: they still answer."""
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import json
 import logging
 import random
+import signal
+import socket
+import struct
 import threading
+import urllib.parse
+import urllib.request
 
 import numpy as np
+import psutil
 import pytest
 from damage import damaged
 
 pytest.importorskip("meshcat", reason="meshcat not installed")
 
-from test_cli_show import GALLERY
+from test_cli_show import GALLERY, document_of, running_loop
+from test_viewer_server import frame
+from tornado.websocket import WebSocketClosedError, websocket_connect
 
 from p3dof.page.encoding import decoded
 from p3dof.viewer.messages import unpacked_message
 from p3dof.viewer.session import Session
 
-QUESTIONS = 400
+STORM, GARBAGE, QUESTIONS = 150, 60, 400
+ROOM = 150_000_000
+"""What a flood may leave in memory [bytes]: what waits for pages is bounded by less."""
 
 
 def asked(document, number=1):
@@ -29,6 +40,76 @@ def asked(document, number=1):
     assert time >= 1
     inputs = {one["key"]: one["value"] for one in document["inputs"]}
     return {"type": "ask", "id": number, "q": q, "inputs": inputs}
+
+
+def answered(url, document, messages=()):
+    """Ask as a page does, after other messages; return the answer to the last question."""
+    return asyncio.run(asyncio.wait_for(_answered(url, document, messages), 60))
+
+
+async def _answered(url, document, messages):
+    address = url.replace("http://", "ws://").replace("/?", "/page?")
+    page = await websocket_connect(address)
+    number, answer, heard = 424_242, None, ""
+    try:
+        for message in (*messages, json.dumps(asked(document, number))):
+            await page.write_message(message, binary=isinstance(message, bytes))
+        while answer is None and heard is not None:
+            heard = await page.read_message()
+            found = json.loads(heard) if isinstance(heard, str) else unpacked_message(heard) if heard else {}
+            answer = found if found.get("type") == "answer" and found["id"] == number else None
+    except WebSocketClosedError:
+        pass
+    page.close()
+    while heard is not None:  # the end is told once
+        heard = await page.read_message()
+    assert answer is not None, "the connection was closed"
+    return answer
+
+
+def storm(port, path, rng):
+    """Connections that say something, or nothing, and are reset."""
+    shake = (
+        f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+    ).encode()
+    for k in range(STORM):
+        with socket.create_connection(("127.0.0.1", port), timeout=60) as page, contextlib.suppress(OSError):
+            page.sendall((b"", shake[: rng.randrange(len(shake))], shake, rng.randbytes(300))[k % 4])
+            if k % 4 == 2 and k % 8 == 2:
+                page.sendall(
+                    rng.choice(
+                        (rng.randbytes(500), frame(2, rng.randbytes(100)), frame(15), frame(1, b"\xff"))
+                    )
+                )
+            page.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # close by a reset
+
+
+def test_loop_show_answers_after_a_flood_and_takes_no_more_memory():
+    rng = random.Random(1)  # noqa: S311 - no secret
+    with running_loop(GALLERY / "five_bar.urdf") as (process, url):
+        document, address = document_of(url), urllib.parse.urlsplit(url)
+        question = json.dumps(asked(document)).encode()
+        first = answered(url, document)
+        assert "refused" not in first
+        own = psutil.Process(process.pid)
+        before = own.memory_info().rss
+        storm(address.port, f"/page?{address.query}", rng)
+        spoilt = [damaged(question, "json", rng) for _ in range(GARBAGE)]
+        for some in (spoilt, [json.dumps(asked(document, k)) for k in range(QUESTIONS)], ["x" * (1 << 20)]):
+            with contextlib.suppress(
+                AssertionError, WebSocketClosedError
+            ):  # what sends too much is closed, with a reason
+                answered(url, document, some)
+        again = answered(url, document)
+        np.testing.assert_array_equal(again["q"], first["q"])
+        assert again["values"] == first["values"]
+        with urllib.request.urlopen(url, timeout=60) as answer:  # noqa: S310 - http
+            assert answer.status == 200
+        assert own.memory_info().rss < before + ROOM
+        process.send_signal(signal.SIGTERM)
+        out, err = process.communicate(timeout=60)
+    assert (process.returncode, out, err) == (0, "", "")
 
 
 def test_a_widget_answers_after_a_flood(caplog):
