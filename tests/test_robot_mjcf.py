@@ -198,6 +198,10 @@ def test_a_tendon_over_one_joint_pulls_at_this_joint():
         ("</worldbody><include file='../../etc/passwd'/><worldbody>", "<include> needs the files beside it"),
         ("<body name='a'>" * 120 + "</body>" * 120, "nested at most 100 deep"),
         ("<unknown/>", "MuJoCo cannot compile it"),
+        (
+            '<body name="x"><joint name="x" axis="-1e308 0 1" armature="1"/><geom size="0.1"/></body>',
+            "joint 'x': expected an axis",
+        ),
     ],
 )
 def test_what_cannot_be_read_is_one_clear_error(content, message):

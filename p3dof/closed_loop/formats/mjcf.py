@@ -37,6 +37,8 @@ from p3dof.errors import ModelError, ModelWarning
 
 _TURNS = (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ)
 _SLIDES = (pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ)
+_UNIT = 1e-9
+"""How far the length of an axis may be from 1: MuJoCo makes zeros of axes whose squares overflow."""
 
 
 def read(source: str | os.PathLike[str], key: str | None = None) -> tuple[pin.Model, Sidecar]:
@@ -167,6 +169,9 @@ class _Translation:
         at = place * back.inverse()
         if kind == kinds.mjJNT_BALL:
             return pin.JointModelSpherical(), at, back
+        if not abs(np.linalg.norm(axis) - 1) < _UNIT:
+            name = self._name(m.joint, number, "joint")
+            raise ModelError(f"MJCF: joint {shown(name)}: expected an axis, got none or one that is too long")
         zero = float(m.qpos0[m.jnt_qposadr[number]])
         if kind == kinds.mjJNT_HINGE:
             turned = pin.SE3(pin.exp3(-zero * axis), np.zeros(3))
