@@ -21,7 +21,7 @@ from .parameters import (
 from .description import Mechanism
 
 # What it does, and what acts on it
-from .motion import Curve, Motion, WrenchHistory, paper_motion
+from .motion import Curve, Motion, SmoothingFit, WrenchHistory, paper_motion
 from .tasks import AxisLimits, FastestPlan, LimitUse, Plan, Task, Waypoint, read_task, write_task
 from .manipulator import (
     Assessment,
@@ -239,6 +239,7 @@ __all__ = [
     "Simulation",
     "Singularity",
     "SingularityError",
+    "SmoothingFit",
     "SobolIndices",
     "Springs",
     "Stiffness",

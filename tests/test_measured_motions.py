@@ -51,7 +51,7 @@ def table(times, columns, header):
 # --- times of a clock ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("unit", "factor"), [("s", 1), ("ms", 1000)])
+@pytest.mark.parametrize(("unit", "factor"), [("s", 1), ("ms", 10**3), ("us", 10**6), ("ns", 10**9)])
 def test_stamps_of_a_clock_in_a_file_have_all_their_digits(exact, unit, factor):
     motion, expected = exact
     times = [str(Decimal(one) * factor) for one in stamps(1001, "0.001")]
@@ -154,7 +154,7 @@ def test_joints_of_any_robot_by_a_clock():
 # --- rounded and noisy poses --------------------------------------------------------------------------------
 
 
-@shows("p3dof.motion.smoothing.Fit.residual")
+@shows("p3dof.motion.smoothing.SmoothingFit.residual")
 @pytest.mark.parametrize(("count", "worst"), [(26, 0.015), (101, 0.005), (1001, 0.005)])
 def test_poses_rounded_to_tenths_of_a_millimetre_have_the_forces_again(exact, count, worst):
     """At steps of 40, 10 and 1 ms: from errors of 40 % and more of the largest force to a percent."""
@@ -262,6 +262,23 @@ def test_a_band_of_ones_own(exact):
     for wrong in ("much", True, -1.0, 0, float("nan")):
         with pytest.raises(MotionError, match="smooth: expected"):
             Motion.from_poses(motion.time, motion.pose, smooth=wrong)
+
+
+def test_a_hole_bounds_the_band(exact):
+    """Half a period of the highest frequency is a piece; over a hole of more than two, chance decides."""
+    motion, expected = exact
+    pose = np.round(motion.pose, 4)
+    there = np.r_[0:501, 600:1001]  # nothing for 100 ms: at most 10 Hz
+    time, pose = motion.time[there], pose[there]
+    for wrong in (10.1, 20.0, 200.0):
+        with pytest.raises(MotionError, match=r"at most 10 Hz, as there are no values from 0\.5 to 0\.6 s"):
+            Motion.from_poses(time, pose, smooth=wrong)
+    inside = (motion.time > 0.1) & (motion.time < 0.9)  # at the ends, nothing holds a band of one's own
+    for smooth in (8.0, "auto"):
+        found = Motion.from_poses(time, pose, smooth=smooth)
+        assert (found.curve.fit.band <= 10).all()
+        apart = (forces_of(found.resampled(motion.time)).forces - expected.forces)[inside]
+        assert np.abs(apart).max() < 0.01 * np.abs(expected.forces).max()
 
 
 @pytest.mark.parametrize(

@@ -664,7 +664,7 @@ MALFORMED = {
     "unit": ("t,y [cm],z,theta\n", r"line 1, column y: expected a unit of m, mm, got \[cm\]"),
     "unit_empty": ("t,y [],z,theta\n", r"column y: expected a unit of m, mm, got \[\]"),
     "unit_of_another": ("t,y [deg],z,theta\n", r"column y: expected a unit of m, mm, got \[deg\]"),
-    "unit_of_time": ("t [h],y,z,theta\n", r"column t: expected a unit of s, ms, got \[h\]"),
+    "unit_of_time": ("t [h],y,z,theta\n", r"column t: expected a unit of s, ms, us, ns, got \[h\]"),
     "unit_of_angle": ("t,y,z,theta [grad]\n", r"column theta: expected a unit of rad, deg, got \[grad\]"),
     "unit_of_rate": (
         HEADER.replace("thetadot", "thetadot [rad]"),

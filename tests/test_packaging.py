@@ -8,6 +8,7 @@ import subprocess
 import sys
 import sysconfig
 import zipfile
+from importlib.machinery import ModuleSpec
 from pathlib import Path
 
 import pytest
@@ -110,5 +111,5 @@ def test_the_version_says_which_kernels_run(capsys, monkeypatch):
     monkeypatch.setattr(kernels, "_extension", lambda: None)
     monkeypatch.setattr(kernels, "find_spec", lambda _: None)
     assert version(capsys)[1] == f"{begin}numpy: no compiler at installation)"
-    monkeypatch.setattr(kernels, "find_spec", lambda _: "a file of another Python")
+    monkeypatch.setattr(kernels, "find_spec", lambda name: ModuleSpec(name, None))  # of another Python
     assert version(capsys)[1] == f"{begin}numpy: the extension does not load, install it again)"

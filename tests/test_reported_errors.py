@@ -410,7 +410,7 @@ def test_the_gap_of_runs_that_start_a_little_open(loop, in_lanes):
         check_evidence(one, "gap", expected, rtol=1e-3)
 
 
-@shows("p3dof.motion.smoothing.Fit.residual")
+@shows("p3dof.motion.smoothing.SmoothingFit.residual")
 def test_the_residual_of_a_fit_is_what_it_leaves():
     """One piece is a polynomial of degree 5, which leaves what NumPy's leaves of powers and a wave."""
     time = np.linspace(3.0, 5.0, 40)

@@ -105,7 +105,10 @@ class Smoothing(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # lik
         """Return what `Motion.from_csv` takes."""
         if value == "auto":
             return "auto"
-        return float(POSITIVE.convert(value, param, ctx))
+        try:
+            return float(POSITIVE.convert(value, param, ctx))
+        except click.BadParameter:
+            self.fail(f"expected auto, or a frequency in Hz above zero, got {shown(value)}", param, ctx)
 
 
 SMOOTH = click.option(

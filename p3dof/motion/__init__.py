@@ -3,6 +3,7 @@
 from p3dof.motion.core import Motion
 from p3dof.motion.curve import Curve
 from p3dof.motion.paper import paper_motion
+from p3dof.motion.smoothing import SmoothingFit
 from p3dof.motion.states import States, states_of, states_over
 from p3dof.motion.tables import motion_table
 from p3dof.motion.wrenches import Load, WrenchHistory, WrenchOverTime
@@ -11,6 +12,7 @@ __all__ = [
     "Curve",
     "Load",
     "Motion",
+    "SmoothingFit",
     "States",
     "WrenchHistory",
     "WrenchOverTime",

@@ -34,7 +34,7 @@ _WRITTEN = ("s", "m", "m", "rad", "m/s", "m/s", "rad/s", "m/s^2", "m/s^2", "rad/
 _DEGREE = math.pi / 180
 
 # Unit -> (multiply, divide): dividing by 1000 rounds correctly, multiplying by .001 does not.
-_TIME = {"s": (1.0, 1.0), "ms": (1.0, 1e3)}
+_TIME = {"s": (1.0, 1.0), "ms": (1.0, 1e3), "us": (1.0, 1e6), "ns": (1.0, 1e9)}
 LENGTHS = {"m": (1.0, 1.0), "mm": (1.0, 1e3)}
 ANGLES = {"rad": (1.0, 1.0), "deg": (_DEGREE, 1.0)}
 _FORCE = {"N": (1.0, 1.0), "kN": (1e3, 1.0)}
@@ -140,7 +140,7 @@ def parse(text: str, source: str, form: Form = MOTION) -> tuple[FloatArray, Floa
     columns = data[:, 1:] * multiply[1:] / divide[1:]
     time, start = data[:, 0] * multiply[0] / divide[0], 0.0
     if is_of_clock(time):
-        time, start = _since_the_first(text, int(divide[0])), float(time[0])
+        time, start = _since_the_first(text, int(divide[0]))
     for i in np.flatnonzero(time[1:] <= time[:-1]):
         raise MotionError(
             f"{source}, line {_line_of(i + 1, text)}, column t: expected a time after {data[i, 0]:.16g}, "
@@ -149,14 +149,14 @@ def parse(text: str, source: str, form: Form = MOTION) -> tuple[FloatArray, Floa
     return time, columns, start
 
 
-def _since_the_first(text: str, divide: int) -> FloatArray:
-    """Return the times [s] since the first one: of the digits in the text, not of rounded numbers."""
+def _since_the_first(text: str, divide: int) -> tuple[FloatArray, float]:
+    """Return the times [s] since the first one, and that: by the digits of the text, not rounded before."""
     rows = islice(_rows(text, ""), 1, None)
     times = (Decimal(row[0].strip()) for _, row in rows)
     with localcontext() as context:
         context.prec = _DIGITS
         first = next(times)
-        return np.array([0.0, *(float((time - first) / divide) for time in times)])
+        return np.array([0.0, *(float((time - first) / divide) for time in times)]), float(first / divide)
 
 
 def header_of(text: str, source: str) -> list[str]:

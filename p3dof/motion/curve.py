@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from p3dof.checks import FloatArray, FrozenArrays, frozen_array
 from p3dof.errors import MotionError
 from p3dof.motion import splines
-from p3dof.motion.smoothing import Fit, Smooth, checked, fitted
+from p3dof.motion.smoothing import Smooth, SmoothingFit, checked, fitted
 from p3dof.motion.times import require_inside, require_rising
 
 
@@ -85,7 +85,7 @@ class Curve(FrozenArrays):
         return pose, velocity, acceleration
 
     @cached_property
-    def fit(self) -> Fit | None:
+    def fit(self) -> SmoothingFit | None:
         """The splines near the poses, with their bands and residuals; None if the curve passes the poses."""
         return None if self.smooth is None else fitted(self.time, self.pose, self.smooth)
 

@@ -18,7 +18,7 @@ from p3dof.checks import FloatArray
 from p3dof.errors import MotionError
 from p3dof.motion.csv_files import ANGLES, LENGTHS, Form, header_of, parse
 from p3dof.motion.remarks import roughness_told, smoothing_told
-from p3dof.motion.smoothing import Fit, Smooth, checked, fitted
+from p3dof.motion.smoothing import Smooth, SmoothingFit, checked, fitted
 from p3dof.motion.splines import ORDER, interpolating
 from p3dof.motion.times import counted_told
 
@@ -51,7 +51,7 @@ class JointCurve:
     smooth: Smooth = None
 
     @cached_property
-    def fit(self) -> Fit | None:
+    def fit(self) -> SmoothingFit | None:
         """The splines near the values; None if the curve passes them."""
         way = checked(self.smooth)
         if way is None or (way == "auto" and not self._roughness([""] * self.values.shape[1])):

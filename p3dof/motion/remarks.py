@@ -10,7 +10,7 @@ from p3dof.checks import FloatArray
 from p3dof.errors import MotionError
 from p3dof.motion import splines
 from p3dof.motion.curve import Curve
-from p3dof.motion.smoothing import Fit
+from p3dof.motion.smoothing import SmoothingFit
 
 AT_REST = 1e-3
 """Share of its largest speed below which a column is at rest."""
@@ -57,12 +57,12 @@ def is_rough(curve: Curve) -> bool:
     return bool(_roughness(curve, curve.at(curve.time)[2]))
 
 
-def smoothing_told(fit: Fit, names: Sequence[str], units: Sequence[str]) -> str:
+def smoothing_told(fit: SmoothingFit, names: Sequence[str], units: Sequence[str]) -> str:
     """Say how far splines follow columns of values, and what they leave of them.
 
     Parameters
     ----------
-    fit : Fit
+    fit : SmoothingFit
         The splines.
     names, units : sequence of str
         Of the columns: what to call them, and in which unit a thousandth of each is.

@@ -29,6 +29,8 @@ Smooth: TypeAlias = Literal["auto"] | float | None
 """How to smooth: not at all, by the noise of the values, or up to a frequency [Hz]."""
 
 DEGREE = 5
+_HOLE = 2
+"""Most pieces without a value: more would follow whatever the values beside them do."""
 _ENOUGH = 0.6
 """Largest number of unknowns of a fit that the criterion may choose, by the number of samples."""
 _GROWTH = 1.25
@@ -41,7 +43,7 @@ _SCALES = (1.0, 180 / math.pi)
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class SmoothingFit:
     """Quintic splines that were fitted to columns of values.
 
     Parameters
@@ -97,7 +99,7 @@ def checked(smooth: Any) -> Smooth:
 
 def fitted(
     time: FloatArray, values: FloatArray, smooth: float | Literal["auto"], degree: int = DEGREE
-) -> Fit:
+) -> SmoothingFit:
     """Fit splines to columns of values.
 
     Parameters
@@ -113,18 +115,22 @@ def fitted(
 
     Returns
     -------
-    Fit
+    SmoothingFit
 
     Raises
     ------
     MotionError
-        If there are too few values for the frequency, or they are too uneven in time.
+        If there are too few values for the frequency, none for too long a time, or they are too uneven in
+        time.
     """
     local, span = time - time[0], float(time[-1] - time[0])
     found, settled = [], True
+    steps = np.diff(time)
+    hole = int(np.argmax(steps))
+    over_hole = _HOLE * span / float(steps[hole])
     for column in values.T:
         if smooth == "auto":
-            enough, *chosen = _chosen(local, column, degree)
+            enough, *chosen = _chosen(local, column, degree, over_hole)
             settled = settled and enough
             found.append(chosen)
             continue
@@ -135,10 +141,15 @@ def fitted(
                 f"smooth: expected at most {most:.3g} Hz for {len(time)} values over {span:.4g} s, "
                 f"got {smooth:g} Hz"
             )
+        if pieces > max(over_hole, 1):
+            raise MotionError(
+                f"smooth: expected at most {over_hole / (2 * span):.3g} Hz, as there are no values from "
+                f"{time[hole]:.6g} to {time[hole + 1]:.6g} s, got {smooth:g} Hz"
+            )
         found.append([pieces, _spline(local, column, pieces, degree)])
     left = values - np.stack([np.asarray(spline(local)) for _, spline in found], axis=-1)
     numbers = tuple(int(number) for number, _ in found)
-    return Fit(
+    return SmoothingFit(
         tuple(spline for _, spline in found),
         numbers,
         np.array(numbers) / (2 * span),
@@ -170,13 +181,13 @@ def last_digit(values: FloatArray) -> float:
     return 0.0
 
 
-def _chosen(time: FloatArray, values: FloatArray, degree: int) -> tuple[bool, int, Any]:
+def _chosen(time: FloatArray, values: FloatArray, degree: int, most: float) -> tuple[bool, int, Any]:
     """Return whether fewer pieces than there may be are best for a column, how many are, and its spline."""
     count = len(time)
     noise = last_digit(values) ** 2 / 12
     tiny = (np.finfo(float).eps * max(np.abs(values).max(), 1e-300)) ** 2
     best: tuple[float, int, Any] | None = None
-    for pieces in _numbers(_ENOUGH * count - degree):
+    for pieces in _numbers(min(_ENOUGH * count - degree, most)):
         if best is not None and pieces > _OCTAVES * (best[1] + 4):
             break
         unknowns = pieces + degree
