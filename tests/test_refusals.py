@@ -89,6 +89,18 @@ def test_the_same_samples_are_refused_for_the_same_reason(name, what):
     assert of(forward) == alone(loop.forward_dynamics, q, v, tau)
 
 
+def test_a_robot_a_million_times_lighter_is_refused_the_same_samples():
+    loop = p3dof.load_robot(ROOT / "docs/_static/gallery/leg.urdf")
+    q, v, a = missed(loop, "idle force")
+    light = loop.copy()
+    for i, body in enumerate(loop.model.inertias):
+        light.model.inertias[i] = pin.Inertia(1e-6 * body.mass, body.lever, 1e-6 * body.inertia)
+    light.model.armature = 1e-6 * loop.model.armature
+    refused = alone(loop.inverse_dynamics, q, v, a)
+    assert 0 < len(refused) < len(MISSES)
+    assert list(alone(light.inverse_dynamics, q, v, a)) == list(refused)
+
+
 def test_targets_that_contradict_each_other_are_refused_alike():
     """Twelve motors of two arms that hold one thing: their rates depend on each other."""
     loop = p3dof.load_robot(ROOT / "docs/_static/gallery/two_arms.urdf")

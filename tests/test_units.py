@@ -12,7 +12,7 @@ from scipy import constants
 import p3dof
 from p3dof.cli import main
 from p3dof.errors import ParameterError
-from p3dof.parameters import PAPER, Geometry
+from p3dof.parameters import PAPER, Geometry, box
 from p3dof.parameters.inertial import inertial_of_cylinder, inertial_of_plate
 from p3dof.parameters.quantities import _UNITS, ANGLE, FORCE, INERTIA, LENGTH, MASS, MOMENT, POWER, PRESSURE
 from p3dof.parameters.serialization import dump, parse
@@ -209,6 +209,19 @@ def test_every_unit_is_what_it_is_elsewhere():
     for name, (powers, factor) in _UNITS.items():
         assert powers == known[name][0], name
         assert float(factor) == pytest.approx(known[name][1], rel=1e-9), name
+
+
+def test_a_solid_box_is_the_sum_of_its_grains():
+    """Grains of a cube each, which have a m²/6 about their own middle."""
+    size, density, edge = (0.2, 0.3, 0.1), 2700.0, 0.05
+    found = box(size, density)
+    at = np.stack(np.meshgrid(*(np.arange(edge / 2, s, edge) - s / 2 for s in size)), -1).reshape(-1, 3)
+    grain = density * edge**3
+    own, squares = grain * edge**2 / 6, grain * (at**2).sum(axis=0)
+    assert found.mass == pytest.approx(grain * len(at), rel=1e-12)
+    np.testing.assert_allclose(found.com, 0, rtol=0, atol=1e-16)
+    expected = np.diag(squares.sum() - squares + own * len(at))
+    np.testing.assert_allclose(found.inertia, expected, rtol=0, atol=1e-12 * expected.max())
 
 
 def test_a_solid_cylinder_by_quadrature():
