@@ -263,26 +263,7 @@ def not_negative(name: str, value: Any, error: type[P3dofError] = InputError) ->
 
 
 def positive(name: str, value: Any, error: type[P3dofError]) -> float:
-    """Return `value` as a positive finite number.
-
-    Parameters
-    ----------
-    name : str
-        What to call the argument in an error.
-    value : float
-        The argument.
-    error : type of P3dofError
-        The error to raise.
-
-    Returns
-    -------
-    float
-
-    Raises
-    ------
-    P3dofError
-        The given `error`, if `value` is not a number, not finite, not positive, or too small to divide by.
-    """
+    """Return `value` as a positive finite number that is not too small to divide by; see `real`."""
     number = real(name, value, error)
     if number <= 0:
         raise error(f"{name}: expected a positive number, got {number:g}")
