@@ -160,6 +160,8 @@ TESTS = {
     "p3dof/blocks/": ("reductions", "sampling_of_blocks", "study_numbers", "blocks"),
     "p3dof/sweeps/": ("sweeps", "run_sweeps"),
     "p3dof/designs/": ("study_numbers", "designs"),
+    "p3dof/designs/fields.py": ("sweeps", "run_sweeps", "optimisation"),
+    "p3dof/designs/files.py": ("cli_designs",),
     "p3dof/tolerances/": ("tolerance_numbers", "tolerances", "sensitivity", "cli_tolerance"),
     "p3dof/tolerances/estimation.py": ("estimation",),
     "p3dof/optimisation/": ("optimisation", "study_numbers", "optima", "pareto"),

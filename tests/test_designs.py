@@ -235,8 +235,17 @@ def with_impossible(count=64):
         "limits.force": np.full(count, 500.0),
         "armature.slide_b": np.full(count, 3.0),
         "r": np.full(count, 0.1),
+        "payload.mass": np.full(count, 0.0),
+        **{f"payload.inertia.{axes}": np.full(count, 0.0) for axes in ("xx", "xy", "yy", "zz")},
     }
+    for name, value in {"mass": 1.0, "inertia.xx": 0.02, "inertia.yy": 0.02, "inertia.zz": 0.04}.items():
+        given[f"payload.{name}"][count // 2 :] = value  # a thin plate: two moments make the third
     spoiled = {
+        1: ("payload.mass", -0.5, DesignStatus.BODY),
+        6: ("payload.inertia.yy", 0.01, DesignStatus.BODY),
+        40: ("payload.mass", 0.0, DesignStatus.BODY),
+        41: ("payload.inertia.zz", 0.041, DesignStatus.BODY),
+        42: ("payload.inertia.xy", 0.021, DesignStatus.BODY),
         3: ("platform.mass", 0.0, DesignStatus.BODY),
         5: ("platform.inertia.xx", 9.0, DesignStatus.BODY),
         8: ("r", 0.3, DesignStatus.GEOMETRY),

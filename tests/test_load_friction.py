@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from p3dof.load_friction import (
     SlideContact,
     additions_table,
     contacts_table,
+    fixed_point,
     read_load_friction,
 )
 from p3dof.manipulator.assessment_tables import assumptions
@@ -331,6 +333,48 @@ def test_every_number_of_the_tables_of_friction_by_load(robot):
     check_table(contacts_table(effect), expected)
 
 
+def gliding(speed, count=5):
+    """All sliders alike, so that the machine moves as one body."""
+    time = np.linspace(0.0, 0.1, count)
+    pose, velocity = np.zeros((2, count, 3))
+    pose[:, 1], velocity[:, 1] = speed * time, speed
+    return Motion(time, pose, velocity, np.zeros((count, 3)))
+
+
+@pytest.mark.parametrize(
+    ("contact", "force"),
+    [
+        (SlideContact(drag=4.0), 4.0),
+        (SlideContact(drag=4.0, mu=0.01, screw=0.1), 4.4),
+        (SlideContact(mu=0.01), 0.0),
+        (SlideContact(screw=0.1), 0.0),
+    ],
+)
+def test_without_loads_there_is_the_drag_alone(contact, force):
+    """Nothing weighs, nothing accelerates: motors overcome the drag, joints bear but rounding."""
+    robot = p3dof.load(replace(PAPER, gravity=np.zeros(3)))
+    found = robot.load_friction(gliding(-0.1), LoadFriction(PLAIN, PLAIN, contact), method="virtual-power")
+    np.testing.assert_allclose(found.result.forces, -force, rtol=1e-12, atol=1e-15)
+    assert max(load.max() for load in found.loads.values()) < 1e-14
+    assert sum(found.lost_work.values()) == pytest.approx(3 * force * 0.01, abs=1e-15)
+
+
+def test_shares_of_small_losses_are_told(robot):
+    effect = robot.load_friction(gliding(0.01), LoadFriction(slides=SlideContact(drag=4.0)))
+    assert sum(effect.lost_work.values()) == pytest.approx(3 * 4.0 * 1e-3)
+    assert [row[-1] for row in contacts_table(effect).rows] == ["33.3%"] * 3
+    still = robot.load_friction(gliding(0.0), LoadFriction(slides=SlideContact(drag=4.0)))
+    assert [row[-1] for row in contacts_table(still).rows] == ["–"] * 3
+
+
+def test_no_axis_of_a_universal_joint_may_change_any_more():
+    former = {"hinge_a": np.full((2, 1), 30.0), "universal_b": np.array([[10.0, 20.0], [30.0, 40.0]])}
+    latter = {"hinge_a": np.full((2, 1), 30.4), "universal_b": np.array([[10.0, 20.5], [30.0, 41.5]])}
+    now = SimpleNamespace(loads=latter, reactions=SimpleNamespace(valid=np.ones(2, dtype=bool)))
+    found = fixed_point._largest_change(former, now, np.array([50.0, 100.0]))
+    assert found == (pytest.approx(0.015), "universal_b", 1)
+
+
 def test_friction_that_grows_with_itself_is_told(robot):
     for mu, radius in ((0.5, 0.3), (50.0, 3.0), (1e3, 1e6)):
         with pytest.raises(DynamicsError, match=r"do not settle: after \d+ steps the load of \w+ at t = "):
@@ -456,6 +500,7 @@ def test_a_file(tmp_path):
     assert read.of("slide_b") == SlideContact(4.0, 0.01, 0.03, 0.1)
     assert read.smoothing == 2e-3
     assert read.screws
+    assert SlideContact() == SlideContact(0.0, 0.0, 0.03, 0.0)  # what a file may leave out
 
 
 @pytest.mark.parametrize(

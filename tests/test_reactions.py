@@ -703,6 +703,12 @@ def test_elastic_joints_and_both_idealisations_side_by_side():
     both = robot_reactions(paper_motion(21))
     kinds = {kind: robot_reactions_as(kind) for kind in WAYS}
     assert both.ways == WAYS
+    book = Bookkeeping(PAPER, both.motion, np.zeros((21, 6)))
+    for i in (3, 14):  # what no way leaves open: whatever is built at the cuts
+        moves = [np.linalg.norm(brute_force(book, i, kind), axis=-1) > 1e-7 for kind in KINDS]
+        np.testing.assert_array_equal(both.determined_forces[i], ~np.any(moves, axis=0)[:, :3])
+        np.testing.assert_array_equal(both.determined_moments[i], ~np.any(moves, axis=0)[:, 3:])
+    assert both.determined_moments[14].sum() not in {0, 39}
     opened = {(peak.joint, peak.load): peak.values for peak in both.open_peaks()}
     for peak, *single in zip(both.peaks(), *(one.peaks() for one in kinds.values()), strict=True):
         for load in LOADS:

@@ -221,13 +221,14 @@ class ReactionSolver:
         """
         model = self.loop.model
         v, a = frozen_array("v", v, (model.nv,)), frozen_array("a", a, (model.nv,))
-        given = np.zeros(model.nv)
+        parts = [np.zeros(model.nv)]
         if joint_forces is not None:
-            given += frozen_array("joint_forces", joint_forces, (model.nv,))
-        given[self.loop.actuated_v] += frozen_array("tau", tau, (len(self.loop.actuated),))
+            parts.append(frozen_array("joint_forces", joint_forces, (model.nv,)))
+        parts[0][self.loop.actuated_v] = frozen_array("tau", tau, (len(self.loop.actuated),))
         point = self._closed(q, v)
         if self.loop.passive:
-            given += self.loop.passive.forces(point.q, v)
+            parts.append(self.loop.passive.forces(point.q, v))
+        given = np.sum(parts, axis=0)
         loads = self._loads(external) if external else self._no_loads
         data = self._data.here
         missing = np.array(pin.rnea(model, data, point.q, v, a, loads)) - given
@@ -240,7 +241,7 @@ class ReactionSolver:
             point.J[self._kinematics.coupled],
             point.svd.rank,
             point.rank_tolerance,
-            max_abs(given),
+            max_abs(np.stack(parts)),  # not of their sum: a motor can do nothing but overcome friction
             np.array([(within or {}).get(c.frame2, _NOTHING) for c in self.loop.sidecar.closures]).reshape(
                 -1, 6
             ),

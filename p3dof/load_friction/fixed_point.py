@@ -161,10 +161,10 @@ class _Step(NamedTuple):
 def _settle(given: _Given, motion: Motion) -> tuple[_Step, int]:
     """Return forces, friction and loads that belong together, and after how many steps they do."""
     bare, changes = given.loaded(given.solution, None), [np.inf]
-    loads, forces = loads_of(given.friction, bare), np.abs(bare.forces).max(axis=(1, 2))
-    scale = np.where(forces > 0, forces, 1.0)
+    loads = loads_of(given.friction, bare)
+    now = _stepped(given, loads)
+    scale = np.maximum(_largest_forces(bare), _largest_forces(now.reactions))
     while True:
-        now = _stepped(given, loads)
         change, joint, i = _largest_change(loads, now, scale)
         loads = now.loads
         if change <= TOLERANCE:
@@ -177,6 +177,12 @@ def _settle(given: _Given, motion: Motion) -> tuple[_Step, int]:
                 f"of {joint} at t = {motion.time[i]:.4g} s still changes by {change:.2g} of the largest. "
                 "Friction that grows with itself jams the machine: is a coefficient or a radius too large?"
             )
+        now = _stepped(given, loads)
+
+
+def _largest_forces(reactions: Reactions) -> FloatArray:
+    """Return the largest component of the reactions of each sample, (N,) [N]; never zero."""
+    return np.asarray(np.maximum(np.abs(reactions.forces).max(axis=(1, 2)), np.finfo(float).tiny))
 
 
 def _stepped(given: _Given, loads: dict[str, FloatArray]) -> _Step:
