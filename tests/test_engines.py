@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import time
 from dataclasses import replace
 from itertools import pairwise
 
@@ -119,6 +120,13 @@ def lying(monkeypatch, change):
     monkeypatch.setattr(base.kinematics, "motion_at", lambda *given: change(true, *given))
 
 
+def rates_of_joints(motion, names):
+    """Velocities and accelerations of joints at the first sample [m/s, m/s²], of hinges a length L away."""
+    joints = p3dof.load().inverse_dynamics(motion).joints.columns(names)
+    arms = [1.0 if name.startswith("slide") else PAPER.geometry.L for name in names]
+    return joints.v[0] * arms, joints.a[0] * arms
+
+
 @EACH
 @pytest.mark.parametrize("what", ["position", "velocity", "acceleration"])
 @pytest.mark.parametrize("joint", ["hinge_a", "hinge_right", "slide_b"])
@@ -128,9 +136,13 @@ def test_an_open_loop_is_refused(name, what, joint, monkeypatch):
         values = getattr(motion, what)
         return replace(motion, **{what: {**values, joint: values[joint] + 1e-6}})
 
+    made, (v, a) = engine(name), rates_of_joints(MOTION[20:22], engine(name).joints)
+    L, speed = PAPER.geometry.L, max(np.abs(v))  # sliders, and turning legs at their ends
+    scales = {"position": L, "velocity": speed, "acceleration": max(np.abs(a)) + speed**2 / L + 9.81}
     lying(monkeypatch, change)
-    with pytest.raises(DynamicsError, match=rf"^{name}: sample 0: finds its loops open in {what} by .*e-0"):
-        engine(name).forces(MOTION[20:22])
+    told = rf"^{name}: sample 0: finds its loops open in {what} by .*e-0"
+    with pytest.raises(DynamicsError, match=rf"{told}.* at most {base.CLOSED * scales[what]:.2g} \(SI units"):
+        made.forces(MOTION[20:22])
 
 
 @EACH
@@ -248,12 +260,13 @@ def test_a_percent_of_mass_shows_in_time():
 
 def test_a_run_says_what_it_was():
     needs_exudyn()
+    begin = time.perf_counter()
     run = engines.driven_forces(PAPER, p3dof.paper_motion(101)[:51], 5e-3)
+    assert 0 < run.seconds <= time.perf_counter() - begin
     assert run.integrator == "trapezoidal"
     np.testing.assert_allclose(run.time, np.arange(1, 101) * 5e-3, rtol=1e-12)
     assert run.forces.shape == (100, 3)
     assert 0 < run.gap.max() < 1e-5
-    assert run.seconds > 0
 
 
 # --- the free machine --------------------------------------------------------------------------------
@@ -284,7 +297,9 @@ def released(pose, forces, duration):
 )
 def test_released_it_ends_where_the_minimal_form_has_it(name, step, bound):
     pose = np.array([0.02, -0.03, 0.1])
-    end = engine(name).simulate(0.15, step, pose, pushed())
+    made, begin = engine(name), time.perf_counter()
+    end = made.simulate(0.15, step, pose, pushed())
+    assert 0 < end.seconds <= time.perf_counter() - begin
     joints = p3dof.load().inverse_kinematics(released(pose, pushed(), 0.15)).joints
     assert list(end.positions) == list(joints)
     error = max(abs(end.positions[joint] - value) for joint, value in joints.items())

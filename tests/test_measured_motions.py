@@ -8,6 +8,7 @@ from decimal import Decimal
 import numpy as np
 import pytest
 from documents import ROOT
+from scipy.interpolate import BSpline
 from table_numbers import check_evidence, shows
 from test_cli import run
 
@@ -16,7 +17,7 @@ from p3dof.cli.loop.motion import forces_along
 from p3dof.errors import MotionError
 from p3dof.motion import Motion, WrenchHistory, motion_table, paper_motion
 from p3dof.motion.joint_files import read_joints
-from p3dof.motion.smoothing import last_digit
+from p3dof.motion.smoothing import fitted, last_digit
 from p3dof.simulation import JointReference
 
 NOON = "1700000000.123"
@@ -239,6 +240,41 @@ def test_noise_that_is_no_rounding_is_taken_out_too(exact):
     np.testing.assert_allclose(later.acceleration, found.acceleration, atol=1e-6)
 
 
+@pytest.mark.parametrize("digit", [0.0, 0.1])
+@pytest.mark.parametrize("frequency", [1, 3, 6, 10, 12])
+def test_the_number_of_pieces_has_the_least_criterion(frequency, digit):
+    """Schwarz's, with the correction of Hurvich and Tsai where it asks for more, of NumPy's least squares.
+
+    What rounding leaves of 24 values with so many unknowns is known: less than that explains no more.
+    """
+    time, noise = np.linspace(2, 3, 24), np.random.default_rng(3).normal(0, 0.05, (8, 24))
+    columns = np.repeat([1.0, 0.1], 4)[:, None] * (np.sin(frequency * time) + noise)  # fast and slow
+    columns = np.round(columns, 1) if digit else columns
+    scores = []
+    for pieces in range(1, 9):  # 8 + 5 unknowns are at most .6 of 24
+        knots = np.r_[5 * [2.0], np.linspace(2, 3, pieces + 1), 5 * [3.0]]
+        basis = BSpline.design_matrix(time, knots, 5).toarray()
+        left = columns.T - basis @ np.linalg.lstsq(basis, columns.T, rcond=None)[0]
+        count = pieces + 5
+        square = np.maximum(np.mean(left**2, axis=0), digit**2 / 12 * (24 - count) / 24)
+        costs = max(np.log(24), 2 * 24 / (24 - count - 1))
+        scores.append(24 * np.log(square) + count * costs)
+    assert fitted(time, columns.T, "auto").pieces == tuple(1 + np.argmin(scores, axis=0))
+
+
+def test_whether_more_pieces_would_do_better_is_told():
+    """A fast swing asks for all pieces that 24 values allow, and for more; of rounded ones, none is owed."""
+    time = np.linspace(0, 1, 24)
+    swing = np.sin(22 * time)[:, None]
+    found = fitted(time, swing, "auto")
+    assert (found.pieces, found.settled) == ((8,), False)
+    rounded = fitted(time, np.round(swing, 1), "auto")
+    assert (rounded.pieces, rounded.settled) == ((8,), True)
+    few = fitted(time[:8], time[:8, None] ** 5, "auto")  # no room for two pieces
+    assert few.pieces == (1,)
+    np.testing.assert_allclose(few.at(time[:8], 1)[:, 0], 5 * time[:8] ** 4, rtol=0, atol=1e-9)
+
+
 @pytest.mark.parametrize("count", [12, 26, 101, 1001])
 def test_exact_poses_are_left_alone(count):
     motion = paper_motion(count)
@@ -289,6 +325,9 @@ def test_a_hole_bounds_the_band(exact):
         (np.radians([0.5, 1.25, 89.75]), np.radians(0.01)),
         (np.linspace(0, 1, 7), 0.0),
         ([2.0, 3.0], 0.1),
+        (np.round(np.linspace(0, 1, 7), 9), 1e-9),
+        (np.round(np.linspace(0, 1, 7), 10), 0.0),  # finer than any instrument: as good as exact
+        (np.radians(np.round([0.5, *np.random.default_rng(1).uniform(9e4, 1e5, 200)], 8)), np.radians(1e-8)),
     ],
 )
 def test_the_last_digit_of_rounded_numbers(numbers, digit):

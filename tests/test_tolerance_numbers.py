@@ -212,7 +212,8 @@ def test_tables_of_poses_have_sums_over_closures_of_the_tests_own() -> None:
     poses = np.array([[0.1, 0.02, -0.5], [0.0, 0.0, 0.5]])
     given = {"R": "50 um", "L": "30 um", "encoder": "10 um", "L.b": "40 um"}
     of_legs = np.array([[50e-6, 0, 30e-6, 10e-6], [50e-6, 0, 40e-6, 10e-6], [50e-6, 0, 30e-6, 10e-6]])
-    errors, parts = tolerance_tables(p3dof.tolerance(PAPER, pose=poses, sigma=given, worst=2.0))
+    found = p3dof.tolerance(PAPER, pose=poses, sigma=given, worst=2.0)
+    errors, parts = tolerance_tables(found)
     names = ["1: 0.1 m, 0.02 m, -28.65°", "2: 0 m, 0 m, 28.65°"]
     rows = {}
     for name, pose in zip(names, poses, strict=True):
@@ -220,6 +221,8 @@ def test_tables_of_poses_have_sums_over_closures_of_the_tests_own() -> None:
         sigma = np.sqrt((spread**2).sum(axis=1))
         rows[name] = (*sigma, *(1.9599640 * sigma), *(2.0 * np.abs(spread).sum(axis=1)))
     check_table(errors, rows, header=3 * (0.95,) + 3 * (2,), note=["First order"])
+    y, z, turn = np.max(list(rows.values()), axis=0)[:3]
+    assert f"up to {y:.4g} µm in y, {z:.4g} µm in z, {turn:.4g} mrad" in repr(found)
     variances = own_spread(poses[0], of_legs.ravel()) ** 2
     shares = 100 * variances / variances.sum(axis=1, keepdims=True)
     wanted = {}
