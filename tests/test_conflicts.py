@@ -115,8 +115,30 @@ def test_two_conflicts_are_told_each_with_its_own() -> None:
     problem = lengths_problem(["R >= r + 0.03", "R <= r + 0.01"], {"width": {"max": 0.2}})
     found = {conflict.names: conflict.amounts for conflict in conflicts_of(problem)}
     apart = ("R >= r + 0.03", "R <= r + 0.01")
-    assert set(found) == {apart, ("width ≤ 0.2 m", "the bound R ≥ 0.15 m")}
+    narrow = (
+        "width ≤ 0.2 m",
+        "R >= r + 0.03",
+        "the bound r ≥ 0.08 m",
+    )  # where R may be smaller: r + .03 is not
+    assert set(found) == {apart, narrow, ("width ≤ 0.2 m", "the bound R ≥ 0.15 m")}
+    assert found[narrow] == pytest.approx((0.02, 0.01, 0.01), abs=1e-7)
     assert found[apart] == pytest.approx((0.02, 0.02), abs=1e-7)
+
+
+def test_conflicts_that_share_a_constraint_are_told_each() -> None:
+    problem = lengths_problem(["R >= 0.4", "R <= r + 0.1", "L >= R + 0.5", "R <= 0.38 + 0*r"], {})
+    found = {
+        conflict.names: dict(zip(conflict.names, conflict.amounts, strict=True))
+        for conflict in conflicts_of(problem)
+    }
+    expected = {  # by hand: r up to .2, L up to .8, what only other conflicts name is left out
+        ("R >= 0.4", "R <= r + 0.1", "the bound r ≤ 0.2 m"): (0.1, 0.1, 0.1),
+        ("R >= 0.4", "L >= R + 0.5", "the bound L ≤ 0.8 m"): (0.1, 0.1, 0.1),
+        ("R >= 0.4", "R <= 0.38 + 0*r"): (0.1, 0.02),
+    }
+    assert set(found) == set(expected)
+    for names, amounts in expected.items():
+        assert list(found[names].values()) == pytest.approx(amounts, abs=1e-7), names
 
 
 def test_the_least_amount_is_what_the_published_optimum_lacks() -> None:
@@ -131,7 +153,8 @@ def test_the_least_amount_is_what_the_published_optimum_lacks() -> None:
     )
     with pytest.raises(OptimisationError, match=re.escape("peak_force ≤ 70 N by 10.24 N")) as told:
         problem.minimise("width", {"peak_force": 70.0, "width": 0.5}, starts=1)
-    (conflict,) = told.value.conflicts
-    amounts = dict(zip(conflict.names, conflict.amounts, strict=True))
-    assert amounts["peak_force ≤ 70 N"] == pytest.approx(80.2398 - 70, abs=1e-4)
-    assert len(amounts) > 1
+    found = [dict(zip(each.names, each.amounts, strict=True)) for each in told.value.conflicts]
+    assert len(found) > 1  # each of the others is enough to forbid so small a force
+    for amounts in found:
+        assert amounts["peak_force ≤ 70 N"] == pytest.approx(80.2398 - 70, abs=1e-4)
+        assert len(amounts) == 2

@@ -1,11 +1,13 @@
 """Whether any design keeps all constraints; if not, which exclude each other, and by how much at least.
 
 The deletion filter leaves a constraint out and solves again: if there is still no design, it is not to blame.
-What is left is irreducible: without any one of these, there is a design.
+What is left is irreducible: without any one of these, there is a design. Others may be irreducible as well,
+and share some: they are found where one of the first is left out.
 
-Reference
----------
+References
+----------
 J. W. Chinneck, Feasibility and Infeasibility in Optimization (Springer 2008), chapter 6.
+R. Reiter, A theory of diagnosis from first principles, Artificial Intelligence 32 (1987) 57-95.
 """
 
 from __future__ import annotations
@@ -23,14 +25,18 @@ from p3dof.optimisation.constraints import Constraint, Linear, amount
 from p3dof.optimisation.epigraph import Local, descend
 from p3dof.optimisation.measure import Better, Pieces
 from p3dof.optimisation.population import Population
-from p3dof.optimisation.starts import starts_of
+from p3dof.optimisation.starts import closer, starts_of
 from p3dof.optimisation.statement import Statement
 from p3dof.optimisation.variables import Variables
 
 _MISSED, _ENOUGH, _STARTS = 1e-9, -1e-3, 4
+_MOST = 3
+"""How many conflicts are looked for: each takes as long as the first."""
 _NEAR = 1e-3
 """Constraints that are missed by less than the worst, by this share of it, are left out at once."""
 _ALIKE = 1e-6
+_FINER = range(7, 27)
+"""How near to an end better ones are looked for: the ranges of the variables, so often halved."""
 _AT_BOUND = 1e-6
 """How near to its bound a variable is at it, as a share of its range."""
 
@@ -74,7 +80,7 @@ class Conflict:
         Of the constraints; bounds of variables may be among them.
     amounts : tuple of float
         By how much each must give way at least, by itself, for a design to keep all constraints; where other
-        conflicts forbid that, for a design to keep these [SI units].
+        conflicts forbid that, all but those that only these name [SI units].
     units : tuple of str
         Of the amounts.
     """
@@ -119,15 +125,43 @@ def nearest_feasible(problem: Statement, starts: FloatArray) -> FloatArray:
             f"no design was found that makes the motion: {found.reason(0)}; change bounds of the variables"
         )
     search = _Search(problem, starts[able][:_STARTS])
-    conflicts, left = [], problem.constraints
-    while (nearest := search.nearest(left)).value >= _MISSED:
-        core = search.irreducible(search.worst(left, nearest), ())
-        conflicts.append(search.conflict(core, nearest.design))
-        left = tuple(item for item in left if not any(item is other for other in core))
-    if not conflicts:
+    nearest = search.nearest(problem.constraints)
+    if nearest.value < _MISSED:
         return nearest.design
-    told = "; ".join(map(str, conflicts))
-    raise OptimisationError(f"no design keeps all constraints: {told}", tuple(conflicts))
+    conflicts = _conflicts(search, nearest.design)
+    if not conflicts:
+        missed = search.worst(problem.constraints, nearest)[0].name
+        raise OptimisationError(
+            f"no design was found that keeps all constraints; the nearest misses {missed}"
+        )
+    told = "; ".join(map(str, conflicts)) + ("; there may be more" if len(conflicts) == _MOST else "")
+    raise OptimisationError(f"no design keeps all constraints: {told}", conflicts)
+
+
+def _conflicts(search: _Search, nearest: FloatArray) -> tuple[Conflict, ...]:
+    """Return what excludes each other: one after the other is left out, until some design keeps what is left.
+
+    What still excludes each other without one of a conflict is another conflict, which may share the others:
+    Reiter's tree of hitting sets, in which a known conflict serves wherever nothing of it is left out.
+    """
+    cores: list[tuple[Constraint, ...]] = []
+    waiting: list[tuple[Constraint, ...]] = [()]
+    enough: list[set[str]] = []
+    while waiting and len(cores) < _MOST:
+        out = waiting.pop(0)
+        names = {item.name for item in out}
+        if any(less <= names for less in enough):
+            continue
+        core = next((core for core in cores if names.isdisjoint(item.name for item in core)), ())
+        if not core:
+            core = search.core(out, nearest)
+            if not core:
+                enough.append(names)
+                continue
+            cores.append(core)
+        waiting += [(*out, item) for item in core]
+    found = [search.conflict(core, cores, nearest) for core in cores]
+    return tuple(conflict for conflict in found if conflict is not None)
 
 
 class _Search:
@@ -187,23 +221,49 @@ class _Search:
                 kept = rest
         return kept
 
-    def conflict(self, core: tuple[Constraint, ...], nearest: FloatArray) -> Conflict:
-        """Return what is to blame: constraints, and the bounds of variables without which they fit."""
+    def core(self, out: tuple[Constraint, ...], nearest: FloatArray) -> tuple[Constraint, ...]:
+        """Return what excludes each other, bounds too, where some is left out; empty if nothing does."""
+        names = {item.name for item in out}
+        items = tuple(item for item in self.problem.constraints if item.name not in names)
+        search = self._without(out, nearest)
+        local = search.nearest(items)
+        if local.value < _MISSED:
+            return ()
+        core = search.irreducible(search.worst(items, local), ())
         bounds = _bounds(self.problem.variables)
-        free = self._without(bounds, nearest)
-        if free.nearest(core).value < _MISSED:
-            x = self.problem.variables.scaled(nearest)
-            touched = np.stack([x < _AT_BOUND, x > 1 - _AT_BOUND], axis=1).ravel()
-            near = tuple(bound for bound, there in zip(bounds, touched, strict=True) if there)
-            some = near if free.nearest(core + near).value >= _MISSED else bounds
-            core += free.irreducible(some, core)
-        missed = []
+        free = self._without(bounds, local.design)
+        if free.nearest(core).value >= _MISSED:
+            return core
+        x = self.problem.variables.scaled(local.design)
+        gaps = np.stack([x, 1 - x], axis=1).ravel()
+        still = [(bound, gap) for bound, gap in zip(bounds, gaps, strict=True) if bound.name not in names]
+        some = tuple(bound for bound, gap in still if gap < _AT_BOUND)
+        if free.nearest(core + some).value < _MISSED:
+            some = tuple(bound for bound, _ in still)
+        return core + free.irreducible(some, core)
+
+    def conflict(
+        self, core: tuple[Constraint, ...], cores: Sequence[tuple[Constraint, ...]], nearest: FloatArray
+    ) -> Conflict | None:
+        """Return by how much each of a core must give way; None if it does not exclude itself after all."""
+        own = {item.name for item in core}
+        elsewhere = tuple(item for other in cores for item in other if item.name not in own)
+        given, missed = self.problem.constraints, []
         for item in core:
-            others = tuple(other for other in self.problem.constraints if other is not item)
-            search = self._without((item,), nearest)
-            if search.nearest(others).value >= _MISSED:
-                search, others = free, tuple(other for other in core if other is not item)
-            missed.append(search.least(item, others))
+            for out, kept in (
+                ((item,), given),
+                ((item, *elsewhere), given),
+                ((*_bounds(self.problem.variables), item), core),
+            ):
+                names = {item.name} if kept is core else {other.name for other in out}
+                others = tuple(other for other in kept if other.name not in names)
+                search = self._without(out, nearest)
+                if search.nearest(others).value < _MISSED:
+                    break
+            least = search.least(item, others)
+            if least < _MISSED:
+                return None
+            missed.append(item.scale * least)
         units = tuple(item.measure.unit for item in core)
         return Conflict(tuple(item.name for item in core), tuple(missed), units)
 
@@ -218,30 +278,34 @@ class _Search:
         return _Search(wide, np.concatenate([self.known, nearest[None]]))
 
     def least(self, item: Constraint, others: tuple[Constraint, ...]) -> float:
-        """Return by how much a constraint is missed at least where others are kept [SI units]."""
+        """Return by how much a constraint is missed at least where others are kept, by its scale."""
         asked = self.problem.asking(Missing((item,)))
         asked.constraints = others
         begin = np.concatenate([self.nearest(others).design[None], starts_of(asked, _STARTS, 0)])
-        return item.scale * _least(asked, begin).value
+        best = _least(asked, begin)
+        finer = closer(asked, best.design[None], _FINER)[1]  # descents stop before what is no machine
+        return float(min(best.value, np.nan_to_num(asked.evaluate(finer[None]).objectives[0, 0], nan=np.inf)))
 
 
 def _least(problem: Statement, begin: FloatArray) -> Local:
     """Return the best of descents from some designs: until two end alike, or nothing is missed."""
+    begin = closer(problem, begin)
     found = problem.evaluate(begin)
     values = np.where(np.isnan(found.objectives[:, 0]), np.inf, found.objectives[:, 0])
     order = np.lexsort((values, found.violation))
     good = found.violation[order[0]] == 0
     best = Local(begin[order[0]], float(values[order[0]]) if good else np.inf, 0.0, 0)
+    ends: list[float] = []
     for start in begin[order[:_STARTS]]:
         if best.value < _MISSED:
             break
         local = descend(problem, start)
         if local.violation > 0 or not np.isfinite(local.value):
             continue
-        alike = abs(local.value - best.value) <= _ALIKE * best.value
         best = local if local.value < best.value else best
-        if alike and local.evaluations > 1:
+        if any(abs(local.value - end) <= _ALIKE * end for end in ends):
             break
+        ends.append(local.value)
     return best
 
 

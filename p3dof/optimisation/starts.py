@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from p3dof.checks import FloatArray
@@ -10,6 +12,8 @@ from p3dof.optimisation.statement import Statement
 
 _POINTS, _FEW = 1024, 32
 """Designs to choose from; few where a measure takes long."""
+_BEST = 8
+"""How many designs further ones are looked for around."""
 _APART = 0.1
 """Least distance between starts, as a share of the ranges of the variables."""
 
@@ -36,7 +40,9 @@ def starts_of(problem: Statement, count: int, seed: int) -> FloatArray:
     variables = problem.variables
     own = problem.start
     chosen = [np.clip(variables.scaled(own), 0, 1)] if np.isfinite(own).all() else []
-    points = qmc.Sobol(len(variables), rng=np.random.default_rng(seed)).random(_points(problem))
+    points = qmc.Sobol(len(variables), rng=np.random.default_rng(seed)).random(
+        _FEW if is_slow(problem) else _POINTS
+    )
     found = problem.evaluate(variables.values(points))
     sign = 1.0 if problem.objectives[0].better == "small" else -1.0
     value = np.where(np.isnan(found.objectives[:, 0]), np.inf, sign * found.objectives[:, 0])
@@ -50,9 +56,41 @@ def starts_of(problem: Statement, count: int, seed: int) -> FloatArray:
     return variables.values(np.array(chosen[:count]))
 
 
-def _points(problem: Statement) -> int:
+def closer(problem: Statement, starts: FloatArray, halved: Sequence[int] = range(1, 11)) -> FloatArray:
+    """Return starts, and the best of random designs around the best, ever closer; no more if that takes long.
+
+    Parameters
+    ----------
+    problem : Statement
+        Its first objective counts, to be made small.
+    starts : ndarray, shape (S, n)
+        [SI units].
+    halved : sequence of int
+        How often the ranges of the variables are halved for each turn of random designs.
+
+    Returns
+    -------
+    ndarray, shape (S or more, n)
+        [SI units]; the starts, then the best first.
+    """
+    if is_slow(problem):
+        return starts
+    rng, variables = np.random.default_rng(0), problem.variables
+    points = np.clip(variables.scaled(starts), 0.0, 1.0)
+    for reach in 0.5 ** np.array(halved):
+        centres = points[rng.integers(len(points), size=_POINTS)]
+        around = np.clip(centres + rng.uniform(-reach, reach, centres.shape), 0.0, 1.0)
+        points = np.concatenate([points, around])
+        found = problem.evaluate(variables.values(points))
+        value = np.where(np.isnan(found.objectives[:, 0]), np.inf, found.objectives[:, 0])
+        points = points[np.lexsort((value, found.violation))[:_BEST]]
+    return np.concatenate([starts, variables.values(points)])
+
+
+def is_slow(problem: Statement) -> bool:
+    """Whether a measure of a problem takes long."""
     measures = (*problem.objectives, *(item.measure for item in problem.constraints))
-    return _FEW if any(getattr(measure, "slow", False) for measure in measures) else _POINTS
+    return any(getattr(measure, "slow", False) for measure in measures)
 
 
 def require_influence(problem: Statement, starts: FloatArray) -> None:
