@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from design_problems import BETTER, PAPER_DESIGN, paper_problem
+from test_indices import positions
 
 import p3dof
 from p3dof import DesignProblem, InputError
@@ -87,6 +88,63 @@ def test_measures_of_one_design_are_those_of_its_machine() -> None:
         assert found[name][0] == pytest.approx(value, rel=1e-10)
     sliders = robot.inverse_kinematics(poses).sliders
     assert found["box_height"][0] == pytest.approx(0.4 - (sliders.max() - sliders.min()), rel=1e-12)
+
+
+def test_solids_keep_the_papers_sizes_times_the_least_ratio_of_lengths() -> None:
+    """So they fit any machine: its buckling load and gaps, by hand, where each length is the smallest."""
+    variables = {"r": (0.01, 1.0), "R": (0.01, 1.0), "L": (0.1, 2.0), "b": (0.01, 0.5)}
+    motion = p3dof.Motion.rest_to_rest([0, 0, 0], [1e-3, 0, 0], 1.0, 11)
+    problem = DesignProblem(variables, motion, objectives=["rod_buckling", "clearance"], bodies="solids")
+    paper, gaps = p3dof.Geometry(), set()
+    for r, R, L, b in (
+        (0.06, 0.3, 0.5, 0.08),
+        (0.2, 0.3, 0.7, 0.07),
+        (0.15, 0.35, 0.38, 0.08),
+        (0.12, 0.4, 0.6, 0.03),
+        (0.2, 0.3, 0.102, 0.07),
+    ):
+        ratio = min(r / paper.r, (R - r) / (paper.R - paper.r), L / paper.L, b / paper.b)
+        found = problem.evaluate([r, R, L, b])
+        inertia = np.pi / 4 * (0.01 * ratio) ** 4
+        assert found["rod_buckling"][0] == pytest.approx(np.pi**2 * 210e9 * inertia / L**2, rel=1e-12)
+        edge, rod, thickness, corner = ratio * np.array([0.05, 0.01, 0.05, 0.02])
+        aside, above = R - r - edge / 2 - corner, np.sqrt(L**2 - (R - r) ** 2) - edge / 2 - thickness / 2
+        between = [max(aside, above), 2 * b - 2 * rod, R - edge]
+        assert found["clearance"][0] == pytest.approx(min(between), rel=1e-12)
+        gaps.add(int(np.argmin(between)))
+    assert len(gaps) > 1
+
+
+def test_gaps_between_solids_are_the_least_of_all_poses_of_the_box() -> None:
+    """From positions of sliders and joints, each kind of gap being the least somewhere."""
+    sizes = ("slider_edge", "rod_radius", "plate_thickness", "corner_radius")
+    variables = dict.fromkeys(("r", "R", "L", "b", *sizes), (1e-3, 2.0))
+    rng, box = np.random.default_rng(1), Box((-0.02, 0.03), (-0.5, 0.6), (5, 9))
+    motion = p3dof.Motion.rest_to_rest([0, 0, 0], [1e-3, 0, 0], 1.0, 11)
+    problem = DesignProblem(variables, motion, objectives=["clearance"], bodies="solids", box=box)
+    low = [0.15, 0.3, 0.25, 0.05, 0.01, 0.01, 0.01, 0.01]
+    high = [0.2, 0.4, 0.5, 0.3, 0.3, 0.04, 0.3, 0.1]
+    designs, poses = rng.uniform(low, high, (100, 8)), np.stack(box.poses, axis=1)
+    found, least = problem.evaluate(designs)["clearance"], []
+    for design, value in zip(designs, found, strict=True):
+        r, R, L, b, edge, rod, thickness, corner = design
+        gaps = {"rods": 2 * b - 2 * rod, "sliders": R - edge}
+        for y, theta in poses:
+            sliders, joints = positions(p3dof.Geometry(r, R, L, b), (y, 0.0, theta))
+            aside = R - np.abs([*joints[:2, 1], joints[2, 0]]) - edge / 2 - corner
+            tilt = np.array([0, 0, theta])  # the plate turns about the line of A and B
+            upward = thickness / 2 * np.cos(tilt) + corner * abs(np.sin(tilt))
+            above = sliders - joints[:, 2] - edge / 2 - upward
+            for k, leg in enumerate("ABC"):
+                kind = f"{leg} {'aside' if aside[k] > above[k] else 'above'}"
+                gaps[kind] = min(gaps.get(kind, np.inf), max(aside[k], above[k]))
+        assert value == pytest.approx(min(gaps.values()), rel=1e-10)
+        least.append(min(gaps, key=gaps.__getitem__))
+    assert set(least) == {
+        "rods",
+        "sliders",
+        *(f"{leg} {where}" for leg in "ABC" for where in ("aside", "above")),
+    }
 
 
 def test_the_lowest_frequency_is_that_of_the_published_table() -> None:

@@ -49,7 +49,7 @@ def _clearance(n: Numbers, population: Population) -> Any:
     x = legs(n, y, theta)
     edges = thickness / 2 * np.cos(theta) + corner * np.abs(np.sin(theta))  # of the plate, upward
     gaps = [
-        _larger(across - edge / 2 - corner, drop - edge / 2 - upward)
+        np.maximum(across - edge / 2 - corner, drop - edge / 2 - upward)
         for across, drop, upward in (
             (x.wa, x.Sa, thickness / 2),
             (x.wb, x.Sb, thickness / 2),
@@ -59,11 +59,6 @@ def _clearance(n: Numbers, population: Population) -> Any:
     gaps += [_column(2 * n.b - 2 * rod, population), _column(n.R - edge, population)]
     rows = [np.broadcast_to(gap, (len(population), np.shape(gap)[-1])) for gap in gaps]
     return np.concatenate(rows, axis=1)
-
-
-def _larger(a: Any, b: Any) -> Any:
-    """Return the larger of two numbers by their real parts; NaN where one is."""
-    return np.where(np.real(a) >= np.real(b), a, b) + 0 * (a + b)
 
 
 def _column(values: Any, population: Population) -> Any:
