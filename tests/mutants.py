@@ -67,6 +67,8 @@ TESTS = {
     "p3dof/motion/states.py": ("states", "wrenches", *SHARED),
     "p3dof/motion/wrenches.py": ("wrenches", "measured_motions", "motion"),
     "p3dof/methods/": ("utilisation", "shown_tables", *SHARED, "gate", "methods"),
+    "p3dof/methods/compiled.py": ("outputs", *SHARED, "gate", "methods"),
+    "p3dof/methods/one_sample.py": ("outputs",),
     "p3dof/methods/pinocchio_friction.py": SHARED,
     "p3dof/methods/regressor.py": ("reduced",),
     # The paper's method compiled, and C.

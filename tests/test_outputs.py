@@ -97,8 +97,14 @@ def test_poses_go_there_too():
     assert np.isnan(out[0]).all()
 
 
+def beside(shape):
+    """An array of a shape in one that has a further row and a further column of samples."""
+    whole = np.full((*(n + 1 for n in shape[:2]), *shape[2:]), 7.0)
+    return whole[tuple(slice(n) for n in shape)]
+
+
 @pytest.mark.parametrize("shape", [(), (COUNT,), (4, 6)])
-def test_derivatives_are_written_again(shape):
+def test_derivatives_go_into_earlier_results(shape):
     robot = p3dof.load(MACHINE)
     q, v, a, w = part_of_states(shape)
     expected = robot.force_derivatives(q, v, a, wrench=w)
@@ -107,6 +113,7 @@ def test_derivatives_are_written_again(shape):
         robot.force_derivatives(q, 2 * v, a),
         ForceDerivatives(np.empty((*shape, 3)), *whole),
         ForceDerivatives(np.empty((3, *shape)).T.reshape(expected.forces.shape), *whole),
+        ForceDerivatives(*(beside(array.shape) for array in expected.arrays)),
     ):
         assert robot.force_derivatives(q, v, a, wrench=w, out=out) is out
         for one, other in zip(out.arrays, expected.arrays, strict=True):
@@ -226,6 +233,19 @@ def test_large_batches_take_no_memory_of_their_own():
     assert peak < count  # bytes: not one a sample
 
 
+def test_derivatives_in_an_earlier_result_take_no_second_room():
+    robot, count = p3dof.load(), 10_000
+    q, v, a = np.random.default_rng(1).uniform(-0.1, 0.1, (3, count, 3))
+    known = robot.force_derivatives(q, v, a)
+    tracemalloc.start()
+    try:
+        robot.force_derivatives(q, v, a, out=known)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 0.5 * sum(array.nbytes for array in known.arrays)
+
+
 def same_answer(robot, door, *arguments, **words):
     """What the call says to arrays of one sample and to the same as a batch of one: result, or error."""
     answers = []
@@ -253,10 +273,36 @@ def test_one_sample_is_what_a_batch_of_one_is():
                     one, many = same_answer(robot, door, *given[:3], wrench=given[3], **words)
                     assert type(one) is type(many)
                     np.testing.assert_array_equal(one, many)
+                    one, many = same_answer(robot, door, *given[:3], **words)
+                    assert type(one) is type(many)
+                    np.testing.assert_array_equal(one, many)
                 for door in ("jacobian", "mass_matrix"):
                     one, many = same_answer(robot, door, given[0], **words)
                     assert type(one) is type(many)
                     np.testing.assert_array_equal(one, many)
+                for door in ("sliders", "forward_kinematics"):  # these know no other method
+                    one, many = same_answer(robot, door, given[0], on_invalid=on_invalid)
+                    assert type(one) is type(many)
+                    np.testing.assert_array_equal(one, many)
+
+
+@pytest.mark.skipif(levels()[-1] == "numpy", reason="no compiled kernels here")
+@pytest.mark.parametrize("friction", [False, True])
+def test_one_sample_is_answered_without_what_batches_take(friction, monkeypatch):
+    machine = replace(MACHINE, friction=random_friction(np.random.default_rng(1))) if friction else MACHINE
+    robot, (q, v, a, w) = p3dof.load(machine), part_of_states(())
+    for name in ("states_of", "batch_of"):
+        monkeypatch.setattr(f"p3dof.manipulator.facade.{name}", None)
+    for wrench in (None, w):
+        words = {"wrench": wrench, "method": "compiled"}
+        f = robot.forces(q, v, a, **words)
+        np.testing.assert_allclose(robot.forward_dynamics(q, v, f, **words), a, rtol=1e-7)
+        if not friction:
+            found = robot.force_derivatives(q, v, a, wrench=wrench)
+            M = robot.mass_matrix(q, method="compiled")
+            J = robot.jacobian(q, method="compiled")
+            np.testing.assert_allclose(J.T @ found.by_acceleration, M, rtol=0, atol=1e-9 * np.abs(M).max())
+    np.testing.assert_allclose(robot.forward_kinematics(robot.sliders(q)), q, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("friction", [False, True])
