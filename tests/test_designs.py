@@ -30,6 +30,7 @@ from p3dof.designs.figures import given, sampled
 from p3dof.designs.folding import folding_of
 from p3dof.designs.names import column_of
 from p3dof.designs.samples import samples_of
+from p3dof.designs.status import status_of
 
 MOTION = p3dof.paper_motion(101)
 EVERYTHING = ("singularity", "power")
@@ -257,6 +258,7 @@ def with_impossible(count=64):
         36: ("limits.force", 0.0, DesignStatus.LIMITS),
         37: ("armature.slide_b", -1.0, DesignStatus.ACTUATORS),
         55: ("platform.mass", np.nan, DesignStatus.NOT_FINITE),
+        56: ("platform.inertia.xx", np.nan, DesignStatus.NOT_FINITE),
     }
     return given, spoiled
 
@@ -293,6 +295,55 @@ def test_impossible_designs_have_a_reason_and_leave_their_neighbours_alone(level
     inside = wanted.singularity(MOTION.pose).serial.min(axis=1) > 0
     assert found.status_at[34] == MOTION.time[np.argmin(inside)]
     assert np.isnan(found.status_at[3])
+
+
+INERTIA = ("xx", "xy", "yy", "yz", "zz", "xz")
+CHOICES = {
+    "lengths": {"r": (0.1, 0.25 - 3e-7, 0.25 - 5e-7, 0.25, 0.3, 0.0), "L": (0.4, 0.15, 0.1),
+                "b": (0.1, 0.0, -0.1)},
+    "platform": {"platform.mass": (8.0, 0.0, -1.0), **{
+        f"platform.inertia.{axes}": (1e-12, 2e-12) if axes[0] == axes[1] else (0.0, 5e-13, -1.5e-12)
+        for axes in INERTIA
+    }},
+    "cross-bar": {"crossbar_upper.mass": (2.0, 0.3, 0.0, -1.0), **{
+        f"crossbar_upper.inertia.{axes}": (0.0, 0.02) for axes in ("xx", "yy", "zz")
+    }},
+    "payload": {"payload.mass": (2.0, 0.3, 0.0, -1.0)},
+    "payload with inertia": {"payload.mass": (2.0, 0.3, 0.0, -1.0), **{
+        f"payload.inertia.{axes}": (0.0, 0.02) for axes in INERTIA
+    }},
+    "moment of a rod": {"rod_left.inertia.xx": (0.0, 5e-5, 5e-3, 0.025, 0.03, 0.05), "L": (0.3, 0.4, 0.5)},
+    "moment of the platform": {"platform.inertia.zz": (0.0, 0.03, 0.06, 0.07, 0.08, 0.1, 0.2)},
+    "mass of a rod": {"rod_left.mass": (2.0, 0.3, 0.0, -1.0)},
+    "mass of a cross-bar": {"crossbar_upper.mass": (2.0, 0.3, 0.0, -1.0)},
+    "friction": {"friction.viscous.sliders": (0.0, 0.5, -0.5), "friction.coulomb.hinge_a": (0.0, 0.5, -0.5),
+                 "friction.smoothing": (1e-3, 0.5, 0.0, -1e-3)},
+    "limits": {"limits.speed": (2.0, 0.5, 0.0), "limits.force": (300.0, 0.5, 0.0),
+               "limits.travel.low": (-0.5, 0.0, 0.1), "limits.tilt.high": (0.5, 0.0, -0.1)},
+    "actuators": {"armature.slide_b": (0.5, 0.0, -0.1), "counterweight.slide_a": (0.5, 0.0, -0.1),
+                  "counterbalance.slide_a": (0.5, 0.0, -5.0)},
+}  # fmt: skip
+
+
+def is_machine(designs, index):
+    """Whether all its parts can be made."""
+    try:
+        return designs[index] is not None
+    except p3dof.ParameterError:
+        return False
+
+
+@pytest.mark.parametrize("machine", [PAPER, LADEN], ids=["", "laden"])
+@pytest.mark.parametrize("bodies", ["kept", "solids"])
+@pytest.mark.parametrize("case", CHOICES)
+def test_impossible_are_just_those_designs_that_are_no_machine(case, bodies, machine):
+    rng = np.random.default_rng(3)
+    designs = Designs(
+        {name: rng.choice(values, 200) for name, values in CHOICES[case].items()}, machine, bodies
+    )
+    found, possible = status_of(designs), [is_machine(designs, index) for index in range(200)]
+    np.testing.assert_array_equal(found == DesignStatus.FEASIBLE, possible)
+    assert 0 < sum(possible) < 200
 
 
 @pytest.mark.parametrize("level", levels())

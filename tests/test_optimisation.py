@@ -272,6 +272,26 @@ def test_rods_bear_what_the_reactions_say() -> None:
         assert gradient[name][3] == pytest.approx((moved[0] - moved[1]) / 4e-5, rel=1e-3)
 
 
+def test_finer_grids_have_all_samples_and_poses_of_the_coarse_ones_and_some_between() -> None:
+    load = np.outer(np.linspace(1.0, 3.0, 21), [1.0, -2.0, 30.0, 0.0, 0.5, 0.1])
+    coarse = paper_problem(motion=p3dof.paper_motion(21), wrench=load)
+    fine = coarse.refined(4).setting
+    time, motion = fine.motion.time, coarse.setting.motion
+    np.testing.assert_allclose(time, np.linspace(motion.time[0], motion.time[-1], 81), rtol=0, atol=1e-15)
+    np.testing.assert_allclose(fine.motion.pose[::4], motion.pose, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(fine.wrench, np.outer(np.linspace(1.0, 3.0, 81), load[0]), rtol=1e-12)
+    assert coarse.setting.box is not None
+    assert fine.box is not None
+    for axis, (ends, count) in enumerate(
+        zip((fine.box.y, fine.box.theta), coarse.setting.box.grid, strict=True)
+    ):
+        np.testing.assert_allclose(
+            np.unique(fine.box.poses[axis]), np.linspace(*ends, 4 * count - 3), atol=1e-15
+        )
+    assert Box((0, 1), (0, 1), (101, 3)).finer(4).grid == (201, 9)
+    assert coarse.setting.motion is motion
+
+
 def test_problems_go_to_other_processes() -> None:
     problem = paper_problem(objectives=list(MEASURES), constraints=())
     again = pickle.loads(pickle.dumps(problem))  # noqa: S301 - our own

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from design_problems import PAPER_DESIGN, paper_problem
 
+import p3dof
 from p3dof import Front, InputError, OptimisationError, SweepError
 from p3dof.optimisation import front_tables
-from p3dof.optimisation.front import hypervolume
+from p3dof.optimisation.front import efficient, hypervolume
 
 PEAK_AND_WIDTH = ["peak_force", "width"]
 PUBLISHED = {0.6: 60.3126, 0.5: 61.6491, 0.45: 63.1718, 0.4: 65.3750, 0.36: 67.9655}
@@ -52,6 +53,26 @@ def test_polishing_only_makes_fronts_better(by_nsga: Front, by_epsilon: Front) -
     assert before < by_nsga.hypervolume(corner)
     assert by_nsga.hypervolume(corner) == pytest.approx(by_epsilon.hypervolume(corner), rel=1e-3)
     assert by_epsilon.hypervolume(corner) == pytest.approx(22.54, rel=2e-3)
+
+
+def test_efficient_are_the_feasible_designs_that_no_other_one_dominates() -> None:
+    """One objective is to be large; each pair is compared, and a design that is there twice counts once."""
+    problem = paper_problem(objectives=["width", "rod_frequency"], motion=p3dof.paper_motion(21))
+    designs = np.array(PAPER_DESIGN) * np.random.default_rng(1).uniform(0.8, 1.2, (60, 4))
+    found = problem.evaluate(designs)
+    width, frequency = found.objectives.T
+    best = [
+        i
+        for i in np.flatnonzero(found.feasible)
+        if not any(
+            width[k] <= width[i] and frequency[k] >= frequency[i] and k != i
+            for k in np.flatnonzero(found.feasible)
+        )
+    ]
+    assert 3 < len(best) < found.feasible.sum() < 60
+    best.sort(key=lambda i: frequency[i])
+    twice = np.vstack([designs, designs[best[:2]]])
+    np.testing.assert_array_equal(efficient(problem, twice), designs[best])
 
 
 def test_hypervolumes_are_those_of_boxes_and_of_random_points() -> None:

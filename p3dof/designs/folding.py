@@ -233,6 +233,33 @@ def _moments(
     return moments
 
 
+def solids_of(columns: Mapping[str, Any], machine: Parameters) -> dict[str, Inertial]:
+    """Return the bodies of designs by link, made of solids, before columns of bodies replace their numbers.
+
+    Parameters
+    ----------
+    columns : mapping of str to ndarray, shape (D,)
+        By full names.
+    machine : Parameters
+        What has no column; what it carries is part of its platform.
+
+    Returns
+    -------
+    dict of str to Inertial
+        Of numbers and arrays (D,).
+    """
+    r, R, L, b = (columns.get(name, getattr(machine.geometry, name[-1])) for name in LENGTHS)
+    ratio = np.min(np.broadcast_arrays(*scales(r, R, L, b)), axis=0)
+    default = Dimensions()
+    sizes = Sizes(*(columns.get(name, ratio * getattr(default, name.partition(".")[2])) for name in SIZES))
+    lengths = Lengths(r, R, L, b, np.sqrt((L - R + r) * (L + R - r)))
+    by_kind = inertials_of_solids(lengths, sizes, columns.get(DENSITY, STEEL_DENSITY))
+    found = {link: by_kind[kind] for kind, several in KINDS.items() for link in several}
+    if machine.payloads:
+        found["platform"] = _joined([found["platform"], *map(_inertial, machine.payloads)])
+    return found
+
+
 def _sizes(inputs: dict[str, Symbol], machine: Parameters, tape: Tape) -> Sizes:
     """Return the sizes of solids; those without a column are symbols, too, where lengths have columns."""
     scaled = Dimensions.scaled(machine.geometry)

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from p3dof.checks import FloatArray
 from p3dof.designs.columns import Designs
+from p3dof.designs.folding import solids_of
 from p3dof.designs.names import ACTUATORS, COMPONENTS, DENSITY, KINDS, LENGTHS, SIZES
+from p3dof.paper.inertials import inertials
 from p3dof.parameters import LINKS
 from p3dof.parameters.geometry import PARALLEL
 
@@ -117,17 +119,20 @@ def _limits(designs: Designs) -> Any:
 
 def _bodies(designs: Designs) -> Any:
     found: Any = np.True_
+    columns, machine = designs.columns, designs.machine
+    own = solids_of(columns, machine) if designs.bodies == "solids" else inertials(machine.bodies)
     for link in LINKS:
         kind = next(kind for kind, links in KINDS.items() if link in links)
         given = {**_given(designs, f"bodies.{kind}."), **_given(designs, f"bodies.{link}.")}
         if given:
-            body = dict(designs.machine.bodies.items())[link]
-            known = [body.mass, *np.zeros(3), *np.diag(body.inertia), *body.inertia[[0, 0, 1], [1, 2, 2]]]
+            body = own[link]
+            (xx, xy, xz), (_, yy, yz), (_, _, zz) = body.inertia
+            known = [body.mass, *body.com, xx, yy, zz, xy, xz, yz]
             numbers = dict(zip(COMPONENTS, known, strict=True)) | given
-            found = found & _possible(numbers, massless=kind == "crossbar", solids=designs.bodies == "solids")
+            found = found & _possible(numbers, massless=kind == "crossbar")
     payload = _given(designs, "payload.")
     if payload:
-        found = found & _possible(dict.fromkeys(COMPONENTS, 0.0) | payload, massless=True, solids=False)
+        found = found & _possible(dict.fromkeys(COMPONENTS, 0.0) | payload, massless=True)
     return found
 
 
@@ -139,12 +144,9 @@ def _given(designs: Designs, prefix: str) -> dict[str, Any]:
     }
 
 
-def _possible(numbers: Mapping[str, Any], massless: bool, solids: bool) -> Any:
+def _possible(numbers: Mapping[str, Any], massless: bool) -> Any:
     mass = np.asarray(numbers["mass"])
     moments = [numbers[f"inertia.{axes}"] for axes in ("xx", "xy", "xz", "xy", "yy", "yz", "xz", "yz", "zz")]
-    if not any(isinstance(moment, np.ndarray) and moment.ndim for moment in moments) and not solids:
-        bare = not any(np.any(np.asarray(moment)) for moment in moments)
-        return mass >= 0 if massless and bare else mass > 0
     inertia = np.stack(np.broadcast_arrays(*moments), axis=-1)
     inertia = inertia.reshape(*inertia.shape[:-1], 3, 3)
     finite = np.isfinite(inertia).all(axis=(-1, -2))

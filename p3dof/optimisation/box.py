@@ -68,7 +68,7 @@ class Box:
         middle = (y0 + y1) / 2, (t0 + t1) / 2
         return np.array([middle[0], y0, y0, y1, y1]), np.array([middle[1], t0, t1, t0, t1])
 
-    def finer(self, times: int = 9) -> Box:
+    def finer(self, times: int) -> Box:
         """Return the same box with a grid that is several times finer."""
         grid = tuple(min((count - 1) * times + 1, 201) for count in self.grid)
         return Box(self.y, self.theta, (grid[0], grid[1]))
