@@ -217,7 +217,7 @@ SLOW = (
     "takes_away",
     "wind_up",
     "equal_seeds",
-    "again",
+    "can_be_used_again",
 )
 """Parts of the names of tests that are left out: others find the same sooner."""
 

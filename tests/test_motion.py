@@ -235,6 +235,35 @@ def test_a_single_wrong_sample_is_caught(which, row):
         Motion(*motion)
 
 
+def test_a_single_wrong_pose_on_a_straight_way_is_caught():
+    """A derivative in the middle of its neighbours does not see it, and those of one side look away.
+
+    That θ is bent there, with a jump of its acceleration, excuses nothing in z.
+    """
+    t, v, a = np.arange(101) / 100, np.tile([0.5, -1.0, 2.0], (101, 1)), np.zeros((101, 3))
+    p, late = v * t[:, None], np.maximum(t - 0.5, 0)
+    p[:, 2], v[:, 2], a[50:, 2] = p[:, 2] + 10 * late**2, v[:, 2] + 20 * late, 20
+    Motion(t, p, v, a)
+    p[50, 1] += 1e-4
+    with pytest.raises(
+        MotionError, match=r"^pose z from t = 0\.(49 to 0\.5|5 to 0\.51) s: .* of -0\.01 m, as"
+    ):
+        Motion(t, p, v, a)
+
+
+@pytest.mark.parametrize("jump", [2.0, 20.0])
+def test_a_single_wrong_pose_where_an_acceleration_jumps_is_caught(jump):
+    """A jump of Δ between two samples h apart moves the latter pose by h² Δ / 12 at most."""
+    t, one = np.arange(101) / 100, np.ones(3)
+    late = np.maximum(t - 0.5, 0)[:, None]
+    a = np.where(t >= 0.5, jump, 0)[:, None] * one
+    p, v = (0.2 * t[:, None] + jump * late**2 / 2) * one, (0.2 + jump * late) * one
+    Motion(t, p, v, a)
+    p[50, 0] += 1e-4 * jump / 2 + 5e-5
+    with pytest.raises(MotionError, match=r"^pose y from t = 0\.(49 to 0\.5|5 to 0\.51) s"):
+        Motion(t, p, v, a)
+
+
 @pytest.mark.parametrize("n", [7, 100, 100_000])
 @pytest.mark.parametrize("duration", [1e-3, 1.0, 1e6])
 @pytest.mark.parametrize("offset", [0.0, 0.1, 1e3])
