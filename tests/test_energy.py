@@ -272,6 +272,14 @@ def test_every_number_of_the_tables_of_energy():
     )
 
 
+def test_the_table_tells_small_errors_of_the_balance_too():
+    _, result = solved(PAPER, samples=2001)
+    found = energy_of(PAPER, result)
+    error = np.abs(found.balance).max()
+    assert 0 < error < 1e-3
+    assert energy_tables.balance_table(found).rows[0][2] == f"{error:.1e}"
+
+
 def test_lifting_straight_up_takes_the_weight_times_the_height():
     motion = Motion.rest_to_rest([0, 0, 0], [0, 0.1, 0], 1, samples=101)
     found, _ = solved(motion=motion)

@@ -209,6 +209,34 @@ def test_limits_end_runs_for_the_same_reason_at_the_same_time(controller, stop_a
     assert kind in many.reason(int(np.flatnonzero(many.careful)[0]))
 
 
+@pytest.mark.parametrize("level", ["numpy", None])
+def test_runs_tell_which_limit_they_ended_at(level):
+    """By the poses where they ended: platforms turned either way, sliders thrown down or up."""
+    limits = PAPER.limits
+    spun = ROBOT.simulate_many(1.0, {"wrench.my": [-200.0, 200.0]}, controller=HOLD, level=level)
+    for run, end in enumerate(("lower", "upper")):
+        assert spun.reason(run).endswith(f" s: the platform at its {end} limit")
+        assert spun.pose[run, 2] == pytest.approx(limits.tilt[run], abs=1e-9)
+    thrown = {"start.y": [-0.03, 0.03], "start.theta": [0.1, -0.1]}
+    for end, way, limit in zip(("lower", "upper"), (-1, 1), limits.travel, strict=True):
+        start = {"start.z": [0.15 * way] * 2, "start.vz": [3.0 * way] * 2}
+        moved = ROBOT.simulate_many(1.0, thrown | start, controller=0 * HOLD, level=level)
+        for run in range(2):
+            sliders = ROBOT.inverse_kinematics(moved.pose[run]).sliders
+            (leg,) = np.flatnonzero(np.abs(sliders - limit) < 1e-9)
+            assert moved.reason(run).endswith(f" s: slider {'ABC'[leg]} at its {end} end")
+    if level == "numpy":
+        assert spun.careful.all()
+
+
+@compiled
+def test_runs_that_go_on_carefully_count_as_thousands_of_steps():
+    given = {"friction.coulomb.slide_b": np.full(5, 1e6), "friction.smoothing": np.full(5, 1e-3)}
+    short = Integration(scheme="rk4", step=1e-3, time_limit=1e-4)
+    with pytest.raises(InputError, match=r"\(1e\+05 steps\)"):  # 5 runs of 20 steps, each as 1000
+        ROBOT.simulate_many(0.02, given, controller=HOLD, integration=short)
+
+
 @compiled
 def test_a_wrench_over_time_acts_on_all():
     def push(t):

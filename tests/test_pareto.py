@@ -12,6 +12,7 @@ import p3dof
 from p3dof import Front, InputError, OptimisationError, SweepError
 from p3dof.optimisation import front_tables
 from p3dof.optimisation.front import efficient, hypervolume
+from p3dof.optimisation.pareto import _spread
 
 PEAK_AND_WIDTH = ["peak_force", "width"]
 PUBLISHED = {0.6: 60.3126, 0.5: 61.6491, 0.45: 63.1718, 0.4: 65.3750, 0.36: 67.9655}
@@ -73,6 +74,15 @@ def test_efficient_are_the_feasible_designs_that_no_other_one_dominates() -> Non
     best.sort(key=lambda i: frequency[i])
     twice = np.vstack([designs, designs[best[:2]]])
     np.testing.assert_array_equal(efficient(problem, twice), designs[best])
+
+
+def test_members_are_spread_from_the_ends_of_a_front_to_the_widest_gaps() -> None:
+    """Along a line, in another order, with a dominated one: its ends, then what is farthest from all."""
+    along = np.array([0.0, 0.55, 1.0, 0.1, 0.5, 0.25, 0.8])
+    costs = np.vstack([np.stack([3 * along, 1 - along], axis=1), [2.9, 0.9]])
+    assert set(_spread(costs, 2)) == {0, 2}
+    assert _spread(costs, 5)[2:] == [4, 5, 6]  # .5 in the middle, .25 from both; then .8
+    assert set(_spread(costs, 99)) == set(range(7))
 
 
 def test_hypervolumes_are_those_of_boxes_and_of_random_points() -> None:

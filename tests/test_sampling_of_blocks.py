@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from statistics import NormalDist
 
 import numpy as np
 import pytest
@@ -52,6 +53,13 @@ def test_a_block_is_the_same_whenever_it_is_drawn(method):
             np.testing.assert_array_equal(found[name], values)
     other = drawn(samples, 96, seed=8)
     assert not np.any(np.isin(other["a"], expected["a"]))
+
+
+def test_normal_numbers_are_finite_and_those_of_the_standard_library_out_to_both_ends():
+    law, shares = NormalDist(3.0, 0.5), [2.0**-54, 1e-9, 0.3, 0.5, 0.975, 1 - 2.0**-53]
+    found = blocks.Normal(3.0, 0.5).at(np.array([0.0, *shares, 1.0]))
+    expected = [law.inv_cdf(share) for share in shares]
+    np.testing.assert_allclose(found, [expected[0], *expected, expected[-1]], rtol=1e-12)
 
 
 def test_sobol_points_are_those_of_one_sequence_however_they_are_cut():
