@@ -13,7 +13,16 @@ from pathlib import Path
 import pytest
 
 from p3dof.errors import FileError, InputError, ParameterError
-from p3dof.files import SUFFIXES, check_writable, parse_yaml, read_text, suffix_of, together, write_atomic
+from p3dof.files import (
+    SUFFIXES,
+    check_generated,
+    check_writable,
+    parse_yaml,
+    read_text,
+    suffix_of,
+    together,
+    write_atomic,
+)
 from p3dof.files.temporary import sweep
 
 NAMES = [
@@ -491,3 +500,20 @@ def test_a_python_tag_does_nothing(tmp_path):
     with pytest.raises(ParameterError):
         parse_yaml(f"!!python/object/apply:os.mkdir ['{path}']", "here", ParameterError)
     assert not path.exists()
+
+
+def test_generated_files_are_compared_line_by_line(tmp_path):
+    (tmp_path / "a.c").write_text("one\nx = 1.0;\nthree\n", encoding="utf-8")
+    texts = {"a.c": "ONE\nx = 1.001;\nthree\nfour\nfive\n", "b.c": ""}
+    path = tmp_path / "a.c"
+    expected = [
+        f"{path}, line 1: expected 'ONE', got 'one'",
+        f"{path}, line 2: expected 'x = 1.001;', got 'x = 1.0;'",
+        f"{path}, line 4: expected 'four', got the end of the file",
+        f"{tmp_path / 'b.c'}: missing",
+    ]
+    assert check_generated(texts, tmp_path) == expected
+    assert check_generated(texts, tmp_path, relative=2e-3) == [expected[0], *expected[2:]]
+    assert check_generated({"a.c": "one\n"}, tmp_path) == [
+        f"{path}, line 2: expected the end of the file, got 'x = 1.0;'"
+    ]

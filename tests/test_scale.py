@@ -11,7 +11,7 @@ import pytest
 from machines import random_machine, random_states
 
 import p3dof
-from p3dof.closed_loop import ClosedLoopModel
+from p3dof.closed_loop import ClosedLoopModel, Sidecar
 from p3dof.closed_loop.batch.targets import FrameTargets
 from p3dof.errors import AssemblyError, ParameterError
 from p3dof.parameters import PAPER, Bodies, Body, Geometry, Parameters
@@ -177,6 +177,35 @@ def test_closures_of_placements_at_every_scale(s):
     forces = [x.lambda_[:6] for x in found]
     unique = found[0].unique & found[1].unique
     np.testing.assert_allclose((forces[1] / by)[unique], forces[0][unique], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("s", [1e-5, 1.0, 1e3])
+def test_couplings_of_lengths_and_angles_at_every_scale(s):
+    """A cam on a slide, a rack on a pinion, and a slide by the sum of both, in closed form."""
+    model = pin.Model()
+    kinds = {"slide": pin.JointModelPX(), "cam": pin.JointModelRZ(), "rack": pin.JointModelPY()}
+    for name, kind in {**kinds, "sum": pin.JointModelPZ()}.items():
+        place = pin.SE3(np.eye(3), np.array([0.3, 0.2, 0.1]) * s)
+        index = model.addJoint(model.njoints - 1, kind, place, name)
+        model.appendBodyToJoint(index, pin.Inertia(1.0, REST, np.eye(3) * s**2), pin.SE3.Identity())
+    couplings = (
+        p3dof.Coupling("cam", "slide", (0.1, 3 / s, -5 / s**2)),
+        p3dof.Coupling("rack", "cam", (0.02 * s, 0.4 * s)),
+        p3dof.Coupling("sum", None, (0.05 * s,), others=[("cam", -0.3 * s), ("slide", 0.5)]),
+    )
+    loop = ClosedLoopModel(model, Sidecar((), ("slide",), couplings))
+    x, v, a = 0.15, 0.7, -1.2  # of the slide, by s
+    cam = np.array([0.1 + 3 * x - 5 * x**2, (3 - 10 * x) * v, (3 - 10 * x) * a - 10 * v**2])
+    rows = [np.array([x, v, a]), cam, 0.4 * cam + [0.02, 0, 0], 0.5 * np.array([x, v, a]) - 0.3 * cam]
+    rows[3][0] += 0.05
+    expected, by = np.transpose(rows), np.array([s, 1, s, s])
+    found = loop.complete([x * s], [v * s], [a * s])
+    together = loop.complete_batch([[x * s]], [[v * s]], [[a * s]])
+    for name, row in zip(("q", "v", "a"), expected, strict=True):
+        np.testing.assert_allclose(getattr(found, name) / by, row, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(getattr(together, name)[0] / by, row, rtol=0, atol=1e-12)
+    for target in ({"slide": x * s}, {"cam": cam[0]}, {"rack": rows[2][0] * s}):
+        np.testing.assert_allclose(loop.assemble(target).q / by, expected[0], rtol=0, atol=1e-12)
 
 
 def test_errors_of_scaled_models_name_the_unit():
