@@ -14,6 +14,7 @@ from test_report import HOSTILE, Page
 import p3dof
 from p3dof.cli.output import show
 from p3dof.tables import Table, notebook_html, number, table_html, table_of
+from p3dof.tables.table import percent, time_text
 
 MACHINE = replace(
     p3dof.PAPER,
@@ -217,3 +218,45 @@ def test_a_browser_shows_the_colours_of_the_notebook(shown, scheme, ink):
     assert len(cells) > 200
     assert {tuple(cell) for cell in cells} == {(ink, "rgba(0, 0, 0, 0)")}
     assert set(edges) == {"1px"}
+
+
+@pytest.mark.parametrize(
+    ("share", "decimals", "text"),
+    [
+        (0.5, 1, "50.0%"),
+        (1.0, 1, "100.0%"),
+        (1.5, 0, "150%"),
+        (1.00003, 1, "100.003%"),  # above the whole, by the first digit that shows it
+        (1.004, 0, "100.4%"),
+        (np.inf, 1, "beyond"),
+    ],
+)
+def test_shares_just_above_the_whole_show_that_they_are(share, decimals, text):
+    assert percent(share, decimals) == text
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [
+        (72.14e-6, "72.1 µs"),
+        (10.26e-3, "10.3 ms"),
+        (1.234e-3, "1.23 ms"),
+        (0.99996, "1 s"),
+        (2.5e-10, "0.25 ns"),
+    ],
+)
+def test_short_times_have_three_digits_and_their_unit(seconds, text):
+    assert time_text(seconds) == text
+    assert (
+        time_text(float(text.split()[0]) * {"s": 1, "ms": 1e-3, "µs": 1e-6, "ns": 1e-9}[text[-2:].strip()])
+        == text
+    )
+
+
+@pytest.mark.parametrize(
+    ("layout", "tag"),
+    [("plain", "<table>"), ("list", '<table class="words">'), ("wide", '<table class="wide">')],
+)
+def test_a_table_of_a_page_has_the_class_of_its_layout(layout, tag):
+    table = Table("Title", ("name", "value"), [("a", "1")], layout=layout)
+    assert tag in table_html(table)
