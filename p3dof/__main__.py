@@ -8,8 +8,8 @@ import gc
 import os
 import signal
 import sys
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Any, NoReturn
 
@@ -50,7 +50,7 @@ def main() -> int:
         from p3dof.cli import main as run
 
         _handle(watched)  # commands tidy up before they end
-        code = run()
+        code = run(loading=lambda: _leaving(watched))
         _handle(dict.fromkeys(watched, _leave))  # nothing is left to tidy up
     except KeyboardInterrupt:
         _leave(signal.SIGTERM if _told else signal.SIGINT)
@@ -61,6 +61,16 @@ def main() -> int:
 
 _told: list[int] = []
 """Whether the program was told to terminate."""
+
+
+@contextmanager
+def _leaving(watched: Mapping[signal.Signals, Any]) -> Iterator[None]:
+    """End at once when interrupted: while a command is imported there is nothing to tidy up."""
+    _handle(dict.fromkeys(watched, _leave))
+    try:
+        yield
+    finally:
+        _handle(watched)
 
 
 def _handle(handlers: Mapping[signal.Signals, Any]) -> None:

@@ -6,8 +6,8 @@ import io
 import os
 import sys
 import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -104,13 +104,16 @@ class _Program(click.Group):
     """A group that imports a command when it is asked for, and whose interruptions are the program's."""
 
     command_class = Command
+    loading: Callable[[], AbstractContextManager[None]] = nullcontext
+    """Within what a command is imported."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return sorted({*COMMANDS, *super().list_commands(ctx)})
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         if name in COMMANDS:
-            import_module(COMMANDS[name][0])
+            with self.loading():
+                import_module(COMMANDS[name][0])
         return super().get_command(ctx, name)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -133,13 +136,17 @@ class _Program(click.Group):
             return super().invoke(ctx)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(
+    arguments: Sequence[str] | None = None, loading: Callable[[], AbstractContextManager[None]] = nullcontext
+) -> int:
     """Run the command line.
 
     Parameters
     ----------
     arguments : sequence of str, optional
         The arguments; those of the process by default.
+    loading : callable, optional
+        Returns within what a command is imported, such as other answers to Ctrl-C.
 
     Returns
     -------
@@ -147,12 +154,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         The exit code.
     """
     _prepare_streams()
+    app.loading = loading
     try:
         code = _run(arguments)
         with _hidden_from_click():
             sys.stdout.flush()
     except _Interrupted as problem:
-        return _fail(str(problem) or "interrupted", INTERRUPTED)
+        return _told(str(problem) or "interrupted", INTERRUPTED)
     except _ReaderLeft:
         _drop_what_is_left(sys.stdout)
         return READER_LEFT
@@ -190,7 +198,7 @@ def _called(arguments: Sequence[str] | None) -> int:
         sys.stderr.write(f"{error.format_message()}\n")
         return BAD_INPUT
     except click.exceptions.Abort:
-        return _fail("interrupted", INTERRUPTED)
+        return _told("interrupted", INTERRUPTED)
     except click.ClickException as error:
         return _fail(error.format_message())
     except MemoryError:
@@ -242,7 +250,10 @@ def _drop_what_is_left(stream: Any) -> None:
 def _fail(message: str, code: int = BAD_INPUT) -> int:
     from p3dof.checks import one_line  # it brings NumPy, which the help does not need
 
-    line = one_line(message, LONGEST)
+    return _told(one_line(message, LONGEST), code)
+
+
+def _told(line: str, code: int) -> int:
     try:
         sys.stderr.write(f"p3dof: error: {line}\n")
         sys.stderr.flush()
