@@ -6,11 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from lagrange import LagrangeModel
+from machines import random_machine, random_states
 
 import p3dof
 from p3dof import PAPER, PD, ComputedTorque, ControlLoop, Feedforward, InitialState, Noise, Springs
 from p3dof.errors import ControllerError, InputError, SingularityError
+from p3dof.parameters import Friction
 from p3dof.simulation import Measurement, Reference
+from p3dof.simulation.equations import CompiledEquations
+from p3dof.simulation.fixed_steps import RungeKutta4
 
 HOME = np.zeros(3)
 ENTERED = p3dof.paper_motion(1001).from_rest(0.2)
@@ -461,3 +466,43 @@ def test_a_model_that_is_asked_at_a_singular_pose_says_so():
     with pytest.raises(ControllerError, match="actuation-singular") as caught:
         robot.simulate(0.1, controller=controller, control=ControlLoop(100), method="virtual-power")
     assert isinstance(caught.value.__cause__, SingularityError)
+
+
+# --- what runs are made of ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "friction", [None, Friction({"joints": 0.3}, {"sliders": 4.0, "hinge_c": 0.2}, 0.05)]
+)
+@pytest.mark.parametrize("seed", [2, 5])
+def test_the_compiled_equations_of_a_run_are_lagranges(seed, friction):
+    machine = random_machine(seed)
+    machine = machine if friction is None else replace(machine, friction=friction)
+    states, model = random_states(machine, seed, 4, angle=0.3), LagrangeModel(machine)
+    equations, robot = CompiledEquations(p3dof.MachineKernels(machine)), p3dof.load(machine)
+    for pose, velocity in zip(states.pose, states.velocity, strict=True):
+        sliders, speeds = model.sliders(pose), model.slider_velocities(pose, velocity)
+        found = equations.sliders(*pose, *velocity)
+        np.testing.assert_allclose(found, [*sliders, *speeds], rtol=1e-9, atol=1e-12)
+        forces, wrench = np.array([30.0, -20.0, 50.0]), np.array([0, 3.0, -7.0, 0, 1.5, 0])
+        found = equations.acceleration(*pose, *velocity, *forces, *wrench[[1, 2, 4]])
+        expected = robot.forward_dynamics(pose, velocity, forces, wrench=wrench)
+        np.testing.assert_allclose(found, expected, rtol=1e-8)
+        again = robot.forces(pose, velocity, np.array(found), wrench=wrench, method="pinocchio")
+        np.testing.assert_allclose(again, forces, rtol=0, atol=1e-7 * np.abs(forces).max())
+
+
+def test_rk4_is_exact_for_cubics_and_takes_the_series_of_exponentials():
+    step = RungeKutta4(lambda t, y: np.array([4 * t**3, -y[1]]), 0.0, np.array([1.0, 1.0]), 0.3, 0.1)
+    for count in range(1, 4):
+        step.step()
+        h = 0.1
+        assert step.y[0] == pytest.approx(1 + (count * h) ** 4, rel=1e-14)
+        assert step.y[1] == pytest.approx((1 - h + h**2 / 2 - h**3 / 6 + h**4 / 24) ** count, rel=1e-14)
+    assert step.status == "finished"
+
+
+def test_forces_that_are_late_by_a_part_of_a_period_change_twice_in_it():
+    assert ControlLoop().changes == 0
+    assert ControlLoop(1000).changes == ControlLoop(1000, delay=2e-3).changes == 1000
+    assert ControlLoop(1000, delay=1.5e-3).changes == 2000
