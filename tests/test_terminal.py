@@ -206,7 +206,7 @@ runpy.run_module("p3dof", run_name="__main__")
     [
         *((name, signal.SIGINT) for name in ("p3dof.cli", "pinocchio", "click", "rich.table", "p3dof.plots")),
         *((name, signal.SIGTERM) for name in ("p3dof.cli", "p3dof.plots")),
-        *(("numpy._core.multiarray", number) for number in (signal.SIGINT, signal.SIGTERM)),  # half of NumPy
+        *(("numpy._core._internal", number) for number in (signal.SIGINT, signal.SIGTERM)),  # half of NumPy
     ],
 )
 @pytest.mark.usefixtures("ctrl_c")
