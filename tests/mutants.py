@@ -192,7 +192,7 @@ TESTS = {
     "p3dof/manipulator/task": ("task_numbers", "tasks", "fastest", "assessment"),
     "p3dof/cli/codegen.py": ("shown_tables",),
     "p3dof/cli/loop/motion.py": ("cli_loop",),
-    "p3dof/cli/loop/simulate.py": ("shown_tables",),
+    "p3dof/cli/loop/simulate.py": ("shown_tables", "cli_loop"),
     "p3dof/cli/simulate.py": ("cli_machine",),
     "p3dof/cli/workspace.py": ("shown_tables", "cli_workspace"),
 }

@@ -15,6 +15,7 @@ import p3dof
 from p3dof import AxisLimits, Waypoint, best_path, fastest_plan
 from p3dof.errors import TaskError
 from p3dof.manipulator import BestPath, best_path_table
+from p3dof.manipulator.best_path import _counted
 from p3dof.tasks.files import dump, parse
 
 VIAS = """
@@ -183,3 +184,11 @@ def test_the_command_writes_the_task(capsys, tmp_path, monkeypatch):
     code, _, err = run(capsys, "fastest", "task.yaml", "--task-out", "other.yaml")
     assert code == 2
     assert "--best-path" in err
+
+
+def test_progress_counts_what_was_done_before():
+    told = []
+    count = _counted(lambda *both: told.append(both), 30, 100)
+    for more in (1, 5):
+        count(more)
+    assert told == [(31, 100), (35, 100)]
