@@ -9,6 +9,7 @@ import struct
 import tracemalloc
 import warnings
 import zipfile
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -57,6 +58,8 @@ def refused(folder, data, message=""):
 def test_what_is_saved_is_what_is_read(tmp_path, saved, arrays):
     found = load(tmp_path, saved)
     assert set(arrays) == set(archive.FORM)
+    assert replace(found, stop=None).finished
+    assert not replace(found, stop=p3dof.Stop("tilt limit", 0.1, "the platform at its upper limit")).finished
     for name, column in found.columns().items():
         assert np.isfinite(column).all(), name
     assert load(tmp_path, found.save(tmp_path / "again.npz").read_bytes()).columns().keys()
