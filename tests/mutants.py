@@ -44,6 +44,7 @@ RUNS = ("evidence", "thresholds", "control")
 ROBOTS = ("any_robot", "robot_runs")
 KINDS = ("closure_kinds", "couplings", "closed_loop", "scale")
 PRINTED = ("codegen::test_generated_kernels_are_up_to_date",)
+WRITTEN = ("codegen::test_the_command_checks_the_kernels", "codegen::test_the_command_writes_and_checks")
 TESTS = {
     # Formulas and the machine.
     "p3dof/algebra.py": SHARED,
@@ -74,6 +75,8 @@ TESTS = {
     # The paper's method compiled, and C.
     "p3dof/compiled/": (*PRINTED, "minimal", "reduced"),
     "p3dof/compiled/designs.py": ("designs",),
+    "p3dof/compiled/lanes.py": (*PRINTED, "lanes", "minimal", "reduced"),
+    "p3dof/compiled/many.py": ("lanes", "runs_in_c"),
     "p3dof/compiled/runs.py": ("lanes", "runs_in_c"),
     "p3dof/codegen/": (*PRINTED, "shown_tables", "codegen_names", "codegen_chains", "loop_codegen"),
     "p3dof/codegen/page_wasm.py": ("page_wasm",),
@@ -190,7 +193,7 @@ TESTS = {
     "p3dof/manipulator/sampling.py": ("sampling",),
     "p3dof/manipulator/sizing.py": ("task_numbers", "drives", "drive_numbers", "assessment"),
     "p3dof/manipulator/task": ("task_numbers", "tasks", "fastest", "assessment"),
-    "p3dof/cli/codegen.py": ("shown_tables",),
+    "p3dof/cli/codegen.py": ("shown_tables", *WRITTEN),
     "p3dof/cli/loop/motion.py": ("cli_loop",),
     "p3dof/cli/loop/simulate.py": ("shown_tables", "cli_loop"),
     "p3dof/cli/simulate.py": ("cli_machine",),

@@ -363,6 +363,24 @@ def test_simulate_stops_at_limits_or_ignores_them(capsys, five_bar):
     assert re.search(r"largest force of an actuator\W+1 N", out)
 
 
+def test_many_limits_that_are_exceeded_are_counted(capsys, tmp_path):
+    """Ten sliders side by side, each pushed by twice its effort: eight are named."""
+    body = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    parts = [
+        f'<link name="body_{i}">{body}</link><joint name="slide_{i}" type="prismatic"><parent link="base"/>'
+        f'<child link="body_{i}"/><limit lower="-9" upper="9" effort="1" velocity="9"/></joint>'
+        for i in range(10)
+    ]
+    path = tmp_path / "sliders.urdf"
+    path.write_text(f'<robot name="sliders"><link name="base"/>{"".join(parts)}</robot>')
+    for count in (8, 10):
+        forces = [word for i in range(count) for word in ("--force", f"slide_{i}=2")]
+        code, out, _ = loop(capsys, "simulate", path, *forces, "--duration", 0.1)
+        assert code == 0
+        assert re.findall(r"limit exceeded: force of slide_(\d): 2 N", out) == list("01234567")
+        assert re.findall(r"(\S+) more limits are exceeded", out) == ([] if count == 8 else ["2"])
+
+
 def test_a_controller_of_any_robot_brings_it_to_rest():
     model, goal = p3dof.ClosedLoopModel.from_urdf(robots.five_bar(), robots.FIVE_BAR_SIDECAR), (2.0, 1.1)
     q = robots.five_bar_q(*goal)

@@ -365,6 +365,33 @@ def test_two_steps_of_newton_follow_a_motion(name):
 
 
 @needs_compiler
+def test_the_ways_between_lanes_are_cut_by_the_joint_that_goes_furthest(monkeypatch):
+    """One motor turns twice, the other one stands: every assembly is near to the one before."""
+    loop, asked = gallery("five_bar"), []
+    assemble, turn = type(loop).assemble, 4 * np.pi
+    time = np.linspace(0, 1, 401)
+    shape = np.polynomial.Polynomial([0, 0, 0, 10, -15, 6])  # from rest to rest
+    angles, speeds, changes = (
+        np.column_stack([turn * law(time), 0 * time]) for law in (shape, shape.deriv(), shape.deriv(2))
+    )
+    angles += loop.assemble().q[[loop.model.joints[loop.model.getJointId(n)].idx_q for n in loop.actuated]]
+
+    def recorded(self, values, **more):
+        asked.append(values)
+        return assemble(self, values, **more)
+
+    compiled = loop.compile(threads=1)
+    monkeypatch.setattr(type(loop), "assemble", recorded)
+    found = compiled.complete(time, angles, speeds, changes)
+    assert not found.general.any()
+    steps = np.diff(asked, axis=0)
+    assert np.abs(steps).max() <= 0.2
+    assert len(steps) >= (asked[-1] - asked[0])[0] / 0.2 > 10
+    np.testing.assert_array_equal(asked[0], angles[0])
+    assert np.abs(angles - asked[-1]).max(axis=1).min() < 1e-12  # where the last lane starts
+
+
+@needs_compiler
 def test_a_lane_on_another_assembly_is_noticed(monkeypatch):
     loop = gallery("four_bar")
     compiled = loop.compile(threads=1)
