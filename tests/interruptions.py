@@ -120,12 +120,16 @@ def left_over(folder: Path) -> list[str]:
 
 
 def outputs(folder: Path) -> dict[str, bytes]:
-    """What a job has written, by name."""
+    """What a job has written, by name; temporary files are `left_over`, and swept by the next run."""
     own = {*FILES, "robot.yaml", "tmp"}
     paths = [
         path for path in folder.rglob("*") if path.is_file() and path.relative_to(folder).parts[0] not in own
     ]
-    return {str(path.relative_to(folder)): path.read_bytes() for path in paths if path.name != "sweep.lock"}
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in paths
+        if path.name != "sweep.lock" and path.suffix != ".tmp"
+    }
 
 
 def require_same(job: Job, found: dict[str, bytes], whole: dict[str, bytes], where: str) -> None:
