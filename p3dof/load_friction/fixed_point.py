@@ -163,7 +163,7 @@ def _settle(given: _Given, motion: Motion) -> tuple[_Step, int]:
     bare, changes = given.loaded(given.solution, None), [np.inf]
     loads = loads_of(given.friction, bare)
     now = _stepped(given, loads)
-    scale = np.maximum(_largest_forces(bare), _largest_forces(now.reactions))
+    scale = _largest_forces(now.reactions)  # not of `bare`: it may be nothing where that is rounding
     while True:
         change, joint, i = _largest_change(loads, now, scale)
         loads = now.loads
