@@ -1,12 +1,15 @@
 """Runs in lanes of the extension: as the integrator has them, whatever is in the other lanes."""
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import p3dof
 from p3dof import PAPER, PD, ControlLoop, InitialState, Integration
+from p3dof.compiled import many
 from p3dof.compiled.kernels import _extension, levels
 from p3dof.compiled.many import (
     INPUTS,
@@ -162,3 +165,19 @@ def test_arrays_of_another_size_are_refused():
     for wrong in (rows[:, :-1].copy(), rows[:1]):
         with pytest.raises(ValueError, match=r"inputs|results"):
             engine().run(levels()[-1], True, wrong, np.zeros((2, RESULT_WIDTH)), np.zeros(1, np.int64))
+
+
+def test_numbers_of_the_extension_have_the_same_names_here():
+    header = (Path(many.__file__).parent / "extension/many.h").read_text()
+    given = {name: int(value) for name, value in re.findall(r"\bMANY_([A-Z]+) = (-?\d+)[, ]", header)}
+    limits = given.pop("LIMITS")
+    assert given == {
+        "FINISHED": many.FINISHED,
+        "ACCURACY": many.ACCURACY,
+        "CONTROLLER": many.CONTROLLER,
+        "START": many.START,
+        "NOWHERE": many.NOWHERE,
+        "RESULTS": many.RESULT_WIDTH,
+        "HISTORY": many.HISTORY_WIDTH,
+    }
+    assert given["ACCURACY"] == limits  # those are numbered from zero
