@@ -381,6 +381,29 @@ def test_friction_that_grows_with_itself_is_told(robot):
             robot.load_friction(paper_motion(11), LoadFriction(HingeContact(mu, radius)))
 
 
+@pytest.mark.parametrize("left", [0.01, 0.4, 0.6, 1.5])
+def test_changes_must_halve_within_twelve_steps(monkeypatch, left):
+    """A load whose changes are a geometric series, of which this share is left after twelve."""
+    ratio, states = left ** (1 / 12), []
+
+    def stepped(*_):
+        reactions = SimpleNamespace(forces=np.ones((1, 1, 3)), valid=np.ones(1, dtype=bool))
+        states.append({"hinge_c": np.full((1, 1), (1 - ratio) * sum(ratio**k for k in range(len(states))))})
+        return SimpleNamespace(loads=states[-1], reactions=reactions)
+
+    monkeypatch.setattr(fixed_point, "_stepped", stepped)
+    monkeypatch.setattr(fixed_point, "loads_of", lambda *_: stepped().loads)
+    given, motion = SimpleNamespace(loaded=lambda *_: None, solution=None, friction=None), paper_motion(11)
+    if left < 0.5:
+        settled, steps = fixed_point._settle(given, motion)
+        assert settled.loads is states[-1]
+        assert steps == len(states) - 1
+        assert steps == pytest.approx(1 + np.log(1e-12 / (1 - ratio)) / np.log(ratio), abs=2)
+    else:
+        with pytest.raises(DynamicsError, match="after 13 steps the load of hinge_c at t = 0 s"):
+            fixed_point._settle(given, motion)
+
+
 def test_invalid_samples_stay_out(robot):
     motion = paper_motion(11)
     pose = np.array(motion.pose)
