@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from p3dof.checks import as_floats, batch_of, frozen_array, positive
+from p3dof.checks import as_floats, batch_of, frozen_array, one_line, positive
 from p3dof.errors import InputError, MotionError, ParameterError
 
 NOT_NUMBERS = {
@@ -125,3 +125,11 @@ def test_one_wrong_number_among_many_is_found(size, wrong):
     assert not found.flags.writeable
     np.testing.assert_array_equal(found, values)
     assert not np.shares_memory(found, values)
+
+
+def test_a_long_text_on_one_line_says_that_its_end_is_left_out():
+    assert one_line("a\n\t b") == "a b"
+    assert one_line("x" * 400) == "x" * 400
+    assert one_line("x" * 401) == "x" * 400 + "..."
+    assert one_line("ab" + " " * 10 + "c", limit=6) == "ab..."
+    assert one_line("ab" + " " * 9 + "c", limit=6) == "ab c"

@@ -32,6 +32,7 @@ from p3dof.cli import main
 from p3dof.codegen import controller
 from p3dof.codegen.controller import controller_files
 from p3dof.codegen.loops import loop_files
+from p3dof.codegen.web_controller import controller_module
 from p3dof.errors import InputError
 from p3dof.files import write_generated
 from p3dof.methods.exceedances import exceedances_of
@@ -234,3 +235,17 @@ def test_a_second_prefix_does_not_take_the_makefile_of_the_first(tmp_path, capsy
     assert main([*command, "--prefix", "left", "--out", str(out)]) == 0
     assert main([*command, "--prefix", "right", "--out", str(out), "--force"]) == 0
     assert "right.c" in (out / "Makefile").read_text()
+
+
+@pytest.mark.parametrize("bake", [False, True])
+def test_the_webassembly_hands_over_rows_as_the_header_declares_them(bake):
+    header = controller_files(PAPER, bake)["p3dof.h"]
+    declared = {
+        name: dict(re.findall(r"double (\w+)((?:\[\w+\])+)", arguments))
+        for name, arguments in re.findall(r"^p3dof_status p3dof_(\w+)\(([^)]*)\)", header, re.MULTILINE)
+    }
+    for function in controller_module(bake).functions:
+        for rows in (*function.inputs, *function.outputs):
+            _, *inner = re.findall(r"\[\w+\]", declared[function.name][rows.name])
+            assert rows.cast == (f"(double (*){inner[0]})" if inner else ""), rows.name
+            assert rows.optional == (rows.name == "wrench")

@@ -10,12 +10,12 @@ from machines import SEEDS, random_machine
 import p3dof
 from p3dof import kinematics
 from p3dof.cli import main
-from p3dof.errors import ReachError, SingularityError
+from p3dof.errors import InputError, ReachError, SingularityError
 from p3dof.kinematics import gate as closed
 from p3dof.methods import pinocchio
 from p3dof.methods import pinocchio_gate as gate
 from p3dof.parameters import PAPER
-from p3dof.samples import ACTUATION_TOLERANCE
+from p3dof.samples import ACTUATION_TOLERANCE, wrench_like
 
 BORDER = 1e-9
 """Where the verdicts may differ: this share of a leg's length, or of the least angle of actuation."""
@@ -156,3 +156,13 @@ def test_a_wrong_verdict_of_one_way_is_noticed(tmp_path, capsys, monkeypatch, na
     monkeypatch.setattr(*GATES[name])
     assert main([*arguments, "--on-invalid", on_invalid]) == 1
     assert "the methods DISAGREE on which samples are valid: " in capsys.readouterr().out
+
+
+def test_a_wrench_that_is_not_finite_is_refused_or_marks_its_sample():
+    wrench = np.arange(18.0).reshape(3, 6)
+    wrench[1, 4] = np.inf
+    with pytest.raises(InputError, match=r"^wrench: .*inf"):
+        wrench_like(wrench, (3,), "raise")
+    found = wrench_like(wrench, (3,), "nan")
+    assert np.isnan(found[1]).all()
+    np.testing.assert_array_equal(found[[0, 2]], wrench[[0, 2]])

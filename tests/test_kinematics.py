@@ -250,6 +250,29 @@ def test_serial_margins():
     assert np.isnan(lame.serial).all()
 
 
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("place", range(3))
+def test_a_pose_with_one_number_that_is_none_has_no_margins(place, wrong):
+    poses = np.zeros((2, 3))
+    poses[1, place] = wrong
+    found = kinematics.singularity(G, poses)
+    for margin in (found.serial, found.actuation, found.determinant):
+        assert np.isfinite(margin[0]).all()
+        assert np.isnan(margin[1]).all()
+
+
+def test_an_earlier_result_is_written_again():
+    poses = np.array([[0.02, 0.03, 0.1], [-0.05, 0.1, -0.2]])
+    expected = kinematics.inverse_kinematics(G, poses)
+    out = kinematics.inverse_kinematics(G, np.zeros((2, 3)))
+    assert kinematics.inverse_kinematics(G, poses, out=out) is out
+    np.testing.assert_array_equal(out.sliders, expected.sliders)
+    for name, angles in expected.angles.items():
+        np.testing.assert_array_equal(out.angles[name], angles)
+    with pytest.raises(InputError, match=r"out\.sliders: expected shape \(1, 3\), got \(2, 3\)"):
+        kinematics.inverse_kinematics(G, poses[:1], out=out)
+
+
 def test_out_of_reach_names_leg_margin_and_sample():
     poses = np.zeros((7, 3))
     poses[3, 0], poses[5, 0] = 0.26, -0.3

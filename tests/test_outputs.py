@@ -163,6 +163,7 @@ def test_what_does_not_fit_is_refused_and_stays_as_it_was(method, count):
     locked.setflags(write=False)
     one_more = np.full(((count + 1) * 3), 7.0)
     repeated = np.lib.stride_tricks.as_strided(np.full(3, 7.0), (*shape, 3), (0,) * (len(shape) + 1))
+    twice = np.lib.stride_tricks.as_strided(np.full(3, 7.0), (2, 3), (0, 8))
     wrong = {
         "expected an array of float64, got a list": np.zeros((*shape, 3)).tolist(),
         "expected an array of float64, got one of float32": np.full((*shape, 3), 7.0, np.float32),
@@ -175,6 +176,9 @@ def test_what_does_not_fit_is_refused_and_stays_as_it_was(method, count):
         with pytest.raises(InputError, match=f"^out: {words}"):
             robot.forces(q, v, a, method=method, out=out)
         assert isinstance(out, list) or (out == 7).all()
+    with pytest.raises(InputError, match=r"^out: expected a place for every number"):
+        robot.forces(*np.zeros((3, 2, 3)), method=method, out=twice)
+    assert (twice == 7).all()
     before = v.copy()
     for out in (v, v[..., ::-1]):
         with pytest.raises(

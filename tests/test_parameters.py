@@ -413,6 +413,19 @@ def test_inertia_about_checks_its_point():
         some_body().inertia_about([0, 0])
 
 
+@pytest.mark.parametrize("masses", [(0.25, 0.75), (1.0, 0.0), (0.0, 0.0), (2.0, 3.0)])
+def test_points_that_are_joined_are_those_of_steiner(masses):
+    """Of two points on the x axis: the reduced mass times the square of their distance, about y and z."""
+    ends = [Body(mass, (x, 0, 0), np.zeros((3, 3))) for mass, x in zip(masses, (0.1, 0.5), strict=True)]
+    whole, total = ends[0].joined(ends[1]), sum(masses)
+    assert whole.mass == total
+    assert len(whole.parts) == (2 if all(masses) else 0)
+    if total:
+        assert whole.com[0] == pytest.approx((0.1 * masses[0] + 0.5 * masses[1]) / total, rel=1e-14)
+        about = masses[0] * masses[1] / total * 0.4**2
+        np.testing.assert_allclose(whole.inertia, np.diag([0, about, about]), rtol=0, atol=1e-15)
+
+
 def test_massless():
     body = Body.massless()
     assert body.mass == 0

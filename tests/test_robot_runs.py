@@ -128,6 +128,13 @@ def test_events_end_a_run_or_are_noted():
     assert str(run.events[0]) == "late at t = 0.25 s"
 
 
+def test_events_are_noted_in_steps_that_hold_no_sample():
+    late = Event("late", lambda t, _q, _v: t - 0.25, stops=False)
+    run = simulate_robot(slider(), 1.0, controller=[3.0], events=[late], samples=2, stop_at=())
+    assert [event.name for event in run.events] == ["late"]
+    assert run.events[0].time == pytest.approx(0.25, abs=1e-9)
+
+
 @pytest.mark.parametrize(
     ("event", "words"),
     [
@@ -236,6 +243,23 @@ def test_held_forces_change_at_the_ticks_and_are_cut_off():
     )
     np.testing.assert_array_equal(one.forces, other.forces)
     assert one.forces[0, 0] != 20.0
+
+
+@pytest.mark.parametrize("late", [0.0, 0.5, 1.0, 1.5])
+def test_a_sample_at_a_tick_has_the_forces_that_begin_to_act_there(late):
+    """Ten ticks a second, the k-th asks for 1 + k newtons; those of the first act from the start."""
+    run = simulate_robot(
+        slider(effort=100.0),
+        1.0,
+        controller=lambda seen: [1 + 10 * seen.time],
+        control=ControlLoop(rate=10, delay=0.1 * late),
+        samples=21,
+    )
+    halves = np.arange(20)
+    tick = np.maximum(np.floor(halves / 2 - late), 0)
+    np.testing.assert_allclose(run.forces[:20, 0], 1 + tick, rtol=0, atol=1e-12)
+    speeds = np.cumsum([0, *(1 + tick) * 0.05 / 2])
+    np.testing.assert_allclose(run.v[:, 0], speeds, rtol=0, atol=1e-12)
 
 
 def test_a_continuous_motor_takes_the_shorter_way():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 
 import pytest
@@ -69,3 +70,13 @@ def test_the_environment_counts_the_threads_of_everything(monkeypatch):
     monkeypatch.setenv("P3DOF_THREADS", "many")
     with pytest.raises(InputError, match="P3DOF_THREADS: expected a number"):
         thread_count(None)
+
+
+def test_processors_are_those_of_the_process_or_of_the_machine(monkeypatch):
+    of_process = {0: {1, 4, 5}}  # 0: the process that asks
+    monkeypatch.setattr(os, "sched_getaffinity", of_process.__getitem__, raising=False)
+    assert processors() == 3
+    monkeypatch.delattr(os, "sched_getaffinity")
+    for told, expected in ((6, 6), (None, 1)):
+        monkeypatch.setattr(os, "cpu_count", lambda told=told: told)
+        assert processors() == expected

@@ -87,7 +87,7 @@ def singularity(geometry: Geometry, pose: ArrayLike) -> Singularity:
 
 def _margins(geometry: Geometry, rows: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the margins of poses (n, 3) from the singularities, and the determinants."""
-    poses = np.where(np.isfinite(rows).all(axis=-1, keepdims=True), rows, np.nan)
+    poses = np.where(np.isfinite(rows).all(axis=1, keepdims=True), rows, np.nan)
     serial = reach_margins(geometry, poses)
     inside = np.where(reached(geometry, serial)[..., None], poses, np.nan)
     lengths = Lengths.of(geometry)
