@@ -7,12 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from design_problems import BETTER, PAPER_DESIGN, paper_problem
+from design_problems import BETTER, PAPER_DESIGN, STEEL, paper_problem
 from test_indices import positions
 
 import p3dof
 from p3dof import DesignProblem, InputError
+from p3dof.checks import FloatArray
 from p3dof.optimisation import MEASURES, Box, FunctionMeasure, relation
+from p3dof.optimisation.measure import Pieces
+from p3dof.optimisation.population import Population
 from p3dof.reactions.stiffness import RodSection
 
 BY_DIFFERENCES = ("fastest_time", "rod_buckling_share", "rod_stress")
@@ -270,6 +273,28 @@ def test_rods_bear_what_the_reactions_say() -> None:
     for name in names:
         moved = problem.evaluate([[0.1, 0.25, 0.3, 0.00402], [0.1, 0.25, 0.3, 0.00398]])[name]
         assert gradient[name][3] == pytest.approx((moved[0] - moved[1]) / 4e-5, rel=1e-3)
+
+
+def test_slopes_of_rods_are_each_designs_own_also_where_a_variable_is_zero() -> None:
+    problem = DesignProblem(
+        {"rod_radius": (0.0005, 0.1), "offset.y": (-0.01, 0.1)},
+        p3dof.paper_motion(5),
+        objectives=["rod_stress"],
+        bodies="solids",
+        fixed=STEEL,
+    )
+    designs, measure = np.array([[0.0008, 0.0], [0.05, 0.02]]), MEASURES["rod_stress"]
+
+    def pieces(rows: FloatArray) -> Pieces:
+        return measure.pieces(Population(problem.setting, rows))
+
+    together = pieces(designs).gradients
+    np.testing.assert_array_equal(together, [pieces(row[None]).gradients[0] for row in designs])
+    for index, step in enumerate(([2e-6, 0], [0, 2e-6])):
+        ahead, behind = (pieces(designs + sign * np.array(step)).values for sign in (1, -1))
+        expected = (ahead - behind) / 4e-6
+        scale = np.abs(expected).max(axis=1, keepdims=True)
+        np.testing.assert_allclose(together[..., index] / scale, expected / scale, rtol=0, atol=1e-4)
 
 
 def test_finer_grids_have_all_samples_and_poses_of_the_coarse_ones_and_some_between() -> None:

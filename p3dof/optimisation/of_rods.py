@@ -64,11 +64,11 @@ class RodLoad:
     def _differences(self, population: Population) -> FloatArray:
         values, slopes = population.values, []
         for index in range(values.shape[1]):
-            step = np.zeros(values.shape[1])
-            step[index] = _STEP * max(float(np.abs(values[:, index]).max()), 1e-3)
+            step = np.zeros_like(values)
+            step[:, index] = _STEP * np.maximum(np.abs(values[:, index]), 1e-3)
             moved = (Population(population.setting, values + sign * step) for sign in (1.0, -1.0))
             ahead, behind = (self._of_rods(each) for each in moved)
-            slopes.append((ahead - behind) / (2 * step[index]))
+            slopes.append((ahead - behind) / (2 * step[:, [index]]))
         return np.stack(slopes, axis=-1)
 
     def _of_rods(self, population: Population) -> FloatArray:
