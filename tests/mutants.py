@@ -134,6 +134,7 @@ TESTS = {
     "p3dof/closed_loop/urdf.py": (*READ, "closed_loop"),
     "p3dof/closed_loop/writers/": FILES,
     "p3dof/markup/": (*FILES, "robot_files"),
+    "p3dof/markup/text.py": ("description::test_angles_give_the_rotation_back", *FILES, "robot_files"),
     "p3dof/description/": ("description", "interop/masses", "interop/urdf_plus"),
     "p3dof/description/mjcf_text.py": ("description", "interop/mujoco"),
     "p3dof/description/sdf_text.py": ("description", "interop/sdformat"),
