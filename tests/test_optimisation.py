@@ -278,7 +278,7 @@ def test_rods_bear_what_the_reactions_say() -> None:
 def test_slopes_of_rods_are_each_designs_own_also_where_a_variable_is_zero() -> None:
     problem = DesignProblem(
         {"rod_radius": (0.0005, 0.1), "offset.y": (-0.01, 0.1)},
-        p3dof.paper_motion(5),
+        p3dof.paper_motion(2),
         objectives=["rod_stress"],
         bodies="solids",
         fixed=STEEL,
