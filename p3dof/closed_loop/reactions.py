@@ -58,6 +58,17 @@ LENGTH_SHARE = 1 / 20
 """The length of (2) as a share of the longest link, unless it is given."""
 
 
+def _centrifugal(data: pin.Data) -> FloatArray:
+    """Return |ω| |p| [N] and |v| |p| + |ω| |l| [N m] of each body, after its Newton-Euler equations.
+
+    What these equations add is as large: ω × p and v × p + ω × l of the momenta p and l. The result may be
+    far smaller, as v × m v of a body that glides is nothing but rounding.
+    """
+    twists, momenta = (np.array([x.vector for x in part[1:]]) for part in (data.v, data.h))
+    (v, w), (p, turning) = (np.linalg.norm(x.reshape(-1, 2, 3), axis=-1).T for x in (twists, momenta))
+    return np.concatenate([w * p, v * p + w * turning])
+
+
 def loop_reactions(
     loop: ClosedLoopModel,
     q: ArrayLike,
@@ -233,6 +244,7 @@ class ReactionSolver:
         data = self._data.here
         missing = np.array(pin.rnea(model, data, point.q, v, a, loads)) - given
         tree = np.array([f.vector for f in data.f[1:]]).reshape(-1, 6)
+        parts.append(_centrifugal(data))
         return State(
             missing,
             tree,
@@ -241,7 +253,7 @@ class ReactionSolver:
             point.J[self._kinematics.coupled],
             point.svd.rank,
             point.rank_tolerance,
-            max_abs(np.stack(parts)),  # not of their sum: a motor can do nothing but overcome friction
+            max_abs(np.concatenate(parts)),  # not of their sum: a motor can do nothing but overcome friction
             np.array([(within or {}).get(c.frame2, _NOTHING) for c in self.loop.sidecar.closures]).reshape(
                 -1, 6
             ),
