@@ -78,7 +78,7 @@ class Loads:
     tolerance : (N,) array
         Singular values below this share of the largest are zero.
     scale : (N,) array
-        Largest of the given forces.
+        Largest of the given forces and of the centrifugal terms of bodies.
     own : (N, c, 6) array
         What the joints of closures exert themselves on their `frame2`, such as friction, at its origin in
         world axes; it is part of the loads already, and counted in the reactions.
