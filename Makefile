@@ -14,7 +14,7 @@ SEED := $(shell od -An -N4 -tu4 /dev/urandom | tr -d ' ')
 endif
 DEV := $(VENV)/.dev$(EXTRAS)
 # What the extension is built from: a change builds it again.
-SOURCES := setup.py MANIFEST.in $(wildcard p3dof/compiled/extension/*.[ch] p3dof/compiled/extension/generated/*.h p3dof/tracing/*.h p3dof/integrators/*.h)
+SOURCES := setup.py MANIFEST.in $(wildcard p3dof/_native/*.[ch] p3dof/_native/generated/*.h p3dof/_base/tracing/*.h p3dof/_base/integrators/*.h)
 DEBIAN := cmake liburdfdom-tools libsdformat-dev pkg-config g++ clang libclang-rt-dev lld chromium nodejs $(if $(shell command -v npm),,npm) \
 	$(if $(filter x86_64,$(shell uname -m)),gcc-multilib)
 MODULES := page/node_modules/.package-lock.json
@@ -55,7 +55,7 @@ generated: $(DEV) ## are the committed generated files up to date?
 	$(BIN)/p3dof codegen --kernels --check
 	$(BIN)/p3dof codegen --page --check
 
-page: $(MODULES) ## build the pages for the browser, p3dof/page/*.html
+page: $(MODULES) ## build the pages for the browser, p3dof/viewer/document/*.html
 	cd page && node build.mjs
 
 # Types, the built page and the tests of its scripts; who only shows a page needs no Node.
@@ -75,7 +75,7 @@ durations: $(DEV) ## all tests, and measure anew which ones are quick
 LEVELLED := actuators control equal_steps_in_c evidence following kernels lanes load_friction many_runs many_runs_friction \
 	manipulator methods outputs run_notes run_sweeps runs_in_c sampling simulation sweeps wrenches
 levels: $(DEV) ## compiled kernels as on processors without AVX-512, and without AVX2
-	@for level in $$($(BIN)/python -c "from p3dof.compiled import levels; print(*levels()[1:-1])"); do \
+	@for level in $$($(BIN)/python -c "from p3dof.closed_form.compiled import levels; print(*levels()[1:-1])"); do \
 		case $$level in baseline) core=Prescott;; *) core=Haswell;; esac; \
 		echo "P3DOF_LEVEL=$$level OPENBLAS_CORETYPE=$$core"; \
 		P3DOF_LEVEL=$$level OPENBLAS_CORETYPE=$$core $(BIN)/pytest -q -n auto --quick \
@@ -130,7 +130,7 @@ pictures: $(DEV) ## draw the pictures of the README anew
 	$(BIN)/p3dof forces --figure pictures/forces.png
 
 clean: ## remove what was installed, built and computed
-	rm -rf $(VENV) $(LOWEST) $(OUT) page/node_modules build p3dof.egg-info p3dof/compiled/extension/_compiled*.so
+	rm -rf $(VENV) $(LOWEST) $(OUT) page/node_modules build p3dof.egg-info p3dof/_native/_compiled*.so
 	rm -rf docs/reference/api docs/reference/generated docs/_static/animation.html docs/contributing.md docs/tests.md
 	rm -rf docs/_static/tutorial
 	rm -f docs/tutorials/*.ipynb

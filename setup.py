@@ -15,7 +15,7 @@ from setuptools import Extension, setup
 from setuptools.command.bdist_wheel import bdist_wheel
 from setuptools.command.build_ext import build_ext
 
-KERNELS = Path("p3dof/compiled/extension")
+KERNELS = Path("p3dof/_native")
 FLAGS = ["-O3", "-g0", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast", "-fopenmp-simd"]
 """What gcc and clang need for vector instructions with fused multiply-add, and no more: infinities, NaN and
 the order of additions stay as written."""
@@ -59,7 +59,7 @@ def extensions() -> list[Extension]:
     sources = runpy.run_path((KERNELS / "sources.py").as_posix())
     return [
         Extension(
-            "p3dof.compiled.extension._compiled",
+            "p3dof._native._compiled",
             [(KERNELS / "_compiled.c").as_posix()],
             depends=[header.as_posix() for header in sources["headers"](Path("p3dof"))],
             define_macros=[("P3DOF_SOURCES", f"{sources['fingerprint'](Path('p3dof'))}LL")],

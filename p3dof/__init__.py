@@ -5,25 +5,18 @@
 >>> result = robot.inverse_dynamics(p3dof.paper_motion())   # by Pinocchio: URDF, loop closures, RNEA
 >>> result.forces                                           # (N, 3): actuators A, B, C [N]
 
-The rooms, from the bottom; each imports only from below:
+The doors, from the top; each imports only from those below it:
 
-- `blocks`: work of any size in blocks, on any number of machines.
-- `parameters`: what the machine is; `motion`: what it does, and what acts on it; `tasks`: what it has to do;
-  `drives`: what moves it.
-- `paper`: the paper's formulas on scalars; `closed_loop`: any robot with closed loops, on Pinocchio;
-  `description`: the machine as URDF and sister formats. The first knows nothing of the other two: their
-  agreement is the evidence.
-- `kinematics`: closed forms over arrays; `compiled`: the paper's method folded into few operations, in C.
-- `methods`: the ways to the forces, with one kind of result; `engines`: second opinions from other programs.
-- `simulation`: runs in time, under control; `energy`; `reactions`: joint forces;
-  `workspace`: where the machine can work; `indices`: how well, at poses;
-  `bearings`: how long they live; `codegen`: C code.
-- `load_friction`: friction that grows with the loads of joints.
-- `tolerances`: machines that are not what their drawings say: tolerances, sensitivity.
-- `designs`: the forces of many designs over one motion, by columns; `sweeps`: by the million, in blocks.
-- `viewer`: moving robots in the browser; `manipulator`: one object with everything about one machine.
-- `plots`: figures; `report`: one page; `cli`: the command line.
-- `algebra`, `files`, `tables`, `checks`, `errors`: what all of these stand on.
+- `cli`: the command line; `report`: pages, figures and tables for a colleague.
+- `design`: what a machine has to do, what drives it, which one is better: tasks, drives, optimisation.
+- `manipulator`: one object with everything about one machine.
+- `viewer`: moving machines and robots in the browser; `codegen`: C and other languages.
+- `runs`: in time, under control, one or many.
+- `analysis`: energy, joint forces, workspace, indices, friction with load; many designs, uncertain machines.
+- `methods`: the ways to the forces, side by side; second opinions from other programs.
+- `closed_form`: the first way, the paper's equations; it knows neither Pinocchio nor the description.
+- `loops`: the second way, any robot with closed loops, on Pinocchio; `machine`: parameters, motion, and the
+  description as URDF and sister formats. They know no closed form: that the two ways agree is the evidence.
 
 What is here is imported when it is first used; `__init__.pyi` lists the names by topic.
 

@@ -2,7 +2,7 @@
 
 # The machine
 from .manipulator import Manipulator, load
-from .parameters import (
+from .machine.parameters import (
     PAPER,
     SOLIDS,
     Actuators,
@@ -18,45 +18,44 @@ from .parameters import (
     write_parameters,
 )
 
-from .description import Mechanism
+from .machine.description import Mechanism
 
 # What it does, and what acts on it
-from .motion import Curve, Motion, SmoothingFit, WrenchHistory, paper_motion
-from .tasks import AxisLimits, FastestPlan, LimitUse, Plan, Task, Waypoint, read_task, write_task
-from .manipulator import (
-    Assessment,
-    BestBalance,
-    BestPath,
-    DesignComparison,
-    DesignMeasure,
-    RatingUse,
-    TaskForces,
-    assess,
-    best_balance,
-    best_path,
-    compare_designs,
-    fastest_plan,
-    forces_of_task,
-    reactions_of_task,
-    size_drives,
-)
+from .machine.motion import Curve, Motion, SmoothingFit, WrenchHistory, paper_motion
+from .design.tasks import AxisLimits, FastestPlan, LimitUse, Plan, Task, Waypoint, read_task, write_task
+from .design.assessment import Assessment, RatingUse, assess
+from .design.balance import BestBalance, best_balance
+from .design.best_path import BestPath, best_path
+from .design.design_comparison import DesignComparison, DesignMeasure, compare_designs
+from .design.forces_of_tasks import TaskForces, forces_of_task
+from .design.fastest import fastest_plan
+from .design.task_loads import reactions_of_task
+from .design.sizing import size_drives
 
 # Where it is
-from .kinematics import BodyMotion, InverseKinematics, MechanismMotion, Singularity
-from .indices import Indices
-from .workspace import Aspects, Box, PoseMargins, Workspace, WorkspaceMargins
+from .closed_form.kinematics import BodyMotion, InverseKinematics, MechanismMotion, Singularity
+from .analysis.indices import Indices
+from .analysis.workspace import Aspects, Box, PoseMargins, Workspace, WorkspaceMargins
 
 # What is found
-from .manipulator import Comparison, Opinion
+from .methods.comparison import Comparison, Opinion
 from .methods import Exceedance, InverseDynamics, JointStates, Utilisation
-from .energy import DriveLoads, Energy
-from .load_friction import LoadFriction, LoadFrictionEffect, read_load_friction
-from .reactions import JointLoad, OpenPeak, Peak, Reactions, ReactionsComparison, Stiffness, read_stiffness
+from .analysis.energy import DriveLoads, Energy
+from .analysis.load_friction import LoadFriction, LoadFrictionEffect, read_load_friction
+from .analysis.reactions import (
+    JointLoad,
+    OpenPeak,
+    Peak,
+    Reactions,
+    ReactionsComparison,
+    Stiffness,
+    read_stiffness,
+)
 from .methods.compiled import ForceDerivatives
 from .methods.regressor import ForceRegressor
 
 # Runs in time
-from .simulation import (
+from .runs import (
     PD,
     ComputedTorque,
     ControlLoop,
@@ -72,29 +71,36 @@ from .simulation import (
 )
 
 # Speed
-from .compiled import BoundInverseDynamics, MachineKernels
+from .closed_form.compiled import BoundInverseDynamics, MachineKernels
 
 # Many designs at once
-from .designs import DesignForces, DesignEvaluation, Designs, DesignStatus, forces_of_designs
+from .analysis.designs import DesignForces, DesignEvaluation, Designs, DesignStatus, forces_of_designs
 
 # Better machines
-from .optimisation import DesignProblem, Front, Optimum
+from .design.optimisation import DesignProblem, Front, Optimum
 
 # Many runs at once
-from .many_runs import ManyRuns, RunHistories, simulate_many
+from .runs.many import ManyRuns, RunHistories, simulate_many
 
 # Machines that are not what their drawings say
-from .tolerances import ForceTolerance, LocalSensitivity, PoseTolerance, SobolIndices, sensitivity, tolerance
+from .analysis.tolerances import (
+    ForceTolerance,
+    LocalSensitivity,
+    PoseTolerance,
+    SobolIndices,
+    sensitivity,
+    tolerance,
+)
 
 # Sweeps of any size
-from .blocks import Histogram, Moments, ParetoArchive, Sweep, TopK, sweep
+from ._base.blocks import Histogram, Moments, ParetoArchive, Sweep, TopK, sweep
 
 # Any robot with closed loops
-from .closed_loop import ClosedLoopModel, Closure, Coupling, FrameTarget, JointData, Sidecar, load_robot
+from .loops import ClosedLoopModel, Closure, Coupling, FrameTarget, JointData, Sidecar, load_robot
 from .viewer import robot_page, show_robot
 
 # Errors
-from .errors import (
+from ._base.errors import (
     AssemblyError,
     ControllerError,
     DriveError,
@@ -115,31 +121,12 @@ from .errors import (
     TaskError,
 )
 
-# Rooms that are used by their own name: p3dof.viewer.save_video, p3dof.engines.load, ...
-from . import (
-    bearings,
-    blocks,
-    closed_loop,
-    codegen,
-    drives,
-    engines,
-    indices,
-    load_friction,
-    optimisation,
-    page,
-    plots,
-    reactions,
-    report,
-    simulation,
-    sweeps,
-    tasks,
-    tolerances,
-    viewer,
-    workspace,
-)
+# Doors, whose rooms are used by their own name: p3dof.viewer.save_video, p3dof.methods.engines.load, ...
+from ._base import blocks
+from . import analysis, closed_form, codegen, design, loops, machine, methods, report, runs, viewer
 
 # The version
-from .version import __version__
+from ._base.version import __version__
 
 __all__ = [
     "PAPER",
@@ -256,29 +243,25 @@ __all__ = [
     "WorkspaceMargins",
     "WrenchHistory",
     "__version__",
+    "analysis",
     "assess",
-    "bearings",
     "best_balance",
     "best_path",
     "blocks",
-    "closed_loop",
+    "closed_form",
     "codegen",
     "compare_designs",
-    "drives",
-    "engines",
+    "design",
     "fastest_plan",
     "forces_of_designs",
     "forces_of_task",
-    "indices",
     "load",
-    "load_friction",
     "load_robot",
+    "loops",
+    "machine",
+    "methods",
     "of_solids",
-    "optimisation",
-    "page",
     "paper_motion",
-    "plots",
-    "reactions",
     "reactions_of_task",
     "read_load_friction",
     "read_parameters",
@@ -286,18 +269,14 @@ __all__ = [
     "read_task",
     "report",
     "robot_page",
+    "runs",
     "sensitivity",
     "show_robot",
     "simulate_many",
-    "simulation",
     "size_drives",
     "sweep",
-    "sweeps",
-    "tasks",
     "tolerance",
-    "tolerances",
     "viewer",
-    "workspace",
     "write_parameters",
     "write_task",
 ]

@@ -1,4 +1,4 @@
-// Builds p3dof/page/page.html and studio.html: files with all scripts and styles in them. `--check` only compares.
+// Builds p3dof/viewer/document/page.html and studio.html: files with all scripts and styles in them. `--check` only compares.
 import { createHash } from "node:crypto";
 import { readFile, readdir, writeFile } from "node:fs/promises";
 import { basename, dirname } from "node:path";
@@ -40,7 +40,7 @@ const PAGES = [
 /** @typedef {typeof PAGES[number]} Page */
 
 /** @param {Page} page */
-const targetOf = ({ target }) => fileURLToPath(new URL(`../p3dof/page/${target}`, import.meta.url));
+const targetOf = ({ target }) => fileURLToPath(new URL(`../p3dof/viewer/document/${target}`, import.meta.url));
 
 /** @param {string} path relative to this file */
 const read = async (path) => (await readFile(new URL(path, import.meta.url), "utf8")).trim();
@@ -165,11 +165,11 @@ for (const about of PAGES) {
     if (process.argv.includes("--check")) {
         const written = await readFile(targetOf(about), "utf8").catch(() => "");
         if (written !== html) {
-            console.error(`p3dof/page/${about.target} is not what page/ builds: run \`make page\` and commit it`);
+            console.error(`p3dof/viewer/document/${about.target} is not what page/ builds: run \`make page\` and commit it`);
             process.exit(1);
         }
     } else {
         await writeFile(targetOf(about), html);
-        console.log(`wrote p3dof/page/${about.target}: ${(html.length / 1000).toFixed(0)} kB`);
+        console.log(`wrote p3dof/viewer/document/${about.target}: ${(html.length / 1000).toFixed(0)} kB`);
     }
 }

@@ -1,4 +1,4 @@
-"""Small robots for the tests of `p3dof.closed_loop`, as URDF text; and the one finite-difference helper."""
+"""Small robots for the tests of `p3dof.loops`, as URDF text; and the one finite-difference helper."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from p3dof.closed_loop import Closure, Sidecar
+from p3dof.loops import Closure, Sidecar
 
 
 @dataclass(frozen=True)

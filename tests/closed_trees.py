@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from p3dof.closed_loop import ClosedLoopModel, Closure, Coupling, JointData, Sidecar
-from p3dof.errors import AssemblyError
+from p3dof._base.errors import AssemblyError
+from p3dof.loops import ClosedLoopModel, Closure, Coupling, JointData, Sidecar
 
 ONE_FREEDOM = (
     lambda _: pin.JointModelRX(),

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from p3dof import DesignProblem
-from p3dof.optimisation import Box
+from p3dof.design.optimisation import Box
 
 VARIABLES = {"r": (0.08, 0.2), "R": (0.15, 0.5), "L": (0.2, 0.8), "rod_radius": (0.003, 0.015)}
 STEEL = {"slider_edge": 0.05, "plate_thickness": 0.05, "corner_radius": 0.02}

@@ -18,8 +18,8 @@ import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
-from p3dof import engines
 from p3dof.cli import main
+from p3dof.methods import engines
 from p3dof.viewer import headless
 
 ROOT = Path(__file__).parents[1]

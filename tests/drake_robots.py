@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from p3dof.closed_loop import ClosedLoopModel
+from p3dof.loops import ClosedLoopModel
 
 GRAVITY = [0.0, 0.0, -9.81]
 

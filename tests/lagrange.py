@@ -1,7 +1,7 @@
 """Third derivation of the dynamics, for tests only: Lagrange's equations in x = (y, z, θ) by CasADi.
 
-Nothing but `p3dof.parameters` is shared with the package. Each body's origin and orientation matrix are
-written as functions of x from the geometry, without joint angles; everything else is differentiation:
+Nothing but `p3dof.machine.parameters` is shared with the package. Each body's origin and orientation matrix
+are written as functions of x from the geometry, without joint angles; everything else is differentiation:
 
     T = Σ ½ m |ċ|² + ½ ωᵀ I ω   with  ω× = Ṙ Rᵀ,      V = -Σ m g·c
     Q = d/dt ∂T/∂ẋ - ∂T/∂x + ∂V/∂x - ∂(F·Ṗ + M·ω)/∂ẋ,  Jᵀ f = Q  with  J = ∂λ/∂x
@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from p3dof.parameters import Bodies, Body, Geometry, Parameters
+from p3dof.machine.parameters import Bodies, Body, Geometry, Parameters
 
 Array = NDArray[np.float64]
 

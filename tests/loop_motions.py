@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from closed_loop_robots import ARM, BAR, ROD, Solid, differences
 
-from p3dof.closed_loop import ClosedLoopModel, Closure, Sidecar
+from p3dof.loops import ClosedLoopModel, Closure, Sidecar
 
 
 def index_of(loop: ClosedLoopModel, names: tuple[str, ...]) -> np.ndarray:

@@ -8,10 +8,10 @@ import numpy as np
 from hypothesis import strategies as st
 from lagrange import BODIES, cloud_body, random_cloud
 
-from p3dof import kinematics
+from p3dof.closed_form import kinematics
+from p3dof.machine.motion import states_of
+from p3dof.machine.parameters import SLIDES, Actuators, Bodies, Body, Geometry, Parameters
 from p3dof.methods.virtual_power import VirtualPowerMethod
-from p3dof.motion import states_of
-from p3dof.parameters import SLIDES, Actuators, Bodies, Body, Geometry, Parameters
 
 SEEDS = st.integers(0, 2**32 - 1)
 FAR = {"drop": 0.1, "angle": 0.01}

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from p3dof.closed_loop import ClosedLoopModel, Sidecar
+from p3dof.loops import ClosedLoopModel, Sidecar
 
 COMPILER = '<compiler fusestatic="false" discardvisual="true" boundmass="1e-14" boundinertia="1e-14"/>'
 """Links without mass get one that no force shows."""

@@ -21,7 +21,7 @@ import numpy as np
 from documents import ROOT
 
 import p3dof
-from p3dof.closed_loop import ClosedLoopModel
+from p3dof.loops import ClosedLoopModel
 
 UP = (np.pi / 2, 0, np.pi / 2)
 """From a plane in which a mechanism is drawn to one that stands upright."""

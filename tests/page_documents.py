@@ -7,9 +7,9 @@ import jsonschema
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from p3dof.page.encoding import decoded
+from p3dof.viewer.document.encoding import decoded
 
-SCHEMA = json.loads((files("p3dof.page") / "document.schema.json").read_text(encoding="utf-8"))
+SCHEMA = json.loads((files("p3dof.viewer.document") / "document.schema.json").read_text(encoding="utf-8"))
 _AXES = ("axis", "axis2")
 VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
 

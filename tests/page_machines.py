@@ -6,9 +6,9 @@ import numpy as np
 from machines import random_states
 
 import p3dof
-from p3dof import kinematics
-from p3dof.kinematics.inverse import JOINTS
-from p3dof.parameters import PASSIVE
+from p3dof.closed_form import kinematics
+from p3dof.closed_form.kinematics.inverse import JOINTS
+from p3dof.machine.parameters import PASSIVE
 
 FRICTION = p3dof.Friction(
     viscous={"slide_a": 40.0, "slide_c": 25.0, PASSIVE[0]: 0.3}, coulomb={"slide_b": 12.0, PASSIVE[-1]: 0.4}

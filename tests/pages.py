@@ -7,8 +7,8 @@ import contextlib
 from browser import opened
 
 import p3dof
-from p3dof.page.document import page_document
-from p3dof.page.html import page_html
+from p3dof.viewer.document.document import page_document
+from p3dof.viewer.document.html import page_html
 
 READY = "!!window.p3dof && p3dof.ready.then(() => true)"
 SETTLED = "() => new Promise((done) => setTimeout(() => requestAnimationFrame(done)))"

@@ -25,25 +25,25 @@ except ImportError:
     mujoco = None
 
 import p3dof
-from p3dof import blocks
-from p3dof.bearings import read_bearings
-from p3dof.closed_loop import Sidecar, load_robot
-from p3dof.closed_loop.writers import mjcf, sdf, urdf
-from p3dof.designs.files import read_designs
-from p3dof.drives import read_catalogue
-from p3dof.files import pack_arrays, read_text
-from p3dof.files.json_text import dump_hashed
-from p3dof.load_friction.files import read_load_friction
-from p3dof.many_runs.files import read_runs
-from p3dof.motion.joint_files import read_joints
-from p3dof.optimisation.journal import Journal
-from p3dof.optimisation.problem_file import read_problem
-from p3dof.page.robots.meshes import MeshFiles
-from p3dof.parameters import serialization
-from p3dof.reactions.stiffness_file import read_stiffness
-from p3dof.sweeps import read_sweep
-from p3dof.tasks import read_task
-from p3dof.tolerances import read_uncertainty
+from p3dof._base import blocks
+from p3dof._base.files import pack_arrays, read_text
+from p3dof._base.files.json_text import dump_hashed
+from p3dof.analysis.designs.files import read_designs
+from p3dof.analysis.load_friction.files import read_load_friction
+from p3dof.analysis.reactions.stiffness_file import read_stiffness
+from p3dof.analysis.tolerances import read_uncertainty
+from p3dof.design.bearings import read_bearings
+from p3dof.design.drives import read_catalogue
+from p3dof.design.optimisation.journal import Journal
+from p3dof.design.optimisation.problem_file import read_problem
+from p3dof.design.sweeps import read_sweep
+from p3dof.design.tasks import read_task
+from p3dof.loops import Sidecar, load_robot
+from p3dof.loops.writers import mjcf, sdf, urdf
+from p3dof.machine.motion.joint_files import read_joints
+from p3dof.machine.parameters import serialization
+from p3dof.runs.many.files import read_runs
+from p3dof.viewer.document.robots.meshes import MeshFiles
 
 MOTION = p3dof.paper_motion(11)
 HOME = np.zeros(3)

@@ -18,12 +18,12 @@ from p3dof import (
     Springs,
     WrenchHistory,
 )
-from p3dof.errors import P3dofError
-from p3dof.kinematics import singularity
-from p3dof.parameters import Friction, Limits
-from p3dof.parameters.names import PASSIVE, SLIDES
-from p3dof.simulation import KINDS, InitialState, Noise
-from p3dof.simulation.simulate import simulate_in_python, task_of
+from p3dof._base.errors import P3dofError
+from p3dof.closed_form.kinematics import singularity
+from p3dof.machine.parameters import Friction, Limits
+from p3dof.machine.parameters.names import PASSIVE, SLIDES
+from p3dof.runs import KINDS, InitialState, Noise
+from p3dof.runs.simulate import simulate_in_python, task_of
 
 
 class Follower:

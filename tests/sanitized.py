@@ -20,8 +20,8 @@ LINUX = pytest.mark.skipif(
 
 _BEGIN = """
 import importlib.util, sys
-import p3dof.compiled.extension as room
-spec = importlib.util.spec_from_file_location("p3dof.compiled.extension._compiled", sys.argv[1])
+import p3dof._native as room
+spec = importlib.util.spec_from_file_location("p3dof._native._compiled", sys.argv[1])
 room._compiled = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(room._compiled)
 """
@@ -54,7 +54,7 @@ def run_sanitized(
     """
     flags, names, settings, before = _KINDS[kind]
     made = folder / "_compiled.so"
-    include, source = sysconfig.get_path("include"), ROOT / "p3dof/compiled/extension/_compiled.c"
+    include, source = sysconfig.get_path("include"), ROOT / "p3dof/_native/_compiled.c"
     command = ["gcc", "-shared", "-fPIC", "-g1", f"-fsanitize={kind}", *flags, "-fno-math-errno"]
     if not made.exists():
         subprocess.run([*command, f"-I{include}", str(source), "-o", str(made)], check=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import p3dof
-from p3dof import blocks
+from p3dof._base import blocks
 
 MOTION = p3dof.paper_motion(41)
 VARIABLES = {

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from p3dof.tables import NONE, Table
+from p3dof._base.tables import NONE, Table
 
 shows = pytest.mark.shows
 """What numbers a test looks after: dotted names of functions that make tables, or of fields of results."""

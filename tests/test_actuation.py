@@ -7,9 +7,9 @@ import pytest
 
 import p3dof
 from p3dof import PAPER, ControlLoop, InitialState, Integration, Noise
+from p3dof._base.errors import InputError
 from p3dof.cli import main
-from p3dof.errors import InputError
-from p3dof.simulation import KINDS, simulate_robot
+from p3dof.runs import KINDS, simulate_robot
 
 ROBOT = p3dof.Manipulator(PAPER)
 PERIOD = 1e-2

@@ -11,14 +11,15 @@ from hypothesis import given, settings
 from machines import SEEDS, conditioning, derivative, random_actuators, random_machine, random_states
 
 import p3dof
-from p3dof import PAPER, Actuators, ParameterError, kinematics
-from p3dof.compiled import levels
-from p3dof.energy import kinetic_energy, potential_energy
+from p3dof import PAPER, Actuators, ParameterError
+from p3dof.analysis.energy import kinetic_energy, potential_energy
+from p3dof.closed_form import kinematics
+from p3dof.closed_form.compiled import levels
+from p3dof.machine.motion import states_of
+from p3dof.machine.parameters import SLIDES
 from p3dof.methods import pinocchio as pinocchio_method
 from p3dof.methods.equations_of_motion import coriolis_matrix, gravity_forces
 from p3dof.methods.tables import forces_table
-from p3dof.motion import states_of
-from p3dof.parameters import SLIDES
 
 METHODS = ("virtual-power", "pinocchio", "compiled")
 HOME = np.zeros(3)
@@ -97,7 +98,7 @@ def test_a_file_may_have_units():
 
 def test_tables_and_pages_show_them():
     machine = dataclasses.replace(PAPER, actuators=SOME)
-    table = next(t for t in p3dof.parameters.parameter_tables(machine) if t.title == "Actuators")
+    table = next(t for t in p3dof.machine.parameters.parameter_tables(machine) if t.title == "Actuators")
     assert table.rows[1][:5] == ("slide_b", 14.8, 0.0, -420.0, 4.9)
     assert "counterweight [kg]" in machine._repr_html_()
     assert "counterweight [kg]" not in PAPER._repr_html_()
@@ -405,7 +406,7 @@ def test_forces_at_nuts_are_told_beside_those_of_actuators(tmp_path):
 def test_drives_are_sized_by_the_forces_at_nuts():
     """An armature in the machine stands for the drive's own turning parts, which must not count twice."""
     motion = p3dof.paper_motion(201)
-    drive = next(iter(p3dof.drives.GENERIC))
+    drive = next(iter(p3dof.design.drives.GENERIC))
     sizes = [
         p3dof.size_drives(p3dof.load(machine), p3dof.load(machine).inverse_dynamics(motion), drive)[0]
         for machine in (PAPER, dataclasses.replace(PAPER, actuators=Actuators({"sliders": 14.8})))

@@ -12,9 +12,10 @@ from test_engines import engine, off
 from test_tasks import run
 
 import p3dof
-from p3dof import description, engines
-from p3dof.errors import InputError, ModelError
-from p3dof.parameters import PAPER, SOLIDS, Actuators
+from p3dof._base.errors import InputError, ModelError
+from p3dof.machine import description
+from p3dof.machine.parameters import PAPER, SOLIDS, Actuators
+from p3dof.methods import engines
 
 MOTION = p3dof.paper_motion(51)
 ALL = Actuators(
@@ -91,7 +92,7 @@ def test_drake_says_that_it_cannot_move_with_a_negative_spring():
 
 def joints_of(parameters, loop, motion=MOTION):
     """The motion in the joints of a model that was read."""
-    moving = p3dof.kinematics.mechanism_motion(
+    moving = p3dof.closed_form.kinematics.mechanism_motion(
         parameters.geometry, motion.pose, motion.velocity, motion.acceleration
     )
     names = [str(name) for name in loop.model.names[1:]]
@@ -126,7 +127,7 @@ def test_rotors_of_drakes_urdf_are_read_back(tmp_path):
     path, loop = read_back(parameters, tmp_path, "drake")
     loop.model.gravity.linear = parameters.gravity
     assert sorted(entry.joint for entry in loop.sidecar.joint_data) == ["slide_a", "slide_c"]
-    loop = p3dof.ClosedLoopModel(loop.model, replace(loop.sidecar, actuated=p3dof.parameters.SLIDES))
+    loop = p3dof.ClosedLoopModel(loop.model, replace(loop.sidecar, actuated=p3dof.machine.parameters.SLIDES))
     tau = loop.inverse_dynamics_batch(*joints_of(parameters, loop)).tau
     assert off(tau, expected(parameters)) < 1e-11
     geared = path.read_text().replace('rotor_inertia value="14.8"', 'rotor_inertia value="3.7"', 1)

@@ -6,15 +6,15 @@ import pinocchio as pin
 import pytest
 
 import p3dof
-from p3dof.closed_loop import ClosedLoopModel, ClosureJoint, ReactionSolver, reactions_batch
-from p3dof.closed_loop.configuration_rates import ConfigurationRates
-from p3dof.errors import ControllerError, InputError, ModelError
-from p3dof.parameters import LINKS
-from p3dof.simulation.actuation import Actuation
-from p3dof.simulation.encoders import Encoders, Noise
-from p3dof.simulation.integration import Integrator, Schedule, Tolerances
-from p3dof.simulation.margins import Stop, Unlimited
-from p3dof.simulation.plants import ConstrainedPlant
+from p3dof._base.errors import ControllerError, InputError, ModelError
+from p3dof.loops import ClosedLoopModel, ClosureJoint, ReactionSolver, reactions_batch
+from p3dof.loops.configuration_rates import ConfigurationRates
+from p3dof.machine.parameters import LINKS
+from p3dof.runs.actuation import Actuation
+from p3dof.runs.encoders import Encoders, Noise
+from p3dof.runs.integration import Integrator, Schedule, Tolerances
+from p3dof.runs.margins import Stop, Unlimited
+from p3dof.runs.plants import ConstrainedPlant
 
 HOME = np.zeros(3)
 

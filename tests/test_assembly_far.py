@@ -9,8 +9,8 @@ import pytest
 from other_robots import load, others
 
 import p3dof
-from p3dof.closed_loop import ClosedLoopModel, Closure, FrameTarget, Sidecar
-from p3dof.errors import AssemblyError, InputError
+from p3dof._base.errors import AssemblyError, InputError
+from p3dof.loops import ClosedLoopModel, Closure, FrameTarget, Sidecar
 
 XZ = [True, False, True, False, False, False]
 TIP = pin.SE3(np.eye(3), np.array([0.12, 0.0, 0.45]))

@@ -10,9 +10,9 @@ import pinocchio as pin
 import pytest
 from other_robots import load, others
 
-from p3dof.closed_loop import ClosedLoopModel, FrameTarget, Sidecar
-from p3dof.closed_loop.assembly import Assembler
-from p3dof.errors import AssemblyError, InputError
+from p3dof._base.errors import AssemblyError, InputError
+from p3dof.loops import ClosedLoopModel, FrameTarget, Sidecar
+from p3dof.loops.assembly import Assembler
 
 PLACE = pin.SE3(pin.rpy.rpyToMatrix(0.1, -0.2, 0.3), np.array([0.05, -0.03, 0.6]))
 

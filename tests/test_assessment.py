@@ -15,14 +15,15 @@ import pytest
 from browser import find_chromium
 
 import p3dof
-from p3dof import plots, report
-from p3dof.bearings import Bearing, Bearings, Guide, bearing_life
+from p3dof import report
+from p3dof._base.errors import DriveError, InputError, SampleError
 from p3dof.cli import main
-from p3dof.drives import Catalogue, Motor, Screw, cycle_of, size_of
-from p3dof.errors import DriveError, InputError, SampleError
-from p3dof.manipulator import assumptions, loads_table, needs_table, uses_table
-from p3dof.manipulator.task_loads import joined, without_jumps
-from p3dof.parameters import Friction
+from p3dof.design.assessment_tables import assumptions, loads_table, needs_table, uses_table
+from p3dof.design.bearings import Bearing, Bearings, Guide, bearing_life
+from p3dof.design.drives import Catalogue, Motor, Screw, cycle_of, size_of
+from p3dof.design.task_loads import joined, without_jumps
+from p3dof.machine.parameters import Friction
+from p3dof.report import plots
 from p3dof.report.assessment import AssessmentPictures
 from p3dof.report.figures import Picture
 
@@ -311,7 +312,7 @@ def test_what_motors_must_give_without_a_catalogue(forces):
     header, rows = needs_table(found).header, {row[0]: row[1:] for row in needs_table(found).rows}
     ideal = Screw(0.01, 1.0, 1.0, inertia=0.0)
     motor = dataclasses.replace(LARGE, inertia=0.0)
-    axes = size_of(cycle_of(forces), p3dof.drives.Drive(motor, ideal)).axes
+    axes = size_of(cycle_of(forces), p3dof.design.drives.Drive(motor, ideal)).axes
     cells = dict(zip(header[1:], rows["10 mm"], strict=True))
     for leg, axis in zip("ABC", axes, strict=True):
         assert float(cells[f"{leg} peak [N m]"]) == pytest.approx(abs(axis.peak_torque), rel=1e-3)
@@ -359,7 +360,7 @@ def test_what_the_verdict_says_nothing_about(forces):
 
 
 def test_friction_that_grows_with_loads_is_in_all_of_it():
-    contact = p3dof.load_friction.SlideContact(drag=4.0, mu=0.05)
+    contact = p3dof.analysis.load_friction.SlideContact(drag=4.0, mu=0.05)
     friction = p3dof.LoadFriction(slides=contact)
     plan = TASK.plan(2.0, 101)
     rough = p3dof.forces_of_task(ROBOT, plan, "virtual-power", load_friction=friction)

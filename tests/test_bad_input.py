@@ -10,7 +10,7 @@ import pytest
 import p3dof
 from p3dof import Body, Friction, Geometry, Motion, P3dofError, WrenchHistory
 from p3dof.cli import main
-from p3dof.parameters import PAPER, serialization
+from p3dof.machine.parameters import PAPER, serialization
 
 POSES = "t,y,z,theta\n"
 NINE = "t,y,z,theta,ydot,zdot,thetadot,yddot,zddot,thetaddot\n"

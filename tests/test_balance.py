@@ -14,10 +14,10 @@ from test_tasks import PICK_AND_PLACE, run
 
 import p3dof
 from p3dof import Motion, best_balance, forces_of_task
-from p3dof.errors import InputError, SampleError
-from p3dof.manipulator.balance import balance_table
-from p3dof.parameters import PAPER, SLIDES, Actuators, Friction
-from p3dof.tasks.files import parse
+from p3dof._base.errors import InputError, SampleError
+from p3dof.design.balance import balance_table
+from p3dof.design.tasks.files import parse
+from p3dof.machine.parameters import PAPER, SLIDES, Actuators, Friction
 
 KINDS = ("constant", "spring", "counterweight")
 
@@ -84,7 +84,7 @@ def by_hand(force, shapes, weights, objective, least):
 
 @pytest.mark.parametrize("objective", ["rms", "peak"])
 @pytest.mark.parametrize("kind", KINDS)
-@shows("p3dof.manipulator.balance.balance_table")
+@shows("p3dof.design.balance.balance_table")
 def test_every_number_of_the_table_of_balances(kind, objective):
     """From Lagrange's forces of a machine whose balance of another kind, and whose rotor, stay."""
     rows, papers = [0, 3, 4, 9, 15, 16, 22, 30, 40], p3dof.paper_motion(41)

@@ -10,8 +10,8 @@ import pytest
 
 import p3dof
 from p3dof import ClosedLoopModel
-from p3dof.closed_loop import FrameTarget, FrameTargets
-from p3dof.errors import InputError
+from p3dof._base.errors import InputError
+from p3dof.loops import FrameTarget, FrameTargets
 
 GALLERY = Path(__file__).parents[1] / "docs" / "_static" / "gallery"
 COUNT = 24

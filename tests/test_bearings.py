@@ -12,7 +12,10 @@ from scipy.optimize import brentq
 from table_numbers import check_table, shows
 
 import p3dof
-from p3dof.bearings import (
+from p3dof._base.errors import InputError, ParameterError, SampleError
+from p3dof.analysis.reactions import JOINTS, Misfit, RodSection, Stiffness
+from p3dof.cli import main
+from p3dof.design.bearings import (
     Bearing,
     Bearings,
     Guide,
@@ -22,11 +25,8 @@ from p3dof.bearings import (
     read_bearings,
     rods_table,
 )
-from p3dof.cli import main
-from p3dof.errors import InputError, ParameterError, SampleError
-from p3dof.motion import Motion, paper_motion
-from p3dof.parameters import PAPER, Body
-from p3dof.reactions import JOINTS, Misfit, RodSection, Stiffness
+from p3dof.machine.motion import Motion, paper_motion
+from p3dof.machine.parameters import PAPER, Body
 
 BALL = Bearing(dynamic=3000.0, static=2400.0, name="6001")
 GUIDE = Guide(dynamic=10e3, basis=50e3, moments=(120.0, 120.0, 150.0), static=16e3)
@@ -261,9 +261,9 @@ def rates_by_hand(machine, motion):
 
 
 @shows(
-    "p3dof.bearings.tables.bearings_table",
-    "p3dof.bearings.tables.guides_table",
-    "p3dof.bearings.tables.rods_table",
+    "p3dof.design.bearings.tables.bearings_table",
+    "p3dof.design.bearings.tables.guides_table",
+    "p3dof.design.bearings.tables.rods_table",
 )
 def test_every_number_of_the_tables_of_bearings(robot):
     """ISO 281, 76 and 14728-1 and hinged beams, trapezoid by trapezoid, of unlike parts and uneven times."""

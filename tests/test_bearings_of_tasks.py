@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import p3dof
-from p3dof.bearings import Bearing, Bearings, Guide, bearing_life, guides_table
+from p3dof.analysis.load_friction import HingeContact, LoadFriction, SlideContact
+from p3dof.analysis.reactions import JOINTS, Stiffness
 from p3dof.cli import main
-from p3dof.load_friction import HingeContact, LoadFriction, SlideContact
-from p3dof.parameters import PAPER, Body, Parameters
-from p3dof.reactions import JOINTS, Stiffness
-from p3dof.tasks import Task, Waypoint
+from p3dof.design.bearings import Bearing, Bearings, Guide, bearing_life, guides_table
+from p3dof.design.tasks import Task, Waypoint
+from p3dof.machine.parameters import PAPER, Body, Parameters
 
 LOAD = Body(6.0, np.array([0.05, 0.04, -0.06]), np.full(3, 0.01))
 TASK = Task(
@@ -199,7 +199,7 @@ def test_the_commands(tmp_path, capsys):
     assert "2.5 s" in shown
     plan = p3dof.read_task(task).plan(2.0, 101)
     report = bearing_life(
-        PAPER, p3dof.reactions_of_task(p3dof.load(), plan), p3dof.bearings.read_bearings(parts)
+        PAPER, p3dof.reactions_of_task(p3dof.load(), plan), p3dof.design.bearings.read_bearings(parts)
     )
     row = guides_table(report, lambda time: plan.piece_at(time).name).rows[0]
     assert row[5] == plan.piece_at(report.guides[0].peak_time).name

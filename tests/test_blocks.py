@@ -19,8 +19,8 @@ import sweep_problems
 from sweep_problems import files, problem, reductions, wait_until
 
 import p3dof
-from p3dof import blocks
-from p3dof.files import hash_of
+from p3dof._base import blocks
+from p3dof._base.files import hash_of
 
 PARQUET = pytest.mark.skipif(find_spec("pyarrow") is None, reason="pyarrow not installed")
 FORMATS = ("npz", pytest.param("parquet", marks=PARQUET))

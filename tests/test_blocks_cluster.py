@@ -16,7 +16,7 @@ from sweep_problems import WAITING, files, gated, peaks, problem, reductions, wa
 from test_blocks import environment
 
 import p3dof
-from p3dof import blocks
+from p3dof._base import blocks
 from p3dof.cli import main
 
 distributed = pytest.importorskip("distributed", reason="dask not installed")
@@ -113,7 +113,7 @@ def test_a_worker_and_then_the_whole_program_may_be_killed(whole, tmp_path):
 
 
 def test_a_cluster_makes_runs_to_the_same_bits(client, monkeypatch):
-    monkeypatch.setattr("p3dof.many_runs.clients._NUMBERS", 2000)
+    monkeypatch.setattr("p3dof.runs.many.clients._NUMBERS", 2000)
     rest = p3dof.Motion.rest_to_rest([0, 0, 0], [0.02, -0.02, 0.1], 0.1, 11)
     options = {
         "controller": p3dof.PD(p3dof.PAPER, rest),
@@ -217,8 +217,8 @@ def test_at_most_so_many_blocks_are_on_their_way(client, tmp_path):
 @pytest.mark.parametrize("large", [False, True])
 def test_quick_blocks_go_together(client, tmp_path, monkeypatch, large):
     """A call of a cluster costs milliseconds: quick blocks go some at a time, towards the end alone."""
-    monkeypatch.setattr("p3dof.blocks.crew._BATCH", 1000.0)  # whatever this machine is busy with
-    monkeypatch.setattr("p3dof.blocks.running._LARGEST_TOGETHER", 100 if large else 4_000_000)
+    monkeypatch.setattr("p3dof._base.blocks.crew._BATCH", 1000.0)  # whatever this machine is busy with
+    monkeypatch.setattr("p3dof._base.blocks.running._LARGEST_TOGETHER", 100 if large else 4_000_000)
     calls, seen, submit = [], [], type(client).submit
 
     def counted(self, function, work, numbers, **options):

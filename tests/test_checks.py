@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from p3dof.checks import as_floats, batch_of, frozen_array, one_line, positive
-from p3dof.errors import InputError, MotionError, ParameterError
+from p3dof._base.checks import as_floats, batch_of, frozen_array, one_line, positive
+from p3dof._base.errors import InputError, MotionError, ParameterError
 
 NOT_NUMBERS = {
     "text": "1",

@@ -10,12 +10,12 @@ import pytest
 import sweep_problems
 
 import p3dof
-from p3dof.blocks import storage
-from p3dof.blocks.manifest import NAME_OF_FILE, parse_manifest, read_manifest
-from p3dof.errors import FileError, P3dofError, SweepError
-from p3dof.files import pack_arrays
-from p3dof.optimisation.journal import MANIFEST, Journal
-from p3dof.simulation import Simulation
+from p3dof._base.blocks import storage
+from p3dof._base.blocks.manifest import NAME_OF_FILE, parse_manifest, read_manifest
+from p3dof._base.errors import FileError, P3dofError, SweepError
+from p3dof._base.files import pack_arrays
+from p3dof.design.optimisation.journal import MANIFEST, Journal
+from p3dof.runs import Simulation
 
 ABOUT = {"objective": "peak_force", "bounds": [0.24, 0.28]}
 

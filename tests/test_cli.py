@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 import p3dof
-from p3dof import compiled
 from p3dof.cli import main
 from p3dof.cli.app import COMMANDS, app
-from p3dof.parameters import PAPER
+from p3dof.closed_form import compiled
+from p3dof.machine.parameters import PAPER
 
 ROOT = Path(__file__).parents[1]
 
@@ -108,7 +108,7 @@ def test_nothing_valid_is_not_agreement(tmp_path, capsys):
 
 def test_limits_are_told(tmp_path, capsys):
     text = (tmp_path / "m.yaml").write_text
-    machine = p3dof.parameters.serialization.dump(PAPER).replace("force: 500.0", "force: 100")
+    machine = p3dof.machine.parameters.serialization.dump(PAPER).replace("force: 500.0", "force: 100")
     text(machine, encoding="utf-8")
     code, out, _ = run(
         capsys, "forces", "--method", "virtual-power", "--samples", 11, "--parameters", tmp_path / "m.yaml"
@@ -198,7 +198,7 @@ def test_bad_motion_files(tmp_path, capsys, text, words):
     ],
 )
 def test_bad_parameter_files(tmp_path, capsys, old, new, words):
-    text = p3dof.parameters.serialization.dump(PAPER)
+    text = p3dof.machine.parameters.serialization.dump(PAPER)
     assert old in text
     file = tmp_path / "machine.yaml"
     file.write_text(text.replace(old, new), encoding="utf-8")
@@ -371,7 +371,7 @@ def test_a_full_disk_behind_the_output_is_one_line(tmp_path):
 
 
 def test_export_writes_and_checks_every_format(tmp_path, capsys):
-    from p3dof import description
+    from p3dof.machine import description
 
     code, out, err = run(capsys, "export", "--out", tmp_path / "ö x")
     assert code == 0, err
@@ -415,7 +415,7 @@ def test_the_exact_variant(tmp_path, capsys):
         # Names are imported when they are first used: touch them all, and compute.
         ("[getattr(p3dof, name) for name in p3dof.__all__ if name[0].isupper()]", ["numpy", "pinocchio"]),
         (
-            "from p3dof.manipulator import METHODS; "
+            "from p3dof.methods.registry import METHODS; "
             "[p3dof.load().forces([0] * 3, [0] * 3, [0] * 3, method=m) for m in METHODS if m != 'pinocchio']",
             ["numpy", "pinocchio"],
         ),

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import p3dof
+from p3dof.analysis.designs import forces_of_designs
 from p3dof.cli import designs as command
 from p3dof.cli.app import main
-from p3dof.designs import forces_of_designs
 
 parquet = pytest.importorskip("pyarrow.parquet")
 

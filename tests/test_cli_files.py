@@ -13,7 +13,7 @@ import pytest
 
 import p3dof
 from p3dof.cli import main
-from p3dof.parameters import PAPER
+from p3dof.machine.parameters import PAPER
 
 COLUMNS = {"forces": "fA [N]", "energy": "kinetic", "reactions": "slide_a"}
 
@@ -34,7 +34,7 @@ def idle(monkeypatch):
     for name in ("inverse_dynamics", "reactions", "simulate", "energy"):
         monkeypatch.setattr(p3dof.Manipulator, name, work)
     for name in ("write", "texts"):
-        monkeypatch.setattr(p3dof.description, name, work)
+        monkeypatch.setattr(p3dof.machine.description, name, work)
 
 
 ENDINGS = [

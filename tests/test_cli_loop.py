@@ -17,13 +17,12 @@ from test_cli import run
 from test_loop_codegen import GALLERY
 
 import p3dof
-from p3dof.closed_loop import ClosedLoopModel, Closure, Coupling, Sidecar
-from p3dof.closed_loop.compiled.build import compiler
-from p3dof.closed_loop.overview import overview
-from p3dof.closed_loop.writers.urdf import texts
-from p3dof.errors import InputError, ModelError
-from p3dof.page.encoding import decoded
-from p3dof.simulation import (
+from p3dof._base.errors import InputError, ModelError
+from p3dof.loops import ClosedLoopModel, Closure, Coupling, Sidecar
+from p3dof.loops.compiled.build import compiler
+from p3dof.loops.overview import overview
+from p3dof.loops.writers.urdf import texts
+from p3dof.runs import (
     ControlLoop,
     Integration,
     JointComputedTorque,
@@ -31,6 +30,7 @@ from p3dof.simulation import (
     gains,
     simulate_robot,
 )
+from p3dof.viewer.document.encoding import decoded
 from p3dof.viewer.headless import as_image
 
 ONE_LINE = 1
@@ -516,7 +516,7 @@ def test_a_sidecar_of_another_robot_is_named(capsys, tmp_path, five_bar):
 
 
 def test_no_compiler_is_told_in_one_line(capsys, monkeypatch, five_bar, motion):
-    monkeypatch.setattr("p3dof.closed_loop.compiled.build.compiler", lambda: None)
+    monkeypatch.setattr("p3dof.loops.compiled.build.compiler", lambda: None)
     with warnings.catch_warnings():
         warnings.simplefilter("default")
         code, _, err = loop(capsys, "forces", five_bar, "--motion", motion, "--method", "compiled")
@@ -691,7 +691,7 @@ def test_show_makes_a_film(capsys, tmp_path, five_bar):
 
 def test_rods_of_a_robot_reach_from_joint_to_joint_and_meet_where_loops_close():
     pytest.importorskip("coal", reason="coal is not installed")
-    from p3dof.page.robots.sticks import StickFigure
+    from p3dof.viewer.document.robots.sticks import StickFigure
 
     model = ClosedLoopModel.from_urdf(robots.five_bar(), robots.FIVE_BAR_SIDECAR)
     figure, q = StickFigure(model), robots.five_bar_q(1.9, 1.2)

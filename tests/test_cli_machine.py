@@ -11,7 +11,7 @@ from test_cli import run
 
 import p3dof
 from p3dof.cli import main
-from p3dof.parameters import PAPER, Body
+from p3dof.machine.parameters import PAPER, Body
 
 WRENCH = "t,fx,fy,fz,mx,my,mz\n0,1,2,3,0.4,0.5,0.6\n0.5,1,20,-30,0.4,0.5,0.6\n"
 
@@ -117,7 +117,7 @@ def test_engines_add_a_column_each(tmp_path, capsys, wrench_file):
 
 def test_an_engine_that_disagrees_fails(tmp_path, capsys, monkeypatch):
     pytest.importorskip("mujoco")
-    from p3dof import engines
+    from p3dof.methods import engines
 
     heavy = replace(PAPER, bodies=PAPER.bodies.scaled(1 + 1e-7))
     monkeypatch.setattr(engines, "load", lambda name, _: engines.ENGINES[name](heavy))
@@ -298,7 +298,7 @@ def test_armature_and_counterbalance_take_the_place_of_the_file_s(tmp_path, monk
     p3dof.write_parameters(replace(p3dof.PAPER, actuators=own), "machine.yaml")
     command = "forces --parameters machine.yaml --armature 14.8,3,500g --counterbalance 48 --samples 11"
     assert main([*command.split(), "--out", "forces.csv"]) == 0
-    given = dict(zip(p3dof.parameters.SLIDES, (14.8, 3.0, 0.5), strict=True))
+    given = dict(zip(p3dof.machine.parameters.SLIDES, (14.8, 3.0, 0.5), strict=True))
     machine = replace(p3dof.PAPER, actuators=replace(own, armature=given, counterbalance={"sliders": 48.0}))
     expected = p3dof.load(machine).inverse_dynamics(p3dof.paper_motion(11)).forces
     rows = np.genfromtxt("forces.csv", delimiter=",", skip_header=1)

@@ -15,10 +15,10 @@ from design_problems import paper_problem
 from referencing import Registry, Resource
 
 import p3dof
+from p3dof._base.errors import P3dofError
 from p3dof.cli import main
-from p3dof.errors import P3dofError
-from p3dof.optimisation import MEASURES, DesignProblem, ProblemSweep, read_problem
-from p3dof.optimisation.problem_file import FIELDS, OF_SWEEPS
+from p3dof.design.optimisation import MEASURES, DesignProblem, ProblemSweep, read_problem
+from p3dof.design.optimisation.problem_file import FIELDS, OF_SWEEPS
 
 REFERENCE = Path(__file__).parents[1] / "docs/reference"
 SCHEMA = json.loads((REFERENCE / "problem.schema.json").read_text(encoding="utf-8"))
@@ -204,7 +204,7 @@ def test_the_same_file_is_swept_block_by_block(file: Path, capsys: pytest.Captur
 
 
 def test_a_sweep_of_a_problem_goes_on_and_takes_clients(tmp_path: Path) -> None:
-    from p3dof.blocks import Processes, TopK
+    from p3dof._base.blocks import Processes, TopK
 
     problem = paper_problem()
     best = TopK("peak_force", 3)

@@ -23,7 +23,7 @@ pytest.importorskip("meshcat", reason="meshcat is not installed")
 
 from p3dof.cli import main, show  # noqa: F401 - it adds its command
 from p3dof.cli.serving import until_signalled
-from p3dof.page.encoding import decoded
+from p3dof.viewer.document.encoding import decoded
 
 ROOT = Path(__file__).parents[1]
 PROGRAM = "import sys; import p3dof.cli.show; from p3dof.cli import main; sys.exit(main(sys.argv[1:]))"

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 import p3dof
-from p3dof import plots
-from p3dof.cli import main
-from p3dof.errors import FileError, InputError
-from p3dof.parameters import PAPER, SOLIDS
-from p3dof.tolerances import (
+from p3dof._base.errors import FileError, InputError
+from p3dof.analysis.tolerances import (
     identifiability,
     read_uncertainty,
     sensitivity_table,
     tolerance_tables,
 )
+from p3dof.cli import main
+from p3dof.machine.parameters import PAPER, SOLIDS
+from p3dof.report import plots
 
 SCHEMA = json.loads(
     (Path(__file__).parents[1] / "docs/reference/uncertainty.schema.json").read_text(encoding="utf-8")
@@ -240,7 +240,7 @@ def test_ten_of_the_twelve_parameters_can_be_found_from_poses():
     assert found.rank == 10
     assert found.unseen == ("R.a + r.a", "R.b + r.b")
     assert 1e3 < found.condition < 6e3  # 2.6e3 was published for poses that it does not name
-    along = p3dof.tolerances.pose.pose_gradient(PAPER.geometry, poses) @ found.null_space.T
+    along = p3dof.analysis.tolerances.pose.pose_gradient(PAPER.geometry, poses) @ found.null_space.T
     np.testing.assert_allclose(along, 0, rtol=0, atol=1e-9)
     with pytest.raises(InputError, match="four poses or more"):
         identifiability(None, poses[:3])

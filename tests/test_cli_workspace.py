@@ -8,8 +8,8 @@ import pytest
 import xarray
 
 import p3dof
+from p3dof.analysis.indices import COLUMNS
 from p3dof.cli.app import main
-from p3dof.indices import COLUMNS
 
 ROBOT = p3dof.load()
 
@@ -102,7 +102,7 @@ def test_indices_at_poses(capsys, tmp_path):
     )
     assert code == 0
     where = np.array([[0, 0, 0], [0.1, 0, -np.pi / 6]])
-    known = ROBOT.indices(where, 0.2, rods=p3dof.reactions.RodSection(diameter=0.02))
+    known = ROBOT.indices(where, 0.2, rods=p3dof.analysis.reactions.RodSection(diameter=0.02))
     assert set(found["indices"]) == set(COLUMNS)
     for name, values in known.columns.items():
         assert found["indices"][name] == pytest.approx(values.tolist(), rel=1e-12), name

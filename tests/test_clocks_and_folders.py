@@ -15,7 +15,7 @@ import sweep_problems
 
 import p3dof
 from p3dof.cli.output import progress_bar
-from p3dof.closed_loop.compiled import build
+from p3dof.loops.compiled import build
 from p3dof.viewer.limits import Allowance
 
 JUMPS = (0.0, 1e9, -1e9, 3.0, 1e18, -3.0, 0.0)

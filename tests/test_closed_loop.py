@@ -12,9 +12,9 @@ from closed_loop_robots import ARM, BAR, FIVE_BAR_SIDECAR, FOUR_BAR, FOUR_BAR_SI
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from p3dof.closed_loop import ClosedLoopModel, Closure, FrameTarget, Sidecar
-from p3dof.closed_loop.forward import _ProximalSolver
-from p3dof.errors import DynamicsError, InputError, SingularityError
+from p3dof._base.errors import DynamicsError, InputError, SingularityError
+from p3dof.loops import ClosedLoopModel, Closure, FrameTarget, Sidecar
+from p3dof.loops.forward import _ProximalSolver
 
 
 @pytest.fixture(scope="module")

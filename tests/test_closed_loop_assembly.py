@@ -10,9 +10,9 @@ from closed_loop_robots import FIVE_BAR_SIDECAR, FOUR_BAR, FOUR_BAR_SIDECAR
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from p3dof.closed_loop import ClosedLoopModel, Closure, FrameTarget, Sidecar, solver
-from p3dof.closed_loop.linear import Decomposition
-from p3dof.errors import AssemblyError, InputError
+from p3dof._base.errors import AssemblyError, InputError
+from p3dof.loops import ClosedLoopModel, Closure, FrameTarget, Sidecar, solver
+from p3dof.loops.linear import Decomposition
 
 XZ = [True, False, True, False, False, False]
 

@@ -14,23 +14,23 @@ from hypothesis import given, settings
 from machines import SEEDS, conditioning, random_machine, random_states
 
 import p3dof
-from p3dof import kinematics
-from p3dof.closed_loop import ClosedLoopModel, Sidecar
-from p3dof.closed_loop.batch.closures import ClosureRows
-from p3dof.closed_loop.batch.kinematics import Sweep
-from p3dof.closed_loop.batch.linear import (
+from p3dof._base.errors import AssemblyError, InputError, ReachError, SingularityError
+from p3dof.closed_form import kinematics
+from p3dof.loops import ClosedLoopModel, Sidecar
+from p3dof.loops.batch.closures import ClosureRows
+from p3dof.loops.batch.kinematics import Sweep
+from p3dof.loops.batch.linear import (
     BLOCK,
     FEW,
     independent_rows,
     inverse,
 )
-from p3dof.closed_loop.batch.targets import FrameTargets
-from p3dof.closed_loop.rotations import rotation_vector, turned_rates
-from p3dof.errors import AssemblyError, InputError, ReachError, SingularityError
+from p3dof.loops.batch.targets import FrameTargets
+from p3dof.loops.rotations import rotation_vector, turned_rates
+from p3dof.machine.motion import states_of
+from p3dof.machine.parameters import PAPER, Friction
 from p3dof.methods import pinocchio
 from p3dof.methods.pinocchio import PinocchioMethod
-from p3dof.motion import states_of
-from p3dof.parameters import PAPER, Friction
 
 ROUGH = Friction({"sliders": 20, "joints": 0.3}, {"sliders": 5, "joints": 0.2, "universal_a": 0.7})
 

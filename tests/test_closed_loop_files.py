@@ -16,8 +16,8 @@ from closed_loop_robots import FOUR_BAR, FOUR_BAR_SIDECAR, joint, link, robot
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from p3dof.closed_loop import ClosedLoopModel, Closure, Coupling, Sidecar
-from p3dof.errors import ModelError, ModelWarning
+from p3dof._base.errors import ModelError, ModelWarning
+from p3dof.loops import ClosedLoopModel, Closure, Coupling, Sidecar
 
 GOOD = """\
 closed_loop: [[coupler_tip, rocker_tip]]

@@ -8,9 +8,9 @@ import pinocchio as pin
 import pytest
 
 from p3dof import ClosedLoopModel, Closure, Sidecar
-from p3dof.closed_loop.closure_wrenches import ClosureWrenches
-from p3dof.closed_loop.constraints import KINDS
-from p3dof.errors import InputError
+from p3dof._base.errors import InputError
+from p3dof.loops.closure_wrenches import ClosureWrenches
+from p3dof.loops.constraints import KINDS
 
 
 def chain(kind):

@@ -25,19 +25,28 @@ from machines import (
 from test_friction import random_friction
 
 import p3dof.cli.codegen  # the command
-from p3dof import kinematics
+from p3dof._base.errors import FileError, P3dofError, ParameterError, ReachError, SingularityError
+from p3dof._base.files import check_generated, write_generated
 from p3dof.cli import main
+from p3dof.closed_form import kinematics
+from p3dof.closed_form.compiled.formulas import MODEL, kernel
+from p3dof.closed_form.compiled.reduced import Actuated, Reduced, model_of
+from p3dof.closed_form.compiled.reduced.friction import JOINTS
 from p3dof.codegen import batch, controller, lanes, reference
 from p3dof.codegen.controller import controller_files, prototypes
 from p3dof.codegen.machine import ACTUATORS, machine_numbers, parameter_row
 from p3dof.codegen.printing import Printer, operation_counts
 from p3dof.codegen.routines import routines
-from p3dof.compiled.formulas import MODEL, kernel
-from p3dof.compiled.reduced import Actuated, Reduced, model_of
-from p3dof.compiled.reduced.friction import JOINTS
-from p3dof.errors import FileError, P3dofError, ParameterError, ReachError, SingularityError
-from p3dof.files import check_generated, write_generated
-from p3dof.parameters import LINKS, PAPER, SLIDES, SOLIDS, Body, Friction, Parameters, write_parameters
+from p3dof.machine.parameters import (
+    LINKS,
+    PAPER,
+    SLIDES,
+    SOLIDS,
+    Body,
+    Friction,
+    Parameters,
+    write_parameters,
+)
 
 WARNINGS = ("-Wall", "-Wextra", "-Werror", "-pedantic", "-Wconversion", "-Wshadow", "-Wdouble-promotion")
 STRICT = ("-Wstrict-prototypes", "-Wmissing-prototypes", "-Wcast-qual", "-Wundef", "-Wfloat-equal")
@@ -582,7 +591,7 @@ def test_the_reference_is_a_matter_of_the_other_methods():
     found = reference.reference(machine)
     q, v, a, w = (found.inputs[name] for name in ("pose", "velocity", "acceleration", "wrench"))
     by = reference.number_derivatives(machine, q, v, a, w)
-    without = replace(machine, friction=p3dof.parameters.Friction())
+    without = replace(machine, friction=p3dof.machine.parameters.Friction())
     base = np.array([float(x) for x in model_of(machine).numbers[6:]])
     forces = virtual_power_forces(without, q, v, a)
     np.testing.assert_allclose(by[..., 6:] @ base, forces, rtol=0, atol=1e-12 * np.abs(forces).max())
@@ -644,7 +653,7 @@ def test_machines_that_cannot_be_written():
         SOLIDS, bodies=replace(SOLIDS.bodies, **{name: heavy[name] for name in ("leg_a", "platform")})
     )
     controller_files(huge, bake=True)  # large, but not too large
-    steep = p3dof.parameters.Friction({}, {"joints": 1.0}, 1e-30)
+    steep = p3dof.machine.parameters.Friction({}, {"joints": 1.0}, 1e-30)
     controller_files(replace(SOLIDS, friction=steep), bake=True)  # the least that there is
     short = replace(SOLIDS.geometry, L=0.15 * (1 + 1e-9))
     with pytest.raises(ParameterError, match="hardly reaches"):

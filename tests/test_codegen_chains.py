@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from compilers import CC, COMPILED
 
+from p3dof._base.tracing import Symbol, Tape
+from p3dof.closed_form.compiled.formulas import MODEL
+from p3dof.closed_form.compiled.reduced import Model, State, actuator_forces, shape
 from p3dof.codegen.filling import fill
 from p3dof.codegen.routines import routines
-from p3dof.compiled.formulas import MODEL
-from p3dof.compiled.reduced import Model, State, actuator_forces, shape
-from p3dof.tracing import Symbol, Tape
 
 SINES = """
 #include <math.h>

@@ -15,16 +15,16 @@ from hypothesis import given, settings
 from machines import SEEDS
 from test_codegen import MACHINES, OK, SINGULAR, STRICT, WARNINGS, build, command, general, one_line, run
 
+from p3dof._base.errors import InputError, ParameterError
+from p3dof._base.files import write_generated
+from p3dof.closed_form.compiled.formulas import MODEL
 from p3dof.codegen import controller, reference
 from p3dof.codegen.controller import controller_files, prototypes
 from p3dof.codegen.precision import SINGLE
 from p3dof.codegen.routines import routines
 from p3dof.codegen.selftest import size_of, tolerances
-from p3dof.compiled.formulas import MODEL
-from p3dof.errors import InputError, ParameterError
-from p3dof.files import write_generated
-from p3dof.page.document import engine_row
-from p3dof.parameters import PAPER, SOLIDS, Body, Friction
+from p3dof.machine.parameters import PAPER, SOLIDS, Body, Friction
+from p3dof.viewer.document.document import engine_row
 
 NARROW = (*WARNINGS, *STRICT, "-Wfloat-conversion")
 FOREIGN = """

@@ -28,15 +28,15 @@ from test_codegen import (
 from test_loop_codegen import GALLERY, gallery
 
 import p3dof
+from p3dof._base.errors import InputError
+from p3dof._base.files import write_generated
 from p3dof.cli import main
 from p3dof.codegen import controller
 from p3dof.codegen.controller import controller_files
 from p3dof.codegen.loops import loop_files
 from p3dof.codegen.web_controller import controller_module
-from p3dof.errors import InputError
-from p3dof.files import write_generated
+from p3dof.machine.parameters import PAPER, SOLIDS
 from p3dof.methods.exceedances import exceedances_of
-from p3dof.parameters import PAPER, SOLIDS
 
 LIMITS = p3dof.Limits(travel=(-0.1, 0.15), speed=1.5, force=200.0, tilt=(-0.3, 0.5))
 BEYOND = 6

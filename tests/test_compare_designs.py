@@ -13,12 +13,13 @@ import numpy as np
 import pytest
 
 import p3dof
-from p3dof import plots, report
-from p3dof.bearings import Bearing, Bearings
+from p3dof import report
+from p3dof._base.errors import InputError, ReachError
 from p3dof.cli import main
-from p3dof.drives import GENERIC
-from p3dof.errors import InputError, ReachError
-from p3dof.manipulator import comparison_table, verdicts_table
+from p3dof.design.bearings import Bearing, Bearings
+from p3dof.design.design_comparison import comparison_table, verdicts_table
+from p3dof.design.drives import GENERIC
+from p3dof.report import plots
 
 WIDE = dataclasses.replace(p3dof.PAPER, geometry=dataclasses.replace(p3dof.PAPER.geometry, R=0.28))
 TASK = p3dof.Task(

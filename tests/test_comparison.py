@@ -9,10 +9,10 @@ import pytest
 from table_numbers import check_evidence, check_table, shows
 
 import p3dof
-from p3dof.errors import InputError, ReachError
-from p3dof.manipulator import Opinion
-from p3dof.manipulator.tables import agreement_table, opinions_table
+from p3dof._base.errors import InputError, ReachError
 from p3dof.methods import virtual_power
+from p3dof.methods.comparison import Opinion
+from p3dof.methods.comparison_tables import agreement_table, opinions_table
 from p3dof.methods.virtual_power import VirtualPowerMethod
 
 
@@ -59,10 +59,10 @@ def test_a_method_that_is_wrong_by_a_billionth_is_noticed(robot, monkeypatch, fa
 
 
 @shows(
-    "p3dof.manipulator.tables.agreement_table",
-    "p3dof.manipulator.tables.opinions_table",
-    "p3dof.manipulator.comparison.Comparison.difference",
-    "p3dof.manipulator.comparison.Comparison.largest_difference",
+    "p3dof.methods.comparison_tables.agreement_table",
+    "p3dof.methods.comparison_tables.opinions_table",
+    "p3dof.methods.comparison.Comparison.difference",
+    "p3dof.methods.comparison.Comparison.largest_difference",
 )
 def test_every_number_of_a_comparison(found):
     """Errors put in on purpose, the largest of each actuator in samples of their own; one invalid."""

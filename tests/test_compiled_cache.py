@@ -7,8 +7,8 @@ import tempfile
 
 import pytest
 
-from p3dof.closed_loop.compiled import build
-from p3dof.errors import FileError, ModelError
+from p3dof._base.errors import FileError, ModelError
+from p3dof.loops.compiled import build
 
 pytestmark = pytest.mark.skipif(build.compiler() is None, reason="no C compiler here")
 

@@ -14,13 +14,13 @@ from hypothesis import strategies as st
 from other_robots import load, others
 
 import p3dof
-from p3dof.closed_loop import ClosedLoopModel, Closure, Coupling, JointData, Sidecar
-from p3dof.closed_loop.compiled import build, function, limits, printing
-from p3dof.closed_loop.compiled.function import Function
-from p3dof.closed_loop.compiled.kernels import Kernel
-from p3dof.closed_loop.compiled.pivots import planned
-from p3dof.errors import DynamicsError, InputError, ModelError, ModelWarning, P3dofError
-from p3dof.tracing import Tape
+from p3dof._base.errors import DynamicsError, InputError, ModelError, ModelWarning, P3dofError
+from p3dof._base.tracing import Tape
+from p3dof.loops import ClosedLoopModel, Closure, Coupling, JointData, Sidecar
+from p3dof.loops.compiled import build, function, limits, printing
+from p3dof.loops.compiled.function import Function
+from p3dof.loops.compiled.kernels import Kernel
+from p3dof.loops.compiled.pivots import planned
 
 GALLERY = ROOT / "docs/_static/gallery"
 HERE = ("four_bar", "five_bar", "delta", "stewart", "gripper", "leg", "two_arms", "biped")
@@ -416,7 +416,7 @@ def test_a_lane_on_another_assembly_is_noticed(monkeypatch):
 
 @needs_compiler
 def test_wrenches_act_along_a_motion_and_threads_share_it(monkeypatch):
-    from p3dof.closed_loop.compiled import kernels, sweep
+    from p3dof.loops.compiled import kernels, sweep
 
     loop = gallery("stewart")
     motion = swinging(loop, 100, rate=100.0, amplitude=0.02)

@@ -12,10 +12,10 @@ import pytest
 from documents import ROOT
 
 import p3dof
-from p3dof.closed_loop import ClosedLoopModel
-from p3dof.closed_loop.compiled import build
-from p3dof.errors import InputError
-from p3dof.simulation import (
+from p3dof._base.errors import InputError
+from p3dof.loops import ClosedLoopModel
+from p3dof.loops.compiled import build
+from p3dof.runs import (
     ControlLoop,
     Integration,
     JointComputedTorque,

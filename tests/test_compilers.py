@@ -17,10 +17,10 @@ from documents import ROOT
 from machines import random_machine, random_states
 
 import p3dof
-from p3dof.closed_loop.compiled import build
-from p3dof.closed_loop.compiled.printing import lanes_source
-from p3dof.compiled.formulas import kernel
-from p3dof.compiled.reduced import model_of
+from p3dof.closed_form.compiled.formulas import kernel
+from p3dof.closed_form.compiled.reduced import model_of
+from p3dof.loops.compiled import build
+from p3dof.loops.compiled.printing import lanes_source
 
 GALLERY = ROOT / "docs/_static/gallery"
 INCLUDE = Path(sysconfig.get_path("include"))
@@ -66,7 +66,7 @@ def extension_flags():
 @each_c
 def test_the_extension_is_clean_and_right(tmp_path, compiler):
     made = tmp_path / f"_compiled{sysconfig.get_config_var('EXT_SUFFIX')}"
-    source = ROOT / "p3dof/compiled/extension/_compiled.c"
+    source = ROOT / "p3dof/_native/_compiled.c"
     # Python's own tables of methods and slots need casts and leave fields out.
     silent = ("-Wno-cast-function-type", "-Wno-missing-field-initializers")
     command = [compiler, *extension_flags(), "-std=c11", *WARNINGS, *silent, "-fPIC", "-shared"]

@@ -12,8 +12,8 @@ from design_problems import STEEL, VARIABLES, paper_problem
 
 import p3dof
 from p3dof import DesignProblem, OptimisationError
-from p3dof.optimisation.feasibility import nearest_feasible
-from p3dof.optimisation.starts import starts_of
+from p3dof.design.optimisation.feasibility import nearest_feasible
+from p3dof.design.optimisation.starts import starts_of
 
 LENGTHS = {name: VARIABLES[name] for name in "rRL"}
 HARMLESS = ["L >= 0.25", "R <= 0.95", "L <= 2*r + 0.9"]
@@ -51,7 +51,7 @@ def lengths_problem(relations: list[str], measures: dict[str, object]) -> Design
     )
 
 
-def conflicts_of(problem: DesignProblem) -> tuple[p3dof.optimisation.Conflict, ...]:
+def conflicts_of(problem: DesignProblem) -> tuple[p3dof.design.optimisation.Conflict, ...]:
     with pytest.raises(OptimisationError, match=r"^no design keeps all constraints: none keeps ") as told:
         nearest_feasible(problem, starts_of(problem, 2, 0))
     again = pickle.loads(pickle.dumps(told.value))  # noqa: S301 - made here

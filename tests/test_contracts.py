@@ -18,37 +18,57 @@ LINTER = shutil.which("lint-imports", path=str(Path(sys.executable).parent))
 pytestmark = pytest.mark.skipif(LINTER is None, reason="import-linter is not installed")
 
 BREAKS = {
-    "Each floor imports only downward": ("checks.py", "import p3dof.motion"),
-    "The paper's way knows neither Pinocchio nor the description": ("paper/formulas.py", "import pinocchio"),
+    "Each door imports only downward": ("_base/checks.py", "import p3dof.machine.motion"),
+    "Each room of the machine imports only downward": (
+        "machine/parameters/machine.py",
+        "import p3dof.machine.motion.times",
+    ),
+    "Each room of the closed form imports only downward": (
+        "closed_form/paper/formulas.py",
+        "import p3dof.closed_form.kinematics.inverse",
+    ),
+    "Each room of the analysis imports only downward": (
+        "analysis/energy/__init__.py",
+        "import p3dof.analysis.load_friction",
+    ),
+    "Each room of the design imports only downward": (
+        "design/drives/__init__.py",
+        "import p3dof.design.optimisation",
+    ),
+    "Each room of the base imports only downward": ("_base/errors.py", "import p3dof._base.checks"),
+    "The paper's way knows neither Pinocchio nor the description": (
+        "closed_form/paper/formulas.py",
+        "import pinocchio",
+    ),
     "The Pinocchio way knows no closed form of the mechanism": (
         "methods/pinocchio_gate.py",
-        "from p3dof.kinematics import singularity",
+        "from p3dof.closed_form.kinematics import singularity",
     ),
     "The ways to the forces do not know each other": (
         "methods/closed_form.py",
         "from p3dof.methods.compiled import sliders",
     ),
     "The closed-loop layer knows nothing of this mechanism": (
-        "closed_loop/dynamics.py",
-        "from p3dof.parameters import PAPER",
+        "loops/dynamics.py",
+        "from p3dof.machine.parameters import PAPER",
     ),
     "What integrates runs knows no particular mechanism": (
-        "simulation/integration.py",
-        "from p3dof.parameters import PAPER",
+        "runs/integration.py",
+        "from p3dof.machine.parameters import PAPER",
     ),
     "What draws any robot knows no particular mechanism": (
         "viewer/drawing.py",
-        "from p3dof.parameters import PAPER",
+        "from p3dof.machine.parameters import PAPER",
     ),
     "The engines share no dynamics with the methods": (
-        "engines/driven.py",
-        "from p3dof.paper.virtual_power import actuator_forces",
+        "methods/engines/driven.py",
+        "from p3dof.closed_form.paper.virtual_power import actuator_forces",
     ),
     "Heavy optional libraries are imported by what shows things only": (
-        "kinematics/inverse.py",
+        "closed_form/kinematics/inverse.py",
         "import matplotlib",
     ),
-    "No cycles": ("paper/formulas.py", "from p3dof.paper.recursion import frames"),
+    "No cycles": ("closed_form/paper/formulas.py", "from p3dof.closed_form.paper.recursion import frames"),
 }
 """Of each rule: a module, and what it must not import."""
 

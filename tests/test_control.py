@@ -11,11 +11,11 @@ from machines import random_machine, random_states
 
 import p3dof
 from p3dof import PAPER, PD, ComputedTorque, ControlLoop, Feedforward, InitialState, Noise, Springs
-from p3dof.errors import ControllerError, InputError, SingularityError
-from p3dof.parameters import Friction
-from p3dof.simulation import Measurement, Reference
-from p3dof.simulation.equations import CompiledEquations
-from p3dof.simulation.fixed_steps import RungeKutta4
+from p3dof._base.errors import ControllerError, InputError, SingularityError
+from p3dof.machine.parameters import Friction
+from p3dof.runs import Measurement, Reference
+from p3dof.runs.equations import CompiledEquations
+from p3dof.runs.fixed_steps import RungeKutta4
 
 HOME = np.zeros(3)
 ENTERED = p3dof.paper_motion(1001).from_rest(0.2)

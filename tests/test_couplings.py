@@ -11,9 +11,9 @@ import pinocchio as pin
 import pytest
 from closed_loop_robots import FOUR_BAR, FOUR_BAR_SIDECAR
 
-from p3dof.closed_loop import ClosedLoopModel, Closure, Coupling, Sidecar
-from p3dof.closed_loop.reactions import loop_reactions
-from p3dof.errors import AssemblyError, InputError, ModelError
+from p3dof._base.errors import AssemblyError, InputError, ModelError
+from p3dof.loops import ClosedLoopModel, Closure, Coupling, Sidecar
+from p3dof.loops.reactions import loop_reactions
 
 G, M2, ARM2 = 9.81, 1.7, 0.23
 I1, I2 = 0.04, 0.11  # about the axes

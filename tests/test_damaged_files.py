@@ -26,7 +26,7 @@ from damage import damaged
 from documents import ROOT
 from readers import READERS
 
-from p3dof.errors import ModelWarning, P3dofError
+from p3dof._base.errors import ModelWarning, P3dofError
 
 SECONDS = 10.0
 """Of processor time that a file may take; the files here take milliseconds."""

@@ -18,8 +18,10 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from p3dof import description
-from p3dof.description import (
+from p3dof._base.errors import FileError, InputError, ModelError
+from p3dof._base.markup import numbers, roll_pitch_yaw
+from p3dof.machine import description
+from p3dof.machine.description import (
     FORMATS,
     Box,
     Closure,
@@ -37,9 +39,16 @@ from p3dof.description import (
     with_masses,
     write,
 )
-from p3dof.errors import FileError, InputError, ModelError
-from p3dof.markup import numbers, roll_pitch_yaw
-from p3dof.parameters import PAPER, SOLIDS, STEEL_DENSITY, Bodies, Body, Dimensions, Geometry, Parameters
+from p3dof.machine.parameters import (
+    PAPER,
+    SOLIDS,
+    STEEL_DENSITY,
+    Bodies,
+    Body,
+    Dimensions,
+    Geometry,
+    Parameters,
+)
 
 ROOT = Path(__file__).parents[1]
 SIGNS = np.array(list(itertools.product((-1, 1), repeat=3)))  # the corners of a box
@@ -410,7 +419,7 @@ def test_numbers_have_fifteen_digits_and_no_negative_zero():
 
 def test_bytes_do_not_depend_on_the_run():
     code = (
-        "import sys; from p3dof.description import *; from p3dof.parameters import PAPER;"
+        "import sys; from p3dof.machine.description import *; from p3dof.machine.parameters import PAPER;"
         "m = describe(PAPER); sys.stdout.buffer.write((urdf(m) + sidecar(m)).encode())"
     )
     runs = {
@@ -692,10 +701,15 @@ def test_arrays_are_frozen():
 
 def test_all_names_exist_and_only_lower_floors_are_imported():
     assert all(hasattr(description, name) for name in description.__all__)
-    allowed = {"errors", "checks", "files", "markup", "parameters", "description"}
-    for path in (ROOT / "p3dof" / "description").glob("*.py"):
+    rooms = {
+        "_base": ("errors", "checks", "files", "markup"),
+        "machine": ("parameters", "description"),
+    }
+    allowed = {f"p3dof.{door}.{room}" for door in rooms for room in rooms[door]}
+    for path in (ROOT / "p3dof" / "machine" / "description").glob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             for name in names:
-                assert not name.startswith("p3dof") or name.split(".")[1] in allowed, (path, name)
+                ours = ".".join(name.split(".")[:3])
+                assert not name.startswith("p3dof") or ours in allowed, (path, name)

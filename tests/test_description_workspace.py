@@ -11,9 +11,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from p3dof.description import describe, urdf
-from p3dof.description.ranges import MARGIN
-from p3dof.parameters import PAPER, SOLIDS, Geometry, Limits, of_solids
+from p3dof.machine.description import describe, urdf
+from p3dof.machine.description.ranges import MARGIN
+from p3dof.machine.parameters import PAPER, SOLIDS, Geometry, Limits, of_solids
 
 PAIRS = [("leg_a_tip", "platform_a"), ("leg_b_tip", "platform_b"), ("rod_right_tip", "crossbar_lower_right")]
 

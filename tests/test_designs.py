@@ -21,16 +21,16 @@ from p3dof import (
     InputError,
     forces_of_designs,
 )
-from p3dof.compiled import designs as compiled_designs
-from p3dof.compiled.design_kernels import NAMES, design_kernel
-from p3dof.compiled.kernels import levels
-from p3dof.compiled.tangents import forces_tangent, sliders_tangent
-from p3dof.designs.evaluation import BLOCK, DesignEvaluation
-from p3dof.designs.figures import given, sampled
-from p3dof.designs.folding import folding_of
-from p3dof.designs.names import column_of
-from p3dof.designs.samples import samples_of
-from p3dof.designs.status import status_of
+from p3dof.analysis.designs.evaluation import BLOCK, DesignEvaluation
+from p3dof.analysis.designs.figures import given, sampled
+from p3dof.analysis.designs.folding import folding_of
+from p3dof.analysis.designs.names import column_of
+from p3dof.analysis.designs.samples import samples_of
+from p3dof.analysis.designs.status import status_of
+from p3dof.closed_form.compiled import designs as compiled_designs
+from p3dof.closed_form.compiled.design_kernels import NAMES, design_kernel
+from p3dof.closed_form.compiled.kernels import levels
+from p3dof.closed_form.compiled.tangents import forces_tangent, sliders_tangent
 
 MOTION = p3dof.paper_motion(101)
 EVERYTHING = ("singularity", "power")
@@ -461,7 +461,7 @@ def test_compiled_gradients_are_those_of_numpy(case, monkeypatch):
         found = {}
         for level in ("numpy", levels()[-1]):
             if level != "numpy":
-                monkeypatch.setattr(p3dof.designs.evaluation, "gradient_of", None)
+                monkeypatch.setattr(p3dof.analysis.designs.evaluation, "gradient_of", None)
             columns = {name: column.copy() for name, column in designs.columns.items()}
             columns["geometry.L"][3] = 0.1  # out of reach
             problem = DesignEvaluation(motion, load, EVERYTHING, by, level, 1)
@@ -531,7 +531,7 @@ def test_motions_of_any_length(count):
 
 def test_the_derivations_of_one_machine_and_of_columns_are_one():
     """Constants by columns are those that `model_of` folds from the bodies, bit for bit."""
-    from p3dof.compiled.reduced import model_of
+    from p3dof.closed_form.compiled.reduced import model_of
 
     for kind, bodies in (("lengths", "kept"), ("solids", "solids"), ("kept", "kept"), ("actuators", "kept")):
         designs = Designs(columns(kind), PAPER, bodies)
@@ -610,7 +610,7 @@ def test_other_processes_compute_the_same_bits(monkeypatch):
     from concurrent.futures import ProcessPoolExecutor
     from multiprocessing import get_context
 
-    from p3dof.designs import clients
+    from p3dof.analysis.designs import clients
 
     monkeypatch.setattr(clients, "AT_A_TIME", 40)
     ask = {"figures": EVERYTHING, "gradients": ("R",), "threads": 1}
@@ -627,7 +627,7 @@ def test_other_processes_compute_the_same_bits(monkeypatch):
 
 
 def test_results_as_columns_and_back(tmp_path):
-    from p3dof.designs.results import results_from_columns
+    from p3dof.analysis.designs.results import results_from_columns
 
     found = forces_of_designs(lengths(4), MOTION, figures=EVERYTHING, gradients=("R",))
     table = found.to_columns()
@@ -711,7 +711,7 @@ def test_the_figure_shows_every_design_in_its_place(tmp_path):
     del given_columns["L"]
     designs = Designs(given_columns)
     found = forces_of_designs(designs, MOTION)
-    figure = p3dof.plots.designs_figure(designs, found, "R [mm]", "L")
+    figure = p3dof.report.plots.designs_figure(designs, found, "R [mm]", "L")
     left, _, right = figure.axes
     assert (left.get_xlabel(), left.get_ylabel()) == ("R [mm]", "L [m]")
     points, colours = left.collections[0].get_offsets(), left.collections[0].get_array()
@@ -721,11 +721,11 @@ def test_the_figure_shows_every_design_in_its_place(tmp_path):
     np.testing.assert_array_equal(colours, found.peak_force.max(axis=1)[4:])
     np.testing.assert_allclose(left.lines[0].get_xdata(), given_columns["R [mm]"][:4])
     assert (np.diff(right.lines[-1].get_ydata()) >= 0).all()
-    assert p3dof.plots.save(figure, tmp_path / "designs.png").stat().st_size > 10_000
+    assert p3dof.report.plots.save(figure, tmp_path / "designs.png").stat().st_size > 10_000
     with pytest.raises(InputError, match="expected columns of the designs, got 'r'"):
-        p3dof.plots.designs_figure(designs, found, "r", "L")
+        p3dof.report.plots.designs_figure(designs, found, "r", "L")
     with pytest.raises(InputError, match="expected results of 12 designs, got 30"):
-        p3dof.plots.designs_figure(designs.part(0, 12), found, "R", "L")
+        p3dof.report.plots.designs_figure(designs.part(0, 12), found, "R", "L")
 
 
 def test_progress_is_told():
@@ -736,7 +736,7 @@ def test_progress_is_told():
 
 @pytest.mark.skipif(levels() == ("numpy",), reason="the extension was not built")
 def test_the_compiled_loop_refuses_what_does_not_fit():
-    from p3dof.compiled.extension import _compiled
+    from p3dof._native import _compiled
 
     samples = samples_of(MOTION)
     good = ("design_motion", levels()[-1], 7, len(samples), 6, samples.packed())
@@ -790,8 +790,8 @@ def test_the_compiled_loop_refuses_what_does_not_fit():
 UNDER_SANITIZERS = """
 import numpy as np
 import p3dof
-from p3dof.compiled.design_kernels import design_kernel
-from p3dof.compiled.kernels import levels
+from p3dof.closed_form.compiled.design_kernels import design_kernel
+from p3dof.closed_form.compiled.kernels import levels
 rng, paper, D = np.random.default_rng(0), p3dof.paper_motion(101), 20
 for count in (1, 2, 3, 6, 7, 8, 9, 101, 159, 160, 161, 321):
     motion = paper.resampled(np.sort(rng.uniform(0, 1, count))) if count > 1 else paper[3:4]

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from table_numbers import check_table, shows
 
-from p3dof.drives import Belt, Cycle, Drive, Gear, Motor, Screw, size_of
-from p3dof.drives.tables import axes_table, ranking_table, ratings_table
+from p3dof.design.drives import Belt, Cycle, Drive, Gear, Motor, Screw, size_of
+from p3dof.design.drives.tables import axes_table, ranking_table, ratings_table
 
 RPM = math.pi / 30
 GEARED = Drive(
@@ -214,7 +214,7 @@ def bus(axes):
     return [*works, max(together), min(together)]
 
 
-@shows("p3dof.drives.tables.axes_table")
+@shows("p3dof.design.drives.tables.axes_table")
 def test_what_a_cycle_takes_of_each_axis(found):
     sizing, axes = found
     columns = [axis.column() for axis in axes]
@@ -222,7 +222,7 @@ def test_what_a_cycle_takes_of_each_axis(found):
     check_table(axes_table(sizing), rows, note=bus(axes))
 
 
-@shows("p3dof.drives.tables.ratings_table")
+@shows("p3dof.design.drives.tables.ratings_table")
 def test_how_much_of_each_rating_is_used(found):
     sizing, axes = found
     rows = {}
@@ -236,7 +236,7 @@ def test_how_much_of_each_rating_is_used(found):
     assert max(len(axis.ratings) for axis in axes) == 11
 
 
-@shows("p3dof.drives.tables.ranking_table")
+@shows("p3dof.design.drives.tables.ranking_table")
 def test_which_rating_is_used_most_and_by_how_much(found):
     sizing, axes = found
     cycle = cycle_by_hand()

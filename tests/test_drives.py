@@ -12,7 +12,8 @@ from test_cli import run
 from test_tasks import PICK_AND_PLACE
 
 import p3dof
-from p3dof.drives import (
+from p3dof._base.errors import DriveError, InputError
+from p3dof.design.drives import (
     GENERIC,
     Belt,
     Catalogue,
@@ -27,8 +28,7 @@ from p3dof.drives import (
     size_of,
     verdict,
 )
-from p3dof.errors import DriveError, InputError
-from p3dof.tasks.files import parse
+from p3dof.design.tasks.files import parse
 
 RPM = math.pi / 30
 D1 = Drive(Motor(1.6, 30.0, 1e4, 1e-4, time_constant=30.0), Screw(0.01, 0.9, 0.888889, inertia=2e-4))
@@ -354,7 +354,7 @@ def test_what_has_no_number_is_not_checked_and_said(paper, part, change, words):
     assert limits[0] - limits[1]
     assert any("life and static load of the nut of 16x10" in one for one in not_checked(every))
     assert not any("(" in one for one in not_checked(every) if "reserves" not in one)
-    assert "Not checked: " in p3dof.tables.html_of(bare)
+    assert "Not checked: " in p3dof._base.tables.html_of(bare)
 
 
 def test_the_usual_torque_curve():
@@ -594,7 +594,7 @@ def test_a_bad_catalogue_is_one_line(capsys, tmp_path, monkeypatch):
 
 
 def test_the_figure_shows_the_cycle_within_the_curves(tmp_path, capsys):
-    from p3dof import plots
+    from p3dof.report import plots
 
     robot = p3dof.load()
     result = robot.inverse_dynamics(p3dof.paper_motion(101))

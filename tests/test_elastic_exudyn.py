@@ -12,8 +12,8 @@ from test_elastic_reactions import S1, components
 from test_reactions import Bookkeeping, motion_of, transmitted
 
 import p3dof
-from p3dof.motion import paper_motion
-from p3dof.parameters import PAPER, Body
+from p3dof.machine.motion import paper_motion
+from p3dof.machine.parameters import PAPER, Body
 
 STIFFER = (1.0, 2.0, 4.0, 8.0)
 """All stiffnesses times that: what is left of large displacements halves with each, to first order."""

@@ -11,13 +11,8 @@ from machines import random_machine, random_states
 from test_reactions import Bookkeeping, motion_of, transmitted
 
 import p3dof
-from p3dof.cli import main
-from p3dof.closed_loop import ReactionSolver
-from p3dof.closed_loop.compliance import JointCompliance, beam
-from p3dof.errors import InputError, ModelError, ParameterError
-from p3dof.motion import Motion, paper_motion
-from p3dof.parameters import PAPER, Body, Friction
-from p3dof.reactions import (
+from p3dof._base.errors import InputError, ModelError, ParameterError
+from p3dof.analysis.reactions import (
     JOINTS,
     HingeStiffness,
     Misfit,
@@ -29,7 +24,12 @@ from p3dof.reactions import (
     reactions_table,
     read_stiffness,
 )
-from p3dof.reactions.joints import cuts
+from p3dof.analysis.reactions.joints import cuts
+from p3dof.cli import main
+from p3dof.loops import ReactionSolver
+from p3dof.loops.compliance import JointCompliance, beam
+from p3dof.machine.motion import Motion, paper_motion
+from p3dof.machine.parameters import PAPER, Body, Friction
 
 S1 = Stiffness(
     HingeStiffness(radial=1e8, axial=5e7, tilt=1e4),

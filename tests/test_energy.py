@@ -17,16 +17,16 @@ from table_numbers import check_table, shows
 
 import p3dof
 import p3dof.cli.energy
-from p3dof import kinematics
+from p3dof._base.errors import InputError, MissingExtraError, ReachError
+from p3dof.analysis.energy import energy_of, kinetic_energy, momentum, potential_energy
+from p3dof.analysis.energy import tables as energy_tables
+from p3dof.analysis.energy.work import integral
 from p3dof.cli import main
-from p3dof.energy import energy_of, kinetic_energy, momentum, potential_energy
-from p3dof.energy import tables as energy_tables
-from p3dof.energy.work import integral
-from p3dof.errors import InputError, MissingExtraError, ReachError
-from p3dof.motion import Motion
-from p3dof.parameters import LINKS, PAPER, SOLIDS, Actuators, Friction
-from p3dof.plots import save
-from p3dof.plots.energy import energy_figure
+from p3dof.closed_form import kinematics
+from p3dof.machine.motion import Motion
+from p3dof.machine.parameters import LINKS, PAPER, SOLIDS, Actuators, Friction
+from p3dof.report.plots import save
+from p3dof.report.plots.energy import energy_figure
 
 METHODS = ("pinocchio", "virtual-power")
 WRENCH = np.array([5.0, 20.0, -30.0, 1.0, 3.0, -2.0])
@@ -220,9 +220,9 @@ def test_drive_loads(paper):
 
 
 @shows(
-    "p3dof.energy.tables.drives_table",
-    "p3dof.energy.tables.bodies_table",
-    "p3dof.energy.tables.balance_table",
+    "p3dof.analysis.energy.tables.drives_table",
+    "p3dof.analysis.energy.tables.bodies_table",
+    "p3dof.analysis.energy.tables.balance_table",
 )
 def test_every_number_of_the_tables_of_energy():
     """From Lagrange's energies and forces, with rotors, and a force too much of A that the balance shows."""
@@ -559,6 +559,8 @@ def test_command_with_bad_input(tmp_path, capsys):
 
 
 def test_importing_costs_no_scipy():
-    code = "import sys, p3dof.energy; print([m for m in ('scipy', 'matplotlib') if m in sys.modules])"
+    code = (
+        "import sys, p3dof.analysis.energy; print([m for m in ('scipy', 'matplotlib') if m in sys.modules])"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

@@ -12,14 +12,14 @@ from machines import random_machine, random_states
 from numpy.polynomial import Polynomial
 
 import p3dof
-from p3dof import engines
-from p3dof.description import describe
-from p3dof.engines import base
-from p3dof.engines.poses import link_motions
-from p3dof.errors import DynamicsError, InputError, MissingExtraError, ModelError, ReachError
-from p3dof.kinematics import reachable
-from p3dof.motion import states_of
-from p3dof.parameters import PAPER, SOLIDS, Body, Friction
+from p3dof._base.errors import DynamicsError, InputError, MissingExtraError, ModelError, ReachError
+from p3dof.closed_form.kinematics import reachable
+from p3dof.machine.description import describe
+from p3dof.machine.motion import states_of
+from p3dof.machine.parameters import PAPER, SOLIDS, Body, Friction
+from p3dof.methods import engines
+from p3dof.methods.engines import base
+from p3dof.methods.engines.poses import link_motions
 
 LIBRARIES = {"mujoco": "mujoco", "drake": "pydrake", "exudyn": "exudyn"}
 EACH = pytest.mark.parametrize("name", list(LIBRARIES))
@@ -364,7 +364,7 @@ def test_in_time_a_missing_library_names_the_extra(monkeypatch):
 
 def test_no_library_is_loaded_before_it_is_needed():
     loaded = f"sorted({set(LIBRARIES.values())} & set(sys.modules))"
-    code = f"import sys, p3dof.engines; print({loaded})"
+    code = f"import sys, p3dof.methods.engines; print({loaded})"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 

@@ -21,7 +21,7 @@ from mujoco_robots import in_mujoco
 from test_gallery import FOLDER
 
 import p3dof
-from p3dof.simulation import Integration
+from p3dof.runs import Integration
 
 DURATION = {"four_bar": 2.0, "five_bar": 2.0, "stewart": 2.0, "leg": 0.2, "two_arms": 0.5, "biped": 0.3}
 """How long they are followed [s]: the last three fall freely, and soon through singular positions."""
@@ -61,7 +61,7 @@ def followed(name: str) -> Run:
         place = pin.SE3(pin.rpy.rpyToMatrix(0.05, -0.03, 0.1), np.array([0.02, 0.01, 0.5]))
         target = p3dof.FrameTarget("platform", place)
     start = loop.assemble(target).q
-    ours = p3dof.simulation.simulate_robot(
+    ours = p3dof.runs.simulate_robot(
         loop,
         DURATION[name],
         start,

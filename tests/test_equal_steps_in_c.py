@@ -10,18 +10,18 @@ from runs_in_c import around, in_python
 
 import p3dof
 from p3dof import PD, ComputedTorque, ControlLoop, Feedforward, Integration, Springs, WrenchHistory
-from p3dof.compiled import levels
-from p3dof.errors import InputError, ReachError
-from p3dof.parameters import Friction, Limits
-from p3dof.simulation import KINDS, InitialState, Noise
-from p3dof.simulation.compiled_machine import simulate_compiled
-from p3dof.simulation.simulate import task_of
-from p3dof.simulation.ways import why_python
+from p3dof._base.errors import InputError, ReachError
+from p3dof.closed_form.compiled import levels
+from p3dof.machine.parameters import Friction, Limits
+from p3dof.runs import KINDS, InitialState, Noise
+from p3dof.runs.compiled_machine import simulate_compiled
+from p3dof.runs.simulate import task_of
+from p3dof.runs.ways import why_python
 
 pytestmark = pytest.mark.skipif(levels()[-1] == "numpy", reason="the extension was not built")
 
 FIELDS = ("pose", "velocity", "acceleration", "forces", "asked", "sliders", "slider_velocities", "wrench")
-ROBOT, simulate_module = p3dof.load(), importlib.import_module("p3dof.simulation.simulate")
+ROBOT, simulate_module = p3dof.load(), importlib.import_module("p3dof.runs.simulate")
 
 DURATION = 0.0503  # no whole number of ticks
 

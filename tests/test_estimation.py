@@ -13,11 +13,11 @@ from table_numbers import check_evidence, shows
 
 import p3dof
 from p3dof import ClosedLoopModel
-from p3dof.errors import InputError
+from p3dof._base.errors import InputError
+from p3dof.analysis.tolerances import estimate_parameters, prior_deviations
+from p3dof.machine.motion import paper_motion
+from p3dof.machine.parameters import SOLIDS, Body
 from p3dof.methods.regressor import inertial_parameters
-from p3dof.motion import paper_motion
-from p3dof.parameters import SOLIDS, Body
-from p3dof.tolerances import estimate_parameters, prior_deviations
 
 
 def another(body, rng):
@@ -69,7 +69,7 @@ def test_what_least_squares_alone_makes_of_60_ms(machines):
     assert np.sqrt((wrong**2).mean()) > 20
 
 
-@shows("p3dof.tolerances.estimation.ParameterEstimate.residual")
+@shows("p3dof.analysis.tolerances.estimation.ParameterEstimate.residual")
 def test_it_is_the_posterior_of_two_normal_distributions():
     """By the formulas of the text book with plain inverses: the problem is small and well conditioned."""
     rng = np.random.default_rng(5)

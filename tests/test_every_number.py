@@ -10,7 +10,7 @@ import table_numbers
 from documents import ROOT
 from table_numbers import check_evidence, check_table, numbers_in
 
-from p3dof.tables import NONE, percent, table_of
+from p3dof._base.tables import NONE, percent, table_of
 
 _ERRORS = re.compile(r"(^|_)(residual|error|gap|difference)s?$")
 
@@ -21,7 +21,7 @@ def sources():
     found = {}
     for path in sorted((ROOT / "p3dof").rglob("*.py")):
         text = path.read_text(encoding="utf-8")
-        if "p3dof.tables" in text or re.search(r"(residual|error|gap|difference)s?(: |\(self\))", text):
+        if "p3dof._base.tables" in text or re.search(r"(residual|error|gap|difference)s?(: |\(self\))", text):
             name = ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
             found[name] = ast.parse(text)
     return found
@@ -39,7 +39,9 @@ def makers_of_tables(modules):
     """Return the names of functions that are said to return tables, or that make one inside."""
     found = set()
     for module, tree in modules.items():
-        imported = [n for n in ast.walk(tree) if isinstance(n, ast.ImportFrom) and n.module == "p3dof.tables"]
+        imported = [
+            n for n in ast.walk(tree) if isinstance(n, ast.ImportFrom) and n.module == "p3dof._base.tables"
+        ]
         names = {alias.name for node in imported for alias in node.names} & {"Table", "table_of"}
         if not names:
             continue
@@ -85,7 +87,10 @@ def claims():
 
 def test_every_table_and_every_error_is_claimed_by_a_test():
     shown = makers_of_tables(sources()) | fields_of_errors(sources())
-    assert {"p3dof.drives.tables.axes_table", "p3dof.reactions.results.Reactions.residual"} <= shown
+    assert {
+        "p3dof.design.drives.tables.axes_table",
+        "p3dof.analysis.reactions.results.Reactions.residual",
+    } <= shown
     claimed = claims()
     assert claimed <= shown, "claimed, but not there"
     assert shown <= claimed, "no test claims it by @shows(...)"
@@ -93,7 +98,7 @@ def test_every_table_and_every_error_is_claimed_by_a_test():
 
 def test_makers_of_tables_and_fields_of_errors_are_found():
     source = """
-from p3dof.tables import Table, table_of
+from p3dof._base.tables import Table, table_of
 class Result:
     gap: float
     closure_errors: FloatArray
@@ -181,7 +186,7 @@ def test_an_error_that_is_zeroed_does_not_fit():
 
 
 def test_claims_are_held_against_what_was_compared():
-    names = ["p3dof.tables.table.percent", "p3dof.tables.table.table_of", f"{__name__}.of_rows"]
+    names = ["p3dof._base.tables.table.percent", "p3dof._base.tables.table.table_of", f"{__name__}.of_rows"]
     field = f"{__name__}.Result.residual"
     table_numbers.begin()
     assert percent(0.1)
@@ -193,6 +198,6 @@ def test_claims_are_held_against_what_was_compared():
 
 
 @pytest.mark.xfail(strict=True, reason="what it claims it did not compare", raises=AssertionError)
-@pytest.mark.shows("p3dof.tables.table.table_of")
+@pytest.mark.shows("p3dof._base.tables.table.table_of")
 def test_a_claim_that_is_false_fails_its_test():
     assert of_rows() == of_rows()

@@ -14,16 +14,17 @@ from scipy.integrate import solve_ivp
 from table_numbers import check_evidence, shows
 
 import p3dof
-import p3dof.closed_loop.batch.dynamics as batch_dynamics
-from p3dof import PAPER, Friction, kinematics
-from p3dof.closed_loop.linear import Decomposition
-from p3dof.errors import DynamicsError, ReachError
+import p3dof.loops.batch.dynamics as batch_dynamics
+from p3dof import PAPER, Friction
+from p3dof._base.errors import DynamicsError, ReachError
+from p3dof.closed_form import kinematics
+from p3dof.loops.linear import Decomposition
+from p3dof.machine.motion import states_over
 from p3dof.methods import METHODS, closed_form, pinocchio, with_evidence
 from p3dof.methods.pinocchio import PinocchioMethod
 from p3dof.methods.virtual_power import VirtualPowerMethod
-from p3dof.motion import states_over
-from p3dof.simulation.equations import Equations
-from p3dof.simulation.machine_plants import MachineJoints, MinimalPlant
+from p3dof.runs.equations import Equations
+from p3dof.runs.machine_plants import MachineJoints, MinimalPlant
 
 PAIR = ("pinocchio", "virtual-power")
 ROUGH = replace(PAPER, friction=Friction({"sliders": 20.0, "joints": 0.5}))
@@ -201,7 +202,7 @@ def test_the_residual_of_a_result_shows_a_solver_that_is_off(robot, monkeypatch)
     assert off.residual == pytest.approx(expected, rel=1e-9)
 
 
-@shows("p3dof.closed_loop.batch.results.BatchInverseDynamics.residual")
+@shows("p3dof.loops.batch.results.BatchInverseDynamics.residual")
 def test_the_residual_of_a_batch_shows_a_solver_that_is_off(robot, monkeypatch):
     """With solutions that are too large by a share, that share of the passive joints' forces is left over."""
     joints = robot.inverse_dynamics(MOTION, method="pinocchio").joints

@@ -8,13 +8,13 @@ from test_cli import run
 
 import p3dof
 from p3dof import AxisLimits, Waypoint, fastest_plan, forces_of_task
-from p3dof.errors import InputError, TaskError
-from p3dof.manipulator.fastest import WayOfMachine
+from p3dof._base.errors import InputError, TaskError
+from p3dof.design.fastest import WayOfMachine
+from p3dof.design.tasks.fastest import DENSE, fastest_law
+from p3dof.design.tasks.files import parse
+from p3dof.design.tasks.laws import SpeedLaw
+from p3dof.design.tasks.programs import Points
 from p3dof.methods.utilisation import time_of_peak
-from p3dof.tasks.fastest import DENSE, fastest_law
-from p3dof.tasks.files import parse
-from p3dof.tasks.laws import SpeedLaw
-from p3dof.tasks.programs import Points
 
 BLENDED = parse(
     """

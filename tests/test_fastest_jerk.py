@@ -9,9 +9,9 @@ from test_fastest import BLENDED, LINE
 
 import p3dof
 from p3dof import AxisLimits, fastest_plan, forces_of_task
-from p3dof.errors import TaskError
-from p3dof.tasks.files import dump, parse
-from p3dof.tasks.laws import SmoothLaw
+from p3dof._base.errors import TaskError
+from p3dof.design.tasks.files import dump, parse
+from p3dof.design.tasks.laws import SmoothLaw
 
 SMOOTHER = parse(dump(BLENDED).replace("smoothness: 2", "smoothness: 3"))
 SPLINE = parse(

@@ -14,8 +14,8 @@ from test_fastest_jerk import SMOOTHER
 
 import p3dof
 from p3dof import AxisLimits, fastest_plan
-from p3dof.manipulator.fastest import WayOfMachine
-from p3dof.tasks.fastest import fastest_law
+from p3dof.design.fastest import WayOfMachine
+from p3dof.design.tasks.fastest import fastest_law
 
 NONE = np.zeros((1, 6))
 VISCOUS, COULOMB = 20.0, 5.0

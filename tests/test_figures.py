@@ -14,13 +14,14 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import p3dof
 import p3dof.cli.plots
-from p3dof import kinematics, plots
+from p3dof._base.errors import InputError, MissingExtraError, ReachError
+from p3dof.analysis.reactions import JOINTS
 from p3dof.cli import main
-from p3dof.errors import InputError, MissingExtraError, ReachError
-from p3dof.plots.joints import joints_figure
-from p3dof.plots.mechanism import HINGES, SLIDES, UNIVERSAL, VIEWS, mechanism_figure
-from p3dof.plots.views import Prism, View, hull, link_frames, solids_of
-from p3dof.reactions import JOINTS
+from p3dof.closed_form import kinematics
+from p3dof.report import plots
+from p3dof.report.plots.joints import joints_figure
+from p3dof.report.plots.mechanism import HINGES, SLIDES, UNIVERSAL, VIEWS, mechanism_figure
+from p3dof.report.plots.views import Prism, View, hull, link_frames, solids_of
 
 AXES = {
     "front": ([0, 1, 0], [0, 0, 1]),
@@ -321,5 +322,5 @@ def test_limits_and_invalid_samples_are_told(tmp_path, capsys):
 
 
 def test_importing_the_command_loads_no_matplotlib():
-    code = "import p3dof.cli.plots, p3dof.plots.mechanism, sys; sys.exit('matplotlib' in sys.modules)"
+    code = "import p3dof.cli.plots, p3dof.report.plots.mechanism, sys; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

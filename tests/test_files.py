@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from p3dof.errors import FileError, InputError, ParameterError
-from p3dof.files import (
+from p3dof._base.errors import FileError, InputError, ParameterError
+from p3dof._base.files import (
     SUFFIXES,
     check_generated,
     check_writable,
@@ -23,7 +23,7 @@ from p3dof.files import (
     together,
     write_atomic,
 )
-from p3dof.files.temporary import sweep
+from p3dof._base.files.temporary import sweep
 
 NAMES = [
     "plain.txt",
@@ -267,7 +267,7 @@ def test_a_file_that_cannot_be_replaced_brings_the_others_back(tmp_path, monkeyp
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from p3dof.files import scratch_folder, together, write_atomic
+from p3dof._base.files import scratch_folder, together, write_atomic
 folder = Path(sys.argv[1])
 with scratch_folder() as scratch, together():
     (scratch / "page.html").write_text("unfinished")

@@ -25,7 +25,7 @@ from test_cli_show import GALLERY, document_of, running_loop
 from test_viewer_server import frame
 from tornado.websocket import WebSocketClosedError, websocket_connect
 
-from p3dof.page.encoding import decoded
+from p3dof.viewer.document.encoding import decoded
 from p3dof.viewer.messages import unpacked_message
 from p3dof.viewer.session import Session
 
@@ -116,7 +116,7 @@ def test_a_widget_answers_after_a_flood(caplog):
     """Whatever a notebook passes on, of views that come and go."""
     pytest.importorskip("anywidget", reason="anywidget is not installed")
     from p3dof import load_robot
-    from p3dof.page import RobotFigure, robot_document
+    from p3dof.viewer.document import RobotFigure, robot_document
     from p3dof.viewer.robots.answers import RobotAnswers
     from p3dof.viewer.widget import PageWidget
 

@@ -12,9 +12,9 @@ from scipy.integrate import solve_ivp
 from test_cli import run
 
 import p3dof
-from p3dof.closed_loop import ClosedLoopModel, JointData, Sidecar
-from p3dof.errors import DynamicsError, InputError
-from p3dof.simulation import Integration, JointReference, find_equilibrium, follow_motion
+from p3dof._base.errors import DynamicsError, InputError
+from p3dof.loops import ClosedLoopModel, JointData, Sidecar
+from p3dof.runs import Integration, JointReference, find_equilibrium, follow_motion
 
 MASS, LENGTH, CART, G = 0.8, 0.5, 2.0, 9.81
 

@@ -11,9 +11,9 @@ from lagrange import BODIES, LagrangeModel, cloud_body, random_cloud
 from machines import SEEDS, random_machine, random_states
 
 import p3dof
-from p3dof.errors import ParameterError
-from p3dof.parameters import PAPER, PASSIVE, SLIDES, Body, Friction
-from p3dof.parameters.serialization import dump, parse
+from p3dof._base.errors import ParameterError
+from p3dof.machine.parameters import PAPER, PASSIVE, SLIDES, Body, Friction
+from p3dof.machine.parameters.serialization import dump, parse
 
 HINGES = {  # the two bodies of each hinge; None is at rest
     "hinge_a": ("slider_a", "leg_a"),

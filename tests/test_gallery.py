@@ -8,7 +8,7 @@ import pytest
 from documents import ROOT, run
 
 import p3dof
-from p3dof.closed_loop.overview import overview
+from p3dof.loops.overview import overview
 
 FOLDER = ROOT / "docs/_static/gallery"
 MOBILITY = {
@@ -61,7 +61,7 @@ def test_the_four_bar_keeps_its_energy_and_a_whole_turn_takes_no_work(page):
 
 def test_the_four_bar_turns_freely_without_end():
     robot = p3dof.load_robot(FOLDER / "four_bar.urdf")
-    run = p3dof.simulation.simulate_robot(robot, 2.0, samples=11)
+    run = p3dof.runs.simulate_robot(robot, 2.0, samples=11)
     assert run.finished  # no limit is in its way
     assert np.ptp(run.q[:, 0]) > 5.0
 

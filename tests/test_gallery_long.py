@@ -9,7 +9,7 @@ import pytest
 from test_gallery import FOLDER
 
 import p3dof
-from p3dof.closed_loop.tables import joint_values
+from p3dof.loops.tables import joint_values
 
 SPRINGS = {"four_bar": None, "five_bar": (15.0, 0.1), "delta": (20.0, 0.1), "stewart": (1500.0, 0.02)}
 """Stiffness of springs at the motors, and how far from the start they are at rest; the four-bar is free."""
@@ -28,7 +28,7 @@ def test_energy_and_closures_over_ten_seconds(name):
             for joint, sign in zip(robot.actuated, signs, strict=True)
         )
         robot = p3dof.ClosedLoopModel(robot.model, replace(robot.sidecar, joint_data=springs))
-    run = p3dof.simulation.simulate_robot(robot, 10.0, start, samples=201)
+    run = p3dof.runs.simulate_robot(robot, 10.0, start, samples=201)
     assert run.finished
     kinetic = robot.body_energies(run.q, run.v).kinetic.sum(axis=-1)
     print(name, np.ptp(run.energy), kinetic.max(), run.gap.max())  # noqa: T201 - for pytest -s

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 import p3dof
-from p3dof import plots
+from p3dof._base.errors import ReachError, SingularityError
 from p3dof.cli import main
-from p3dof.errors import ReachError, SingularityError
 from p3dof.methods.crossings import NEAR, crossings_of
-from p3dof.plots.common import GAP
-from p3dof.plots.joints import joints_figure
+from p3dof.report import plots
+from p3dof.report.plots.common import GAP
+from p3dof.report.plots.joints import joints_figure
 
 METHODS = ("pinocchio", "virtual-power", "compiled")
 TOLD = r"after t = 0\.1\d+ s the motion crosses an actuation singularity: no force can do that"

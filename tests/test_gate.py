@@ -8,14 +8,14 @@ from hypothesis import given, settings
 from machines import SEEDS, random_machine
 
 import p3dof
-from p3dof import kinematics
+from p3dof._base.errors import InputError, ReachError, SingularityError
+from p3dof._base.samples import ACTUATION_TOLERANCE, wrench_like
 from p3dof.cli import main
-from p3dof.errors import InputError, ReachError, SingularityError
-from p3dof.kinematics import gate as closed
+from p3dof.closed_form import kinematics
+from p3dof.closed_form.kinematics import gate as closed
+from p3dof.machine.parameters import PAPER
 from p3dof.methods import pinocchio
 from p3dof.methods import pinocchio_gate as gate
-from p3dof.parameters import PAPER
-from p3dof.samples import ACTUATION_TOLERANCE, wrench_like
 
 BORDER = 1e-9
 """Where the verdicts may differ: this share of a leg's length, or of the least angle of actuation."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 
 import closed_loop_robots as robots
 import numpy as np
@@ -10,8 +11,10 @@ import pinocchio as pin
 import pytest
 from other_robots import EXPORTED, load, others
 
-from p3dof.closed_loop import ClosedLoopModel, Closure, Coupling, Sidecar
-from p3dof.errors import DynamicsError, InputError, SingularityError
+from p3dof._base.errors import DynamicsError, InputError, SingularityError
+from p3dof.loops import ClosedLoopModel, Closure, Coupling, Sidecar
+from p3dof.loops.hybrid import Hybrid
+from p3dof.loops.terms import Terms
 
 SIDES = {"left": 0.1, "right": -0.1}
 
@@ -96,6 +99,37 @@ def test_other_robots_against_forward_dynamics(name):
     v = np.random.default_rng(1).normal(size=loop.model.nv)
     v -= np.linalg.pinv(J, rcond=1e-9) @ (J @ v)
     check(loop, q, v, 5)
+
+
+@pytest.mark.parametrize("missed", ["wanted", "drift"])
+def test_what_misses_its_task_is_solved_again_by_the_slower_way(monkeypatch, missed):
+    loop = biped()
+    q, v = moving(loop, 2)
+    prescribed = np.random.default_rng(4).normal(size=len(loop.actuated))
+    expected = loop.hybrid_dynamics(q, v, prescribed)
+    asked, real = [], Hybrid._result
+
+    def result(self, task, *found):
+        asked.append(task)
+        if len(asked) == 1:  # what the quick way found is right for another task
+            task = replace(task, **{missed: getattr(task, missed) + 1e-6})
+        return real(self, task, *found)
+
+    monkeypatch.setattr(Hybrid, "_result", result)
+    found = loop.hybrid_dynamics(q, v, prescribed)
+    assert len(asked) == 2
+    assert np.abs(found.tau - expected.tau).max() <= 1e-9 * np.abs(expected.tau).max()
+
+
+@pytest.mark.parametrize("size", [1e-8, 1.0, 1e4])
+def test_forces_that_are_not_solved_for_are_refused_however_small_they_are(monkeypatch, size):
+    loop, force, scale = biped(), Terms.tree_force, Terms.scale
+    q, v = moving(loop, 2)
+    monkeypatch.setattr("p3dof.loops.hybrid._SOLUTIONS", 0)
+    monkeypatch.setattr(Terms, "tree_force", lambda self, *given: size * force(self, *given))
+    monkeypatch.setattr(Terms, "scale", lambda self, *given: size * scale(self, *given))
+    with pytest.raises(DynamicsError, match="need a force that no actuator gives"):
+        loop.hybrid_dynamics(q, v, np.ones(len(loop.actuated)))
 
 
 @pytest.mark.parametrize("build", [biped, geared])

@@ -11,8 +11,8 @@ from scipy.integrate import DOP853, solve_ivp
 from scipy.integrate._ivp import dop853_coefficients as published
 from scipy.optimize import brentq
 
-from p3dof import integrators
-from p3dof.simulation.fixed_steps import RungeKutta4
+from p3dof._base import integrators
+from p3dof.runs.fixed_steps import RungeKutta4
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler here")
 

@@ -11,7 +11,8 @@ import pinocchio as pin
 import pytest
 
 import p3dof
-from p3dof.closed_loop import (
+from p3dof._base.errors import InputError, ModelError
+from p3dof.loops import (
     ClosedLoopModel,
     ClosureJoint,
     JointData,
@@ -19,9 +20,8 @@ from p3dof.closed_loop import (
     Sidecar,
     reactions_batch,
 )
-from p3dof.closed_loop.writers.urdf import texts
-from p3dof.errors import InputError, ModelError
-from p3dof.simulation import simulate_robot
+from p3dof.loops.writers.urdf import texts
+from p3dof.runs import simulate_robot
 
 DATA = (
     JointData("left_elbow", stiffness=3.0, rest=-0.4, damping=0.7),

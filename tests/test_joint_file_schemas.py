@@ -11,8 +11,8 @@ import pytest
 import yaml
 
 import p3dof
-from p3dof.bearings import read_bearings
-from p3dof.reactions import JOINTS
+from p3dof.analysis.reactions import JOINTS
+from p3dof.design.bearings import read_bearings
 
 READERS = {
     "stiffness": p3dof.read_stiffness,
@@ -160,6 +160,6 @@ def test_they_are_schemas_that_know_all_joints(name):
     jsonschema.Draft202012Validator.check_schema(SCHEMAS[name])
     known = set(SCHEMAS[name]["properties"]["joints"]["properties"])
     if name == "load-friction":
-        assert known == {*p3dof.parameters.SLIDES, *p3dof.parameters.PASSIVE}
+        assert known == {*p3dof.machine.parameters.SLIDES, *p3dof.machine.parameters.PASSIVE}
     else:
         assert known == {joint.name for joint in JOINTS}

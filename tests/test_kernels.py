@@ -13,14 +13,14 @@ from machines import SEEDS, conditioning, derivative, random_machine, random_sta
 from test_friction import random_friction
 
 import p3dof
-from p3dof import kinematics
-from p3dof.compiled import MachineKernels, levels
-from p3dof.compiled.poses import pose_at
-from p3dof.errors import InputError, ReachError, SingularityError
+from p3dof._base.errors import InputError, ReachError, SingularityError
+from p3dof.closed_form import kinematics
+from p3dof.closed_form.compiled import MachineKernels, levels
+from p3dof.closed_form.compiled.poses import pose_at
+from p3dof.machine.motion import states_of
 from p3dof.methods import compiled
 from p3dof.methods.compiled import CompiledMethod
-from p3dof.motion import states_of
-from p3dof.simulation.control import Measurement
+from p3dof.runs.control import Measurement
 
 HOME = np.zeros(3)
 
@@ -616,5 +616,5 @@ def test_a_controller_does_not_take_the_way_of_batches(monkeypatch):
     sliders = np.array([0.01, -0.02, 0.015])
     measured = Measurement(0.0, 1e-3, sliders, np.zeros(3), np.zeros(3, bool), p3dof.PAPER.geometry)
     expected = kinematics.forward_kinematics(p3dof.PAPER.geometry, sliders)
-    monkeypatch.setattr("p3dof.compiled.poses.forward_kinematics", None)
+    monkeypatch.setattr("p3dof.closed_form.compiled.poses.forward_kinematics", None)
     np.testing.assert_allclose(measured.pose, expected, rtol=0, atol=1e-14)

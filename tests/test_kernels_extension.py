@@ -24,21 +24,21 @@ from machines import conditioning, random_machine, random_states
 from test_friction import random_friction
 
 import p3dof
-from p3dof import kinematics
+from p3dof._native.sources import PACKAGE, fingerprint, is_cut_off
+from p3dof.closed_form import kinematics
+from p3dof.closed_form.compiled import kernels
+from p3dof.closed_form.compiled.formulas import WITH_FRICTION, all_kernels, is_symmetric, kernel
+from p3dof.closed_form.compiled.reduced import model_of
+from p3dof.closed_form.compiled.reduced.friction import friction_numbers
 from p3dof.codegen.batch import ONE_LOOP, kernel_code
-from p3dof.compiled import kernels
-from p3dof.compiled.extension.sources import PACKAGE, fingerprint, is_cut_off
-from p3dof.compiled.formulas import WITH_FRICTION, all_kernels, is_symmetric, kernel
-from p3dof.compiled.reduced import model_of
-from p3dof.compiled.reduced.friction import friction_numbers
-from p3dof.motion.wrenches import WRENCH_ROWS
+from p3dof.machine.motion.wrenches import WRENCH_ROWS
 
 ROOT = Path(__file__).parents[1]
 COMPILER = (sysconfig.get_config_var("CC") or "cc").split()[0]
 CAN_BUILD = shutil.which(COMPILER) and Path(sysconfig.get_path("include"), "Python.h").exists()
 
 try:
-    from p3dof.compiled.extension import _compiled
+    from p3dof._native import _compiled
 except ImportError:
     if CAN_BUILD and not os.environ.get("P3DOF_NO_EXTENSION"):
         raise  # a compiler is there: the install should have built it
@@ -628,7 +628,7 @@ def library_of(folder, source):
         pytest.skip("no compiler")
     (folder / "given.c").write_text(source)
     flags = ["-O3", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast", "-fopenmp-simd", "-w"]
-    headers = ROOT / "p3dof" / "compiled" / "extension"
+    headers = ROOT / "p3dof" / "_native"
     paths = ["-I", str(headers), str(folder / "given.c"), "-o", str(folder / "given.so")]
     subprocess.run([COMPILER, "-shared", "-fPIC", *flags, *paths], check=True)
     return ctypes.CDLL(str(folder / "given.so"))
@@ -808,22 +808,22 @@ def test_a_sample_has_the_same_bits_whatever_is_beside_it(used, level):
 
 def test_the_extension_is_of_the_sources_beside_it(tmp_path):
     assert _compiled.sources == fingerprint()
-    for place in ("compiled/extension/generated", "integrators", "tracing"):
+    for place in ("_native/generated", "_base/integrators", "_base/tracing"):
         shutil.copytree(PACKAGE / place, tmp_path / place, dirs_exist_ok=True)
-    for file in (PACKAGE / "compiled/extension").glob("*.[ch]"):
-        shutil.copy(file, tmp_path / "compiled/extension")
+    for file in (PACKAGE / "_native").glob("*.[ch]"):
+        shutil.copy(file, tmp_path / "_native")
     assert fingerprint(tmp_path) == _compiled.sources
-    changed = tmp_path / "compiled/extension/generated/batch_kernels.h"
+    changed = tmp_path / "_native/generated/batch_kernels.h"
     changed.write_text(changed.read_text().replace("+", "-", 1))
     assert fingerprint(tmp_path) != _compiled.sources
-    shutil.rmtree(tmp_path / "compiled")
+    shutil.rmtree(tmp_path / "_native")
     assert fingerprint(tmp_path) is None  # as in a wheel: nothing can be said
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="ELF is Linux's")
 def test_an_extension_that_is_cut_off_is_not_loaded(monkeypatch, tmp_path):
     """It would end Python with SIGBUS, at every start."""
-    whole = Path(importlib.util.find_spec("p3dof.compiled.extension._compiled").origin)
+    whole = Path(importlib.util.find_spec("p3dof._native._compiled").origin)
     assert not is_cut_off(whole)
     data, cut = whole.read_bytes(), tmp_path / "_compiled.so"
     for size in (len(data) - 1, len(data) - 4096, len(data) // 2, 64):

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from lagrange import BODIES, LagrangeModel
 from machines import SEEDS, derivative, drops, random_machine, random_states
 
-from p3dof import kinematics
-from p3dof.errors import InputError, ReachError
-from p3dof.parameters import PAPER, Geometry
+from p3dof._base.errors import InputError, ReachError
+from p3dof.closed_form import kinematics
+from p3dof.machine.parameters import PAPER, Geometry
 
 G = PAPER.geometry
 JOINTS = {

@@ -9,7 +9,7 @@ import pytest
 from lagrange import BODIES, LagrangeModel, cloud_body, general_parameters, lagrange_forces, random_cloud
 from numpy.polynomial import Polynomial
 
-from p3dof.parameters import PAPER, SOLIDS, Bodies, Body, Geometry, Parameters
+from p3dof.machine.parameters import PAPER, SOLIDS, Bodies, Body, Geometry, Parameters
 
 PATH_Y = Polynomial([0, 0, -0.3, 1.3, -1])  # eq. (5)
 PATH_Z = Polynomial([0, 0, -0.2, -0.2, 0.4])

@@ -9,9 +9,9 @@ import pytest
 
 import p3dof
 from p3dof import PAPER, PD, ControlLoop, InitialState, Integration
-from p3dof.compiled import many
-from p3dof.compiled.kernels import _extension, levels
-from p3dof.compiled.many import (
+from p3dof.closed_form.compiled import many
+from p3dof.closed_form.compiled.kernels import _extension, levels
+from p3dof.closed_form.compiled.many import (
     INPUTS,
     NOWHERE,
     RESULT_WIDTH,
@@ -21,7 +21,7 @@ from p3dof.compiled.many import (
     empty_inputs,
     set_machines,
 )
-from p3dof.compiled.reduced import model_of
+from p3dof.closed_form.compiled.reduced import model_of
 
 pytestmark = pytest.mark.skipif(_extension() is None, reason="needs the extension")
 

@@ -10,7 +10,7 @@ import pytest
 from table_numbers import check_table, shows
 
 import p3dof
-from p3dof.workspace import Box, Workspace, WorkspaceMargins, box_table, largest
+from p3dof.analysis.workspace import Box, Workspace, WorkspaceMargins, box_table, largest
 
 LINES, CLOSER = 17, 9
 """Lines of a grid over all boxes, and of one about the best of these, in each direction."""
@@ -118,7 +118,7 @@ def test_boxes_need_not_have_home_in_them() -> None:
         space.largest_box((-3.0, 0.0))
 
 
-@shows("p3dof.workspace.tables.box_table")
+@shows("p3dof.analysis.workspace.tables.box_table")
 def test_the_table_has_both_boxes_and_says_which_is_which() -> None:
     space = space_of("tilted")
     table = box_table(space)

@@ -11,10 +11,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 import p3dof
-from p3dof import plots
-from p3dof.plots.common import laid_out
-from p3dof.plots.joints import joints_figure
-from p3dof.plots.layout import Panels
+from p3dof.report import plots
+from p3dof.report.plots.common import laid_out
+from p3dof.report.plots.joints import joints_figure
+from p3dof.report.plots.layout import Panels
 
 FIGURES = ("forces", "one", "joints", "energy", "reactions", "tracking")
 

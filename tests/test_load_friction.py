@@ -15,11 +15,8 @@ from test_friction import friction_forces
 from test_reactions import motion_of
 
 import p3dof
-from p3dof.bearings import Bearing, Bearings, Guide, bearing_life
-from p3dof.cli import main
-from p3dof.drives import GENERIC
-from p3dof.errors import DriveError, DynamicsError, InputError, ParameterError, SampleError
-from p3dof.load_friction import (
+from p3dof._base.errors import DriveError, DynamicsError, InputError, ParameterError, SampleError
+from p3dof.analysis.load_friction import (
     HingeContact,
     LoadFriction,
     SlideContact,
@@ -28,12 +25,15 @@ from p3dof.load_friction import (
     fixed_point,
     read_load_friction,
 )
-from p3dof.manipulator.assessment_tables import assumptions
+from p3dof.analysis.reactions import JOINTS, Stiffness, of_result
+from p3dof.cli import main
+from p3dof.design.assessment_tables import assumptions
+from p3dof.design.bearings import Bearing, Bearings, Guide, bearing_life
+from p3dof.design.drives import GENERIC
+from p3dof.machine.motion import Motion, paper_motion, states_over
+from p3dof.machine.parameters import PAPER, PASSIVE, SLIDES, Actuators, Body, Friction
 from p3dof.methods import pinocchio_friction, virtual_power
-from p3dof.motion import Motion, paper_motion, states_over
-from p3dof.parameters import PAPER, PASSIVE, SLIDES, Actuators, Body, Friction
-from p3dof.plots import forces_figure
-from p3dof.reactions import JOINTS, Stiffness, of_result
+from p3dof.report.plots import forces_figure
 
 PLAIN = HingeContact(mu=0.1, radius=8e-3)
 REFERENCE = LoadFriction(
@@ -290,7 +290,10 @@ def test_every_contact_loses_the_work_of_all_its_axes(robot):
         assert effect.lost_work[name] == pytest.approx(work, rel=1e-9), name
 
 
-@shows("p3dof.load_friction.tables.additions_table", "p3dof.load_friction.tables.contacts_table")
+@shows(
+    "p3dof.analysis.load_friction.tables.additions_table",
+    "p3dof.analysis.load_friction.tables.contacts_table",
+)
 def test_every_number_of_the_tables_of_friction_by_load(robot):
     papers, rows = paper_motion(41), [0, 5, 6, 14, 21, 33, 40]
     motion = Motion(papers.time[rows], *(part[rows] for part in motion_arrays(papers)), check=False)

@@ -9,8 +9,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from p3dof.closed_loop import ClosedLoopModel, Closure, Coupling, Sidecar
-from p3dof.errors import ModelError
+from p3dof._base.errors import ModelError
+from p3dof.loops import ClosedLoopModel, Closure, Coupling, Sidecar
 
 ANGLE = 1.2
 

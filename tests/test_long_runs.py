@@ -9,9 +9,9 @@ import pytest
 from documents import ROOT
 
 import p3dof
-from p3dof.closed_loop import ClosedLoopModel, JointData
-from p3dof.closed_loop.tables import joint_values
-from p3dof.simulation import moved_inertia, simulate_robot
+from p3dof.loops import ClosedLoopModel, JointData
+from p3dof.loops.tables import joint_values
+from p3dof.runs import moved_inertia, simulate_robot
 
 FOLDER = ROOT / "docs/_static/gallery"
 SECONDS = 10.0

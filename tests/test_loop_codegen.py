@@ -14,9 +14,9 @@ from documents import ROOT
 from test_cli import run
 
 import p3dof
-from p3dof.closed_loop.trust import Limits
+from p3dof._base.errors import InputError, ModelError
 from p3dof.codegen.loops import loop_files
-from p3dof.errors import InputError, ModelError
+from p3dof.loops.trust import Limits
 
 GALLERY = ROOT / "docs/_static/gallery"
 WARNINGS = "-Wall -Wextra -Werror -pedantic -Wconversion -Wshadow -Wdouble-promotion"

@@ -14,7 +14,7 @@ from test_loop_minimal import ROBOTS, five_bar, stewart
 
 import p3dof
 from p3dof import ClosedLoopModel, InputError, JointData, Sidecar
-from p3dof.closed_loop.regressor import MOMENTS
+from p3dof.loops.regressor import MOMENTS
 
 
 def moving(loop: ClosedLoopModel, q: np.ndarray, seed: int = 2) -> tuple[np.ndarray, np.ndarray]:
@@ -124,7 +124,7 @@ KNOWN = {
     "biped in the air": (lambda: biped()[0], 10 + 12 * 7),
     # The first of seven hinges is along gravity and has 1.
     "Panda": (arm, 1 + 6 * 7),
-    # As its closed forms say, see p3dof.compiled.reduced.
+    # As its closed forms say, see p3dof.closed_form.compiled.reduced.
     "the manipulator": (manipulator, 21),
 }
 """Robots whose number of base parameters is known otherwise."""

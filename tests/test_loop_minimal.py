@@ -75,7 +75,7 @@ def test_the_coriolis_matrix_is_that_of_the_mass_matrix(name):
     loop, q, v, _, _ = moving(name)
     at = loop.minimal_dynamics(q, v)
 
-    def there(t: float) -> p3dof.closed_loop.MinimalDynamics:
+    def there(t: float) -> p3dof.loops.MinimalDynamics:
         return loop.minimal_dynamics(moved(loop, q, t * v), None, at.coordinates)
 
     M_dot, _ = robots.differences(lambda t: there(t).mass_matrix, h=1e-3)

@@ -15,7 +15,7 @@ from machines import SEEDS, conditioning, random_machine, random_states
 
 import p3dof
 from p3dof import methods
-from p3dof.errors import (
+from p3dof._base.errors import (
     DynamicsError,
     InputError,
     ParameterError,
@@ -23,10 +23,10 @@ from p3dof.errors import (
     SampleError,
     SingularityError,
 )
-from p3dof.manipulator import JointStates
-from p3dof.motion import states_of
-from p3dof.parameters import PAPER, SOLIDS, Body, Limits
-from p3dof.samples import ACTUATION_TOLERANCE
+from p3dof._base.samples import ACTUATION_TOLERANCE
+from p3dof.machine.motion import states_of
+from p3dof.machine.parameters import PAPER, SOLIDS, Body, Limits
+from p3dof.methods import JointStates
 
 HOME = np.zeros(3)
 METHODS = ("pinocchio", "virtual-power")

@@ -21,10 +21,10 @@ from p3dof import (
     Noise,
     Springs,
 )
+from p3dof._base.errors import InputError
 from p3dof.cli import main
-from p3dof.compiled import levels
-from p3dof.errors import InputError
-from p3dof.many_runs import figures_table, kind_of, read_runs, running, stop_codes, stops_table
+from p3dof.closed_form.compiled import levels
+from p3dof.runs.many import figures_table, kind_of, read_runs, running, stop_codes, stops_table
 
 ROBOT = p3dof.load()
 MOTION = p3dof.paper_motion(1001).from_rest(0.2)
@@ -185,10 +185,10 @@ def test_blocks_and_threads_change_nothing(monkeypatch):
 @pytest.mark.parametrize(
     ("controller", "stop_at", "kind", "allowed"),
     [
-        (None, p3dof.simulation.KINDS, "slider stop", 1e-11),
-        (HOLD, p3dof.simulation.KINDS, "tilt limit", 1e-9),
+        (None, p3dof.runs.KINDS, "slider stop", 1e-11),
+        (HOLD, p3dof.runs.KINDS, "tilt limit", 1e-9),
         (1.2 * HOLD, (), "reach limit", 1e-8),
-        (Springs(500.0, preload=HOLD), p3dof.simulation.KINDS, "tilt limit", 1e-9),
+        (Springs(500.0, preload=HOLD), p3dof.runs.KINDS, "tilt limit", 1e-9),
     ],
 )
 def test_limits_end_runs_for_the_same_reason_at_the_same_time(controller, stop_at, kind, allowed):
@@ -484,7 +484,7 @@ def test_an_interrupt_returns_what_is_done():
 @compiled
 def test_a_deliberate_error_would_be_seen(monkeypatch):
     """A controller's table that is one tick late is a hundred thousand times the tolerance."""
-    from p3dof.many_runs import plan
+    from p3dof.runs.many import plan
 
     right = plan._table
     monkeypatch.setattr(plan, "_table", lambda task: np.roll(right(task), 1, axis=0))
@@ -583,7 +583,7 @@ def test_tables_of_runs_are_those_of_designs(tmp_path):
 
 def test_the_figure_has_all_finished_runs():
     pytest.importorskip("matplotlib")
-    from p3dof import plots
+    from p3dof.report import plots
 
     many = ROBOT.simulate_many(0.02, columns(5), controller=PD(PAPER, MOTION), control=AT_1_KHZ)
     figure = plots.many_runs_figure(many)

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 import p3dof
-from p3dof import PAPER, PD, ComputedTorque, ControlLoop, Noise, blocks
-from p3dof.compiled import levels
-from p3dof.errors import InputError, SweepError
-from p3dof.many_runs import clients
+from p3dof import PAPER, PD, ComputedTorque, ControlLoop, Noise
+from p3dof._base import blocks
+from p3dof._base.errors import InputError, SweepError
+from p3dof.closed_form.compiled import levels
+from p3dof.runs.many import clients
 
 ROBOT = p3dof.load()
 MOTION = p3dof.paper_motion(201).from_rest(0.2)

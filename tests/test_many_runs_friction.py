@@ -17,13 +17,13 @@ from p3dof import (
     Noise,
     Springs,
 )
-from p3dof.compiled import levels
-from p3dof.compiled.reduced import model_of
-from p3dof.compiled.reduced.friction import friction_numbers
-from p3dof.many_runs.friction import CAREFULLY, decay_rates, parts_of_steps
-from p3dof.many_runs.many import EQUAL_STEPS, _task
-from p3dof.parameters import Body, Friction
-from p3dof.simulation import KINDS
+from p3dof.closed_form.compiled import levels
+from p3dof.closed_form.compiled.reduced import model_of
+from p3dof.closed_form.compiled.reduced.friction import friction_numbers
+from p3dof.machine.parameters import Body, Friction
+from p3dof.runs import KINDS
+from p3dof.runs.many.friction import CAREFULLY, decay_rates, parts_of_steps
+from p3dof.runs.many.many import EQUAL_STEPS, _task
 
 MOTION = p3dof.paper_motion(1001).from_rest(0.2)
 PRECISE = Integration(rtol=1e-12, atol=1e-14)

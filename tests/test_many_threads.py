@@ -21,11 +21,11 @@ import pinocchio as pin
 import pytest
 
 import p3dof
-from p3dof.closed_loop import ClosedLoopModel, ReactionSolver
-from p3dof.closed_loop.compiled.functions import FUNCTIONS
-from p3dof.errors import InputError, P3dofError
-from p3dof.load_friction import HingeContact
-from p3dof.threads import OneThread, Own, Workspace
+from p3dof._base.errors import InputError, P3dofError
+from p3dof._base.threads import OneThread, Own, Workspace
+from p3dof.analysis.load_friction import HingeContact
+from p3dof.loops import ClosedLoopModel, ReactionSolver
+from p3dof.loops.compiled.functions import FUNCTIONS
 
 GALLERY = Path(__file__).parent.parent / "docs/_static/gallery"
 THREADS, SWITCH = 3, 1e-6
@@ -407,4 +407,4 @@ def test_an_engine_serves_one_thread_after_the_other(name):
         )
         yield "forces", lambda: engine.forces(part)
 
-    assert same_in_threads(doors, lambda: p3dof.engines.load(name)) == {"forces"}
+    assert same_in_threads(doors, lambda: p3dof.methods.engines.load(name)) == {"forces"}

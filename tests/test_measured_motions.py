@@ -13,12 +13,12 @@ from table_numbers import check_evidence, shows
 from test_cli import run
 
 import p3dof
+from p3dof._base.errors import MotionError
 from p3dof.cli.loop.motion import forces_along
-from p3dof.errors import MotionError
-from p3dof.motion import Motion, WrenchHistory, motion_table, paper_motion
-from p3dof.motion.joint_files import read_joints
-from p3dof.motion.smoothing import fitted, last_digit
-from p3dof.simulation import JointReference
+from p3dof.machine.motion import Motion, WrenchHistory, motion_table, paper_motion
+from p3dof.machine.motion.joint_files import read_joints
+from p3dof.machine.motion.smoothing import fitted, last_digit
+from p3dof.runs import JointReference
 
 NOON = "1700000000.123"
 """A time of the day, in digits that double precision has not."""
@@ -155,7 +155,7 @@ def test_joints_of_any_robot_by_a_clock():
 # --- rounded and noisy poses --------------------------------------------------------------------------------
 
 
-@shows("p3dof.motion.smoothing.SmoothingFit.residual")
+@shows("p3dof.machine.motion.smoothing.SmoothingFit.residual")
 @pytest.mark.parametrize(("count", "worst"), [(26, 0.015), (101, 0.005), (1001, 0.005)])
 def test_poses_rounded_to_tenths_of_a_millimetre_have_the_forces_again(exact, count, worst):
     """At steps of 40, 10 and 1 ms: from errors of 40 % and more of the largest force to a percent."""

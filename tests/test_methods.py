@@ -12,13 +12,13 @@ from hypothesis import given, settings
 from machines import SEEDS, conditioning, random_machine, random_states
 
 import p3dof
-from p3dof.errors import InputError, ReachError
+from p3dof._base.errors import InputError, ReachError
+from p3dof._base.outputs import written
+from p3dof.machine.motion import states_of
+from p3dof.machine.parameters import PAPER
 from p3dof.methods import DEFAULT_METHOD, METHODS, DynamicsMethod, registry
 from p3dof.methods.pinocchio import PinocchioMethod
 from p3dof.methods.virtual_power import VirtualPowerMethod
-from p3dof.motion import states_of
-from p3dof.outputs import written
-from p3dof.parameters import PAPER
 
 HOME = np.zeros(3)
 DOORS = [name for name, value in vars(DynamicsMethod).items() if inspect.isfunction(value) and name[0] != "_"]

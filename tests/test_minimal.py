@@ -9,8 +9,8 @@ from lagrange import LagrangeModel
 from machines import SEEDS, derivative, random_machine, random_states
 
 import p3dof
-from p3dof.errors import InputError, ReachError
-from p3dof.parameters import PAPER
+from p3dof._base.errors import InputError, ReachError
+from p3dof.machine.parameters import PAPER
 
 HOME = np.zeros(3)
 METHODS = ("virtual-power", "pinocchio")

@@ -12,8 +12,8 @@ mujoco = pytest.importorskip("mujoco")
 from mujoco_opinion import agree  # noqa: E402
 
 import p3dof  # noqa: E402
-from p3dof.closed_loop.tables import units_of_actuated  # noqa: E402
-from p3dof.errors import ModelError, ModelWarning  # noqa: E402
+from p3dof._base.errors import ModelError, ModelWarning  # noqa: E402
+from p3dof.loops.tables import units_of_actuated  # noqa: E402
 
 LEG = """
 <mujoco model="leg">

@@ -11,10 +11,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import p3dof
-from p3dof import errors
-from p3dof.errors import FileError, InputError, MotionError, P3dofError
-from p3dof.motion import Motion, WrenchHistory, csv_files, paper_motion, splines
-from p3dof.motion.consistency import MINIMUM
+from p3dof._base import errors
+from p3dof._base.errors import FileError, InputError, MotionError, P3dofError
+from p3dof.machine.motion import Motion, WrenchHistory, csv_files, paper_motion, splines
+from p3dof.machine.motion.consistency import MINIMUM
 
 REPEATABLE = settings(derandomize=True, deadline=None, max_examples=60)
 HEADER = "t,y,z,theta,ydot,zdot,thetadot,yddot,zddot,thetaddot"

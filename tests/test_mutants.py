@@ -87,7 +87,7 @@ def try_all(monkeypatch, only):
 
 def test_a_survivor_fails_unless_it_is_explained(survivors, monkeypatch):
     path, noticed = survivors
-    module = "p3dof/integrators/__init__.py"
+    module = "p3dof/_base/integrators/__init__.py"
     keys = set(mutants.keys_of(module))
     assert try_all(monkeypatch, module) == 1
     noticed.update(keys)

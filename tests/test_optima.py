@@ -10,7 +10,7 @@ from design_problems import STEEL, VARIABLES, paper_problem
 
 import p3dof
 from p3dof import DesignProblem, OptimisationError, SweepError
-from p3dof.optimisation import Optimum, optimum_tables
+from p3dof.design.optimisation import Optimum, optimum_tables
 
 FREE = {"width": 1.0}
 ROWS = [
@@ -88,7 +88,7 @@ def test_an_optimum_is_checked_on_finer_grids_and_by_pinocchio(optimum: Optimum)
 
 
 def test_grids_that_are_too_coarse_show_in_the_check() -> None:
-    box = p3dof.optimisation.Box((-0.1, 0.1), (-0.5, 0.5), (2, 2))
+    box = p3dof.design.optimisation.Box((-0.1, 0.1), (-0.5, 0.5), (2, 2))
     coarse = paper_problem(motion=p3dof.paper_motion(9), box=box)
     found = coarse.minimise("rms_power", starts=1)
     assert abs(found.check.finer["rms_power"][0] - found.value) > 0.1

@@ -11,8 +11,8 @@ from machines import random_machine, random_states
 from test_friction import random_friction
 
 import p3dof
-from p3dof.compiled import MachineKernels, levels
-from p3dof.errors import InputError, ReachError, SingularityError
+from p3dof._base.errors import InputError, ReachError, SingularityError
+from p3dof.closed_form.compiled import MachineKernels, levels
 from p3dof.methods import METHODS
 from p3dof.methods.compiled import ForceDerivatives
 
@@ -296,7 +296,7 @@ def test_one_sample_is_answered_without_what_batches_take(friction, monkeypatch)
     machine = replace(MACHINE, friction=random_friction(np.random.default_rng(1))) if friction else MACHINE
     robot, (q, v, a, w) = p3dof.load(machine), part_of_states(())
     for name in ("states_of", "batch_of"):
-        monkeypatch.setattr(f"p3dof.manipulator.facade.{name}", None)
+        monkeypatch.setattr(f"p3dof.manipulator.{name}", None)
     for wrench in (None, w):
         words = {"wrench": wrench, "method": "compiled"}
         f = robot.forces(q, v, a, **words)

@@ -13,24 +13,24 @@ import yaml
 from documents import ROOT
 
 import p3dof
-from p3dof.bearings import read_bearings
-from p3dof.checks import LARGEST, as_floats, not_negative, one_line, positive, real, visible
+from p3dof._base.checks import LARGEST, as_floats, not_negative, one_line, positive, real, visible
+from p3dof._base.errors import P3dofError
+from p3dof._base.files import parse_json
+from p3dof._base.tables import Table
+from p3dof.analysis.load_friction import HingeContact, SlideContact, read_load_friction
+from p3dof.analysis.reactions import read_stiffness
+from p3dof.analysis.reactions.stiffness import HingeStiffness, Misfit, RodSection
+from p3dof.analysis.tolerances import read_uncertainty
 from p3dof.cli import main
 from p3dof.cli.output import print_plain, rich_table
 from p3dof.cli.terminal import print_table
-from p3dof.errors import P3dofError
-from p3dof.files import parse_json
-from p3dof.load_friction import HingeContact, SlideContact, read_load_friction
-from p3dof.manipulator import fastest_plan
-from p3dof.optimisation import read_problem
-from p3dof.parameters.quantities import LENGTH
-from p3dof.reactions import read_stiffness
-from p3dof.reactions.stiffness import HingeStiffness, Misfit, RodSection
-from p3dof.simulation.joint_reference import JointReference
-from p3dof.sweeps import read_sweep
-from p3dof.tables import Table
-from p3dof.tasks import read_task
-from p3dof.tolerances import read_uncertainty
+from p3dof.design.bearings import read_bearings
+from p3dof.design.fastest import fastest_plan
+from p3dof.design.optimisation import read_problem
+from p3dof.design.sweeps import read_sweep
+from p3dof.design.tasks import read_task
+from p3dof.machine.parameters.quantities import LENGTH
+from p3dof.runs.joint_reference import JointReference
 
 HUGE = 10**400
 
@@ -192,7 +192,7 @@ def test_a_damaged_table_is_one_line_or_the_same_numbers(tmp_path, checksum):
     import pyarrow
     from pyarrow import parquet
 
-    from p3dof.designs.files import read_designs, results_file
+    from p3dof.analysis.designs.files import read_designs, results_file
 
     path, table = tmp_path / "table.parquet", {"R [mm]": np.array([250.0, 260.5])}
     if checksum:

@@ -15,7 +15,7 @@ import pytest
 
 import p3dof
 from p3dof.cli import main
-from p3dof.compiled import kernels
+from p3dof.closed_form.compiled import kernels
 
 ROOT = Path(__file__).parents[1]
 COMPILER = (sysconfig.get_config_var("CC") or "cc").split()[0]
@@ -35,7 +35,7 @@ def source(tmp_path):
     shutil.copytree(ROOT / "p3dof", tree / "p3dof", ignore=left_out)
     for name in ("setup.py", "pyproject.toml", "README.md", "LICENSE", "MANIFEST.in"):
         shutil.copy(ROOT / name, tree)
-    (tree / "p3dof" / "compiled" / "extension" / "_compiled.c").write_text(SMALL)
+    (tree / "p3dof" / "_native" / "_compiled.c").write_text(SMALL)
     return tree
 
 
@@ -55,7 +55,7 @@ def wheel(tree, **variables):
 
 def has_extension(members):
     return any(
-        member.startswith("p3dof/compiled/extension/_compiled.") and member.endswith((".so", ".pyd"))
+        member.startswith("p3dof/_native/_compiled.") and member.endswith((".so", ".pyd"))
         for member in members
     )
 
@@ -68,7 +68,7 @@ def test_a_wheel_without_the_extension_does_not_pass_for_one_with_it(source):
     assert has_extension(members)
     assert f"-{own}-{own}-" in name
     assert "Root-Is-Purelib: false" in metadata
-    code = source / "p3dof" / "compiled" / "extension" / "_compiled.c"
+    code = source / "p3dof" / "_native" / "_compiled.c"
     code.write_text(SMALL + "/* changed, so that it has to be compiled again */\n")
     os.utime(code, (2e9, 2e9))
     name, members, metadata = wheel(source, CC="no-such-compiler")  # and what was built before is not taken

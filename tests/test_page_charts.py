@@ -10,7 +10,7 @@ from documents import ROOT
 from numpy.testing import assert_allclose
 
 import p3dof
-from p3dof.page.html import page_html
+from p3dof.viewer.document.html import page_html
 
 SEEN = """() => {
     const number = (text) => Number(text.replace("−", "-"));
@@ -271,8 +271,8 @@ def test_ticks_are_round_in_the_unit_that_is_shown(watched):
 
 
 def test_charts_and_table_show_any_robot(opened_page, tmp_path):
-    from p3dof.page.robots.document import robot_document
-    from p3dof.simulation import simulate_robot
+    from p3dof.runs import simulate_robot
+    from p3dof.viewer.document.robots.document import robot_document
 
     robot = p3dof.load_robot(ROOT / "docs/_static/gallery/five_bar.urdf")
     run = simulate_robot(robot, 0.2, q=robot.assemble().q, samples=21)

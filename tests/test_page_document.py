@@ -11,11 +11,11 @@ from machines import random_actuators, random_machine
 from page_documents import SCHEMA, curve_of, placements, read
 
 import p3dof
+from p3dof._base.errors import InputError
 from p3dof.codegen.web_controller import controller_module
-from p3dof.errors import InputError
-from p3dof.page.document import page_document
-from p3dof.page.encoding import DTYPES, decoded, encoded
-from p3dof.page.trees import placed_over, tree_of
+from p3dof.viewer.document.document import page_document
+from p3dof.viewer.document.encoding import DTYPES, decoded, encoded
+from p3dof.viewer.document.trees import placed_over, tree_of
 
 CONTINUOUS = """<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="continuous">
 <parent link="a"/><child link="b"/><axis xyz="0.6 0 0.8"/></joint></robot>"""

@@ -14,13 +14,14 @@ import pytest
 from documents import ROOT
 from machines import random_machine, random_states
 
-from p3dof import Manipulator, kinematics
-from p3dof.page.document import engine_row
-from p3dof.page.encoding import encoded
-from p3dof.parameters import PAPER, SLIDES, Actuators, Body, Friction, Geometry, of_solids
-from p3dof.tasks import Task, Waypoint
+from p3dof import Manipulator
+from p3dof.closed_form import kinematics
+from p3dof.design.tasks import Task, Waypoint
+from p3dof.machine.parameters import PAPER, SLIDES, Actuators, Body, Friction, Geometry, of_solids
+from p3dof.viewer.document.document import engine_row
+from p3dof.viewer.document.encoding import encoded
 
-WASM = ROOT / "p3dof/page/p3dof.wasm"
+WASM = ROOT / "p3dof/viewer/document/p3dof.wasm"
 COUNT, BEYOND = 300, 40
 FRICTION = Friction({"sliders": 30.0, "joints": 0.2}, {"sliders": 8.0, "hinge_a": 0.3}, 0.01)
 MACHINES = {

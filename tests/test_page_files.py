@@ -16,8 +16,8 @@ from numpy.testing import assert_allclose
 from page_documents import curve_of, placements
 
 import p3dof
-from p3dof.page.document import page_document
-from p3dof.page.html import page_html
+from p3dof.viewer.document.document import page_document
+from p3dof.viewer.document.html import page_html
 
 SAMPLES = 101
 

@@ -16,15 +16,15 @@ from test_cli import run
 from test_page_document import _every_joint
 
 import p3dof
-from p3dof.errors import InputError
-from p3dof.page.document import page_document
-from p3dof.page.encoding import decoded, encoded
-from p3dof.page.glb import KEYS, as_glb, save_glb
-from p3dof.page.placements import motions_over
-from p3dof.page.robots.document import robot_document
-from p3dof.page.robots.motion import JointMotion
-from p3dof.page.surfaces import surface_of
-from p3dof.page.trees import placed_over, tree_of
+from p3dof._base.errors import InputError
+from p3dof.viewer.document.document import page_document
+from p3dof.viewer.document.encoding import decoded, encoded
+from p3dof.viewer.document.glb import KEYS, as_glb, save_glb
+from p3dof.viewer.document.placements import motions_over
+from p3dof.viewer.document.robots.document import robot_document
+from p3dof.viewer.document.robots.motion import JointMotion
+from p3dof.viewer.document.surfaces import surface_of
+from p3dof.viewer.document.trees import placed_over, tree_of
 
 MODULES = ROOT / "page/node_modules"
 NODE = shutil.which("node")

@@ -15,8 +15,8 @@ pytest.importorskip("meshcat", reason="meshcat is not installed")
 import meshcat
 import meshcat.geometry as mg
 
-from p3dof.page.document import page_document
 from p3dof.viewer import viewer as meshcat_viewer
+from p3dof.viewer.document.document import page_document
 from p3dof.viewer.guests import guest_of
 from p3dof.viewer.live_viewer import LiveViewer
 

@@ -15,7 +15,7 @@ from browser import chromium, until
 
 import p3dof
 from p3dof import report
-from p3dof.page.encoding import decoded
+from p3dof.viewer.document.encoding import decoded
 
 pytest.importorskip("tornado", reason="tornado is not installed")
 pytest.importorskip("jinja2", reason="Jinja2 is not installed")
@@ -244,7 +244,7 @@ def test_a_stored_run_of_any_robot_plays_in_a_file(browser, tmp_path):
     from documents import ROOT
 
     loop = p3dof.load_robot(ROOT / "docs/_static/gallery/five_bar.urdf")
-    run = p3dof.simulation.simulate_robot(loop, 0.1, samples=21)
+    run = p3dof.runs.simulate_robot(loop, 0.1, samples=21)
     page = p3dof.robot_page(loop, run, closure_forces=True)
     context = browser.new_context()
     try:

@@ -11,11 +11,11 @@ import subprocess
 import pytest
 from documents import ROOT
 
-from p3dof.errors import FileError
-from p3dof.page import html as page_template
-from p3dof.page.html import page_html
+from p3dof._base.errors import FileError
+from p3dof.viewer.document import html as page_template
+from p3dof.viewer.document.html import page_html
 
-PAGE = ROOT / "p3dof/page/page.html"
+PAGE = ROOT / "p3dof/viewer/document/page.html"
 SMALL = {"format": 1, "title": "A", "scene": {}, "runs": []}
 
 

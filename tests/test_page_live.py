@@ -74,7 +74,7 @@ def carriage():
 
 
 def answered(question):
-    from p3dof.errors import InputError
+    from p3dof._base.errors import InputError
 
     height = question["inputs"]["rail"]
     if abs(height) > 1.0:

@@ -11,12 +11,12 @@ import pytest
 from browser import chromium, opened
 
 import p3dof
-from p3dof.closed_loop.compiled.build import compiler
-from p3dof.errors import InputError
-from p3dof.page.encoding import decoded
-from p3dof.page.robots.document import robot_document
-from p3dof.page.robots.motion import JointMotion, held
-from p3dof.page.robots.ranges import slider_ranges, values_of
+from p3dof._base.errors import InputError
+from p3dof.loops.compiled.build import compiler
+from p3dof.viewer.document.encoding import decoded
+from p3dof.viewer.document.robots.document import robot_document
+from p3dof.viewer.document.robots.motion import JointMotion, held
+from p3dof.viewer.document.robots.ranges import slider_ranges, values_of
 from p3dof.viewer.robots.answers import RobotAnswers
 from p3dof.viewer.robots.hand import Hand, compiled_of
 
@@ -131,7 +131,7 @@ def test_forces_in_closures_are_arrows_that_can_be_seen(browser, gripper):
 
 def test_a_run_is_played_and_the_hand_goes_on_from_where_it_is(browser):
     robot = p3dof.load_robot(GALLERY / "four_bar.urdf")
-    run = p3dof.simulation.simulate_robot(robot, 0.4, samples=81)
+    run = p3dof.runs.simulate_robot(robot, 0.4, samples=81)
     with (
         p3dof.show_robot(robot, run, port=0, playing=False) as live,
         opened(browser, live.url, 900, 600, READY) as watched,
@@ -147,7 +147,7 @@ def test_a_run_is_played_and_the_hand_goes_on_from_where_it_is(browser):
         assert q[0] == pytest.approx(angle, abs=1e-12)
         assert np.abs(robot.closure_error(q)).max() < 1e-12
         assert np.abs(q - run.q[80]).max() < 0.2  # and in no other assembly
-        again = p3dof.simulation.simulate_robot(robot, 0.2, samples=11)
+        again = p3dof.runs.simulate_robot(robot, 0.2, samples=11)
         live.show(again, name="shorter")
         watched.wait("p3dof.state.run === 1 && p3dof.state.hand === null")
         np.testing.assert_allclose(seen(watched)["q"], again.q[-1], rtol=0, atol=1e-12)
@@ -305,7 +305,7 @@ def test_forces_of_a_run_are_those_that_acted_though_motors_are_redundant():
     robot = p3dof.load_robot(GALLERY / "two_arms.urdf")
     start = robot.assemble().q
     torques = np.linspace(-2.0, 2.0, 12)
-    run = p3dof.simulation.simulate_robot(robot, 0.002, start, controller=torques, samples=3)
+    run = p3dof.runs.simulate_robot(robot, 0.002, start, controller=torques, samples=3)
     motion = JointMotion.of_run(robot, run)
     assert np.isfinite(motion.closing).all()
     for q, v, a, lambda_ in zip(run.q, run.v, run.a, motion.closing, strict=True):

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from browser import chromium, opened, until
 
-from p3dof.errors import MissingExtraError
-from p3dof.page.document import page_document
-from p3dof.page.saved import Page
+from p3dof._base.errors import MissingExtraError
+from p3dof.viewer.document.document import page_document
+from p3dof.viewer.document.saved import Page
 
 pytest.importorskip("anywidget", reason="anywidget is not installed")
 

@@ -13,9 +13,9 @@ import pytest
 from browser import chromium, find_chromium, opened
 
 import p3dof
-from p3dof.errors import InputError, MissingExtraError
-from p3dof.page.encoding import decoded
+from p3dof._base.errors import InputError, MissingExtraError
 from p3dof.viewer import Scene, films, save_screenshot, save_video
+from p3dof.viewer.document.encoding import decoded
 from p3dof.viewer.headless import as_image
 from p3dof.viewer.pictures import frame_times
 

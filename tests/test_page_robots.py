@@ -11,16 +11,16 @@ from documents import ROOT
 from page_documents import curve_of, matrix, placements, read
 
 import p3dof
-from p3dof.closed_loop.closure_wrenches import ClosureWrenches
-from p3dof.errors import InputError
-from p3dof.page.encoding import decoded
-from p3dof.page.robots.document import robot_document, robot_hash
-from p3dof.page.robots.figure import RobotFigure
-from p3dof.page.robots.meshes import MeshFiles
-from p3dof.page.robots.motion import JointMotion
-from p3dof.page.robots.solids import robot_solids
-from p3dof.page.robots.triangles import Triangles, reduced, triangles_of
-from p3dof.simulation import simulate_robot
+from p3dof._base.errors import InputError
+from p3dof.loops.closure_wrenches import ClosureWrenches
+from p3dof.runs import simulate_robot
+from p3dof.viewer.document.encoding import decoded
+from p3dof.viewer.document.robots.document import robot_document, robot_hash
+from p3dof.viewer.document.robots.figure import RobotFigure
+from p3dof.viewer.document.robots.meshes import MeshFiles
+from p3dof.viewer.document.robots.motion import JointMotion
+from p3dof.viewer.document.robots.solids import robot_solids
+from p3dof.viewer.document.robots.triangles import Triangles, reduced, triangles_of
 
 coal = pytest.importorskip("coal")
 GALLERY = ROOT / "docs/_static/gallery"

@@ -11,9 +11,9 @@ from browser import chromium, opened
 from numpy.testing import assert_allclose
 
 import p3dof
-from p3dof.page.document import page_document
-from p3dof.page.html import page_html
-from p3dof.page.poses import joints_of
+from p3dof.viewer.document.document import page_document
+from p3dof.viewer.document.html import page_html
+from p3dof.viewer.document.poses import joints_of
 
 READY = "!!window.p3dof && p3dof.ready.then(() => true)"
 VIEWS = ("3d", "front", "side", "top")

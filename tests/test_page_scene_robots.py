@@ -11,13 +11,13 @@ from numpy.testing import assert_allclose
 from test_page_scene import DRAWN, READY, SHOWN, placements
 
 import p3dof
-from p3dof.closed_loop.closure_wrenches import ClosureWrenches
-from p3dof.page.document import page_document
-from p3dof.page.html import page_html
-from p3dof.page.robots.document import robot_document
-from p3dof.page.robots.figure import RobotFigure
-from p3dof.page.robots.motion import JointMotion
-from p3dof.simulation import simulate_robot
+from p3dof.loops.closure_wrenches import ClosureWrenches
+from p3dof.runs import simulate_robot
+from p3dof.viewer.document.document import page_document
+from p3dof.viewer.document.html import page_html
+from p3dof.viewer.document.robots.document import robot_document
+from p3dof.viewer.document.robots.figure import RobotFigure
+from p3dof.viewer.document.robots.motion import JointMotion
 
 GALLERY = ROOT / "docs/_static/gallery"
 GRIPS = """() => {

@@ -16,7 +16,7 @@ import urllib.request
 import numpy as np
 import pytest
 
-from p3dof.errors import FileError, InputError
+from p3dof._base.errors import FileError, InputError
 
 pytest.importorskip("tornado", reason="tornado is not installed")
 

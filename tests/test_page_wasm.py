@@ -10,11 +10,11 @@ from page_machines import COUNTS, MACHINES, known
 from test_cli import run
 
 import p3dof
-from p3dof import kinematics
+from p3dof.closed_form import kinematics
 from p3dof.codegen import page_wasm
 from p3dof.codegen.wasm_build import compiler_here
 from p3dof.codegen.wasm_section import section_of
-from p3dof.page.document import engine_row
+from p3dof.viewer.document.document import engine_row
 
 BOUND = 1e-12
 """Largest difference from Pinocchio, relative to the largest value of a kind."""

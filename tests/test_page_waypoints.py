@@ -9,10 +9,11 @@ from numpy.testing import assert_allclose
 
 import p3dof
 from p3dof.cli import main
-from p3dof.manipulator import fastest_plan, forces_of_task
-from p3dof.page.document import page_document
-from p3dof.page.html import page_html
-from p3dof.tasks import Task, Waypoint, read_task
+from p3dof.design.fastest import fastest_plan
+from p3dof.design.forces_of_tasks import forces_of_task
+from p3dof.design.tasks import Task, Waypoint, read_task
+from p3dof.viewer.document.document import page_document
+from p3dof.viewer.document.html import page_html
 
 READY = "!!window.p3dof && p3dof.ready.then(() => true)"
 MACHINE = p3dof.Manipulator()
@@ -249,7 +250,7 @@ def test_files_of_python_are_loaded_and_wrong_ones_refused(watched, tmp_path):
         Waypoint([0.1, 0.1, 0.2], duration=0.8, wrench=[0, 10, -50, 0, 0, 0]),
     ]
     task = Task(points, "from Python", profile="septic")
-    from p3dof.tasks import write_task
+    from p3dof.design.tasks import write_task
 
     write_task(task, tmp_path / "task.yaml")
     chooser = watched.page.locator("#waypoints input[type=file]")

@@ -14,7 +14,7 @@ from test_parameter_schema import ACCEPTED, REFUSED, VALIDATOR
 
 import p3dof
 from p3dof import PAPER, SOLIDS, Actuators, Body, Friction, Limits, ParameterError, Parameters
-from p3dof.parameters import PASSIVE, SLIDES
+from p3dof.machine.parameters import PASSIVE, SLIDES
 
 
 def rich_machine(seed):

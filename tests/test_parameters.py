@@ -13,9 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import dblquad, tplquad
 
-from p3dof import files
-from p3dof.errors import FileError, InputError, P3dofError, ParameterError
-from p3dof.parameters import (
+from p3dof._base import files
+from p3dof._base.errors import FileError, InputError, P3dofError, ParameterError
+from p3dof.machine.parameters import (
     PAPER,
     SOLIDS,
     STEEL_DENSITY,
@@ -32,8 +32,8 @@ from p3dof.parameters import (
     rounded_plate,
     write_parameters,
 )
-from p3dof.parameters.named import platform_corners
-from p3dof.parameters.serialization import dump, parse
+from p3dof.machine.parameters.named import platform_corners
+from p3dof.machine.parameters.serialization import dump, parse
 
 REPEATABLE = settings(derandomize=True, deadline=None, max_examples=60)
 LINKS = [

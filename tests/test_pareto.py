@@ -10,9 +10,9 @@ from design_problems import PAPER_DESIGN, paper_problem
 
 import p3dof
 from p3dof import Front, InputError, OptimisationError, SweepError
-from p3dof.optimisation import front_tables
-from p3dof.optimisation.front import efficient, hypervolume
-from p3dof.optimisation.pareto import _spread
+from p3dof.design.optimisation import front_tables
+from p3dof.design.optimisation.front import efficient, hypervolume
+from p3dof.design.optimisation.pareto import _spread
 
 PEAK_AND_WIDTH = ["peak_force", "width"]
 PUBLISHED = {0.6: 60.3126, 0.5: 61.6491, 0.45: 63.1718, 0.4: 65.3750, 0.36: 67.9655}

@@ -21,8 +21,8 @@ from closed_loop_robots import (
 
 import p3dof
 from p3dof import ClosedLoopModel
-from p3dof.closed_loop.linear import least_norm, orientation
-from p3dof.errors import P3dofError, SingularityError
+from p3dof._base.errors import P3dofError, SingularityError
+from p3dof.loops.linear import least_norm, orientation
 
 GALLERY = Path(__file__).parents[1] / "docs" / "_static" / "gallery"
 ROBOTS = ("stewart", "delta", "five_bar", "four_bar", "gripper", "paper")

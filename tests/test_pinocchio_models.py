@@ -8,7 +8,7 @@ import pytest
 
 import p3dof
 from p3dof import ClosedLoopModel, Closure, Coupling, Sidecar
-from p3dof.errors import InputError, ModelError
+from p3dof._base.errors import InputError, ModelError
 
 HERE = pin.SE3.Identity()
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import p3dof
-from p3dof import plots
-from p3dof.closed_loop import ClosedLoopModel, Sidecar
-from p3dof.errors import FileError, InputError, MissingExtraError
-from p3dof.plots import common
-from p3dof.simulation import Event, JointPD, simulate_robot
+from p3dof._base.errors import FileError, InputError, MissingExtraError
+from p3dof.loops import ClosedLoopModel, Sidecar
+from p3dof.report import plots
+from p3dof.report.plots import common
+from p3dof.runs import Event, JointPD, simulate_robot
 
 
 @pytest.fixture(scope="module")

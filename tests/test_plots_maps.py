@@ -7,8 +7,8 @@ import pytest
 from matplotlib.collections import QuadMesh
 
 import p3dof
-from p3dof import plots
-from p3dof.errors import InputError
+from p3dof._base.errors import InputError
+from p3dof.report import plots
 
 ROBOT = p3dof.load()
 SPACE = ROBOT.workspace()

@@ -15,16 +15,15 @@ from machines import random_machine, random_states, virtual_power_forces
 from table_numbers import check_evidence, check_table, shows
 
 import p3dof
-from p3dof import description, kinematics
-from p3dof.cli import main
-from p3dof.cli.output import rich_table
-from p3dof.closed_loop import ClosedLoopModel, Closure, Sidecar
-from p3dof.closed_loop.reactions import ClosureJoint, ReactionSolver, loop_reactions
-from p3dof.errors import DynamicsError, InputError, ModelError, ReachError, SampleError, SingularityError
-from p3dof.methods.pinocchio import PinocchioMethod
-from p3dof.motion import Motion, paper_motion, states_over
-from p3dof.parameters import PAPER, PASSIVE, SLIDES, SOLIDS, Bodies, Body, Friction, Parameters
-from p3dof.reactions import (
+from p3dof._base.errors import (
+    DynamicsError,
+    InputError,
+    ModelError,
+    ReachError,
+    SampleError,
+    SingularityError,
+)
+from p3dof.analysis.reactions import (
     JOINTS,
     Misfit,
     ReactionsComparison,
@@ -37,8 +36,17 @@ from p3dof.reactions import (
     over_motion,
     reactions_table,
 )
-from p3dof.reactions.joints import cuts
-from p3dof.reactions.one_joint import JointReaction, loads_of
+from p3dof.analysis.reactions.joints import cuts
+from p3dof.analysis.reactions.one_joint import JointReaction, loads_of
+from p3dof.cli import main
+from p3dof.cli.output import rich_table
+from p3dof.closed_form import kinematics
+from p3dof.loops import ClosedLoopModel, Closure, Sidecar
+from p3dof.loops.reactions import ClosureJoint, ReactionSolver, loop_reactions
+from p3dof.machine import description
+from p3dof.machine.motion import Motion, paper_motion, states_over
+from p3dof.machine.parameters import PAPER, PASSIVE, SLIDES, SOLIDS, Bodies, Body, Friction, Parameters
+from p3dof.methods.pinocchio import PinocchioMethod
 
 KINDS = ("paper", "points")
 WAYS = ("elastic", *KINDS)
@@ -86,7 +94,7 @@ def test_forces_that_produce_no_sample_of_a_motion_are_named():
 
 
 class Bookkeeping:
-    """Bodies, joints and loads of a motion in the fixed frame, from `p3dof.kinematics` alone."""
+    """Bodies, joints and loads of a motion in the fixed frame, from `p3dof.closed_form.kinematics` alone."""
 
     def __init__(self, parameters: Parameters, motion: Motion, wrench: np.ndarray) -> None:
         states = motion.pose, motion.velocity, motion.acceleration
@@ -242,7 +250,8 @@ def with_an_error(way, wrong, motion, stiffness=None):
 
 @pytest.mark.parametrize("wrong", WRONG)
 @shows(
-    "p3dof.reactions.results.Reactions.residual", "p3dof.reactions.comparison.ReactionsComparison.residual"
+    "p3dof.analysis.reactions.results.Reactions.residual",
+    "p3dof.analysis.reactions.comparison.ReactionsComparison.residual",
 )
 def test_the_residual_is_the_error_that_was_put_in(wrong):
     for way in (*WAYS, "all"):
@@ -299,7 +308,7 @@ NAMED = {joint.name: f"{joint.name} ({joint.label})" for joint in JOINTS}
 
 
 @pytest.mark.parametrize("way", [*WAYS, "all"])
-@shows("p3dof.reactions.tables.reactions_table")
+@shows("p3dof.analysis.reactions.tables.reactions_table")
 def test_every_number_of_the_table_of_reactions(way):
     """Uneven times, misfits, and forces that miss the equations, so that no number of it is zero."""
     motion, stiffness = UNEVEN, Stiffness(misfit=Misfit(2e-5, 3e-4))
@@ -319,7 +328,7 @@ def test_every_number_of_the_table_of_reactions(way):
     check_table(reactions_table(result), rows, note=[errors.max()], atol=1e-9)
 
 
-@shows("p3dof.reactions.tables.open_tables")
+@shows("p3dof.analysis.reactions.tables.open_tables")
 def test_every_number_of_the_tables_of_open_loads():
     result = robot_reactions(UNEVEN)
     found = {joint: [loads_by_hand(one, joint) for one in result.each] for joint in result.joints}
@@ -336,7 +345,7 @@ def test_every_number_of_the_tables_of_open_loads():
         assert len(rows) > 3
 
 
-@shows("p3dof.reactions.tables.names_table")
+@shows("p3dof.analysis.reactions.tables.names_table")
 def test_the_key_of_the_joints_names_has_no_numbers():
     """Labels of the paper's drawing; what each is stands in words."""
     legs = {"A": ("slide_a", "hinge_a", "loop_a"), "B": ("slide_b", "hinge_b", "loop_b")}

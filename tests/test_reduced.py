@@ -11,13 +11,13 @@ from lagrange import LagrangeModel
 from machines import SEEDS, conditioning, derivative, random_machine, random_states, virtual_power_forces
 
 import p3dof
-from p3dof.compiled import reduced
-from p3dof.compiled.formulas import MODEL, NAMES, OF_LENGTHS, all_kernels, is_symmetric, kernel
-from p3dof.compiled.reduced import SYMMETRIC_ZEROS, State, model_of
+from p3dof.closed_form.compiled import reduced
+from p3dof.closed_form.compiled.formulas import MODEL, NAMES, OF_LENGTHS, all_kernels, is_symmetric, kernel
+from p3dof.closed_form.compiled.reduced import SYMMETRIC_ZEROS, State, model_of
+from p3dof.machine.motion import states_of
+from p3dof.machine.motion.wrenches import WRENCH_ROWS
+from p3dof.machine.parameters import PAPER, Bodies, Body
 from p3dof.methods.regressor import BASE, INERTIAL, force_regressor, inertial_parameters
-from p3dof.motion import states_of
-from p3dof.motion.wrenches import WRENCH_ROWS
-from p3dof.parameters import PAPER, Bodies, Body
 
 
 def formulas(machine, states):
@@ -110,7 +110,7 @@ def test_the_regressor_of_the_recursion_has_the_same_rank():
     machine = random_machine(11)
     states = random_states(machine, 11, 120)
     motion = states.pose, states.velocity, states.acceleration
-    rng, links = np.random.default_rng(0), p3dof.parameters.LINKS
+    rng, links = np.random.default_rng(0), p3dof.machine.parameters.LINKS
     base = {name: Body(1.0, rng.normal(0, 0.1, 3), np.diag([1.0, 1.1, 1.2])) for name in links}
     reference = virtual_power_forces(replace(machine, bodies=Bodies(**base)), *motion).ravel()
     columns = []

@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import p3dof
-from p3dof import blocks
-from p3dof.blocks.manifest import REDUCTIONS
+from p3dof._base import blocks
+from p3dof._base.blocks.manifest import REDUCTIONS
 
 SEEDS = st.integers(0, 2**32 - 1)
 

@@ -24,11 +24,11 @@ from browser import chromium, find_chromium
 import p3dof
 import p3dof.cli.report
 from p3dof import report
+from p3dof._base.errors import FileError, InputError, MissingExtraError, ReachError
+from p3dof._base.tables import number
+from p3dof.analysis.reactions import JOINTS
 from p3dof.cli import main
-from p3dof.errors import FileError, InputError, MissingExtraError, ReachError
-from p3dof.reactions import JOINTS
 from p3dof.report.figures import Picture, Pictures
-from p3dof.tables import number
 
 NOON = datetime(2024, 5, 6, 12, 0, tzinfo=timezone.utc)
 HOSTILE = "<script>alert(1)</script>&\"'--{{ 7 * 7 }}"
@@ -542,7 +542,7 @@ def test_number():
 
 @pytest.mark.usefixtures("undrawn")
 def test_the_command(tmp_path, capsys, monkeypatch):
-    from p3dof.page import saved
+    from p3dof.viewer.document import saved
 
     def brief(document):
         (moving,) = document["runs"]

@@ -12,21 +12,21 @@ import pytest
 from table_numbers import check_evidence, shows
 
 import p3dof
-from p3dof import engines
 from p3dof.cli.loop import motion as along
-from p3dof.closed_loop import ClosedLoopModel, ReactionSolver
-from p3dof.closed_loop import forward as forward_dynamics
-from p3dof.closed_loop import hybrid as hybrid_dynamics
-from p3dof.closed_loop.batch.hybrid import BatchHybrid
-from p3dof.closed_loop.closures import ClosurePoint
-from p3dof.closed_loop.compiled import build
-from p3dof.closed_loop.compiled.runs import PreparedRuns
-from p3dof.closed_loop.partitions import Split
-from p3dof.closed_loop.results import ActuatedForces, InverseDynamics
-from p3dof.closed_loop.solver import Point
-from p3dof.engines import driven
-from p3dof.motion.smoothing import fitted
-from p3dof.simulation import (
+from p3dof.loops import ClosedLoopModel, ReactionSolver
+from p3dof.loops import forward as forward_dynamics
+from p3dof.loops import hybrid as hybrid_dynamics
+from p3dof.loops.batch.hybrid import BatchHybrid
+from p3dof.loops.closures import ClosurePoint
+from p3dof.loops.compiled import build
+from p3dof.loops.compiled.runs import PreparedRuns
+from p3dof.loops.partitions import Split
+from p3dof.loops.results import ActuatedForces, InverseDynamics
+from p3dof.loops.solver import Point
+from p3dof.machine.motion.smoothing import fitted
+from p3dof.methods import engines
+from p3dof.methods.engines import driven
+from p3dof.runs import (
     ControlLoop,
     Integration,
     JointPD,
@@ -35,7 +35,7 @@ from p3dof.simulation import (
     simulate_robot,
     simulate_robot_many,
 )
-from p3dof.simulation.machine_plants import MachineJoints
+from p3dof.runs.machine_plants import MachineJoints
 
 GROUND, CRANK, COUPLER, ROCKER = robots.FOUR_BAR
 OPEN = np.array([2e-6, -3e-6, 7e-6])
@@ -84,13 +84,13 @@ def beyond_closures(q, force):
 
 
 @shows(
-    "p3dof.closed_loop.closures.ClosurePoint.error",
-    "p3dof.closed_loop.closures.ClosurePoint.gap",
-    "p3dof.closed_loop.solver.Point.gap",
-    "p3dof.closed_loop.results.ClosureForces.gap",
-    "p3dof.closed_loop.results.InverseDynamics.gap",
-    "p3dof.closed_loop.results.ForwardDynamics.gap",
-    "p3dof.closed_loop.hybrid_results.HybridDynamics.gap",
+    "p3dof.loops.closures.ClosurePoint.error",
+    "p3dof.loops.closures.ClosurePoint.gap",
+    "p3dof.loops.solver.Point.gap",
+    "p3dof.loops.results.ClosureForces.gap",
+    "p3dof.loops.results.InverseDynamics.gap",
+    "p3dof.loops.results.ForwardDynamics.gap",
+    "p3dof.loops.hybrid_results.HybridDynamics.gap",
 )
 def test_the_gap_of_a_loop_that_is_open(loop):
     q, v, a = moving()
@@ -113,9 +113,9 @@ def test_the_gap_of_a_loop_that_is_open(loop):
 
 @pytest.mark.parametrize("size", [2e-7, 1.0])
 @shows(
-    "p3dof.closed_loop.batch.results.BatchInverseDynamics.closure_error",
-    "p3dof.closed_loop.batch.results.BatchForwardDynamics.closure_error",
-    "p3dof.closed_loop.batch.results.BatchHybridDynamics.closure_error",
+    "p3dof.loops.batch.results.BatchInverseDynamics.closure_error",
+    "p3dof.loops.batch.results.BatchForwardDynamics.closure_error",
+    "p3dof.loops.batch.results.BatchHybridDynamics.closure_error",
 )
 def test_the_gaps_of_many_samples_that_are_open(loop, size):
     """So little that they go together, and so much that each goes alone; each by another share."""
@@ -132,7 +132,7 @@ def test_the_gaps_of_many_samples_that_are_open(loop, size):
         check_evidence(found, "closure_error", expected, rtol=1e-9, atol=1e-15)
 
 
-@shows("p3dof.closed_loop.compiled.results.CompiledDynamics.gap")
+@shows("p3dof.loops.compiled.results.CompiledDynamics.gap")
 def test_the_gap_of_compiled_dynamics(loop):
     q, v, a = moving()
     rows = q + np.outer([1e-3, 2e-3, -1e-3], OPEN)
@@ -140,7 +140,7 @@ def test_the_gap_of_compiled_dynamics(loop):
     check_evidence(found, "gap", [np.linalg.norm(opening(row)) for row in rows], rtol=1e-6)
 
 
-@shows("p3dof.closed_loop.assembly_results.Assembly.gap")
+@shows("p3dof.loops.assembly_results.Assembly.gap")
 def test_the_gap_of_an_assembly_that_ends_a_little_open(loop, monkeypatch):
     """The last configuration is turned by less than the tolerance, after the iteration."""
     solve = loop._assembler._solve
@@ -157,9 +157,7 @@ def test_the_gap_of_an_assembly_that_ends_a_little_open(loop, monkeypatch):
 # Any robot: forces and accelerations that are off.
 
 
-@shows(
-    "p3dof.closed_loop.results.ClosureForces.residual", "p3dof.closed_loop.results.InverseDynamics.residual"
-)
+@shows("p3dof.loops.results.ClosureForces.residual", "p3dof.loops.results.InverseDynamics.residual")
 def test_the_residual_of_forces_whose_multipliers_are_off(loop):
     q, v, a = moving()
     right = loop.inverse_dynamics(q, v, a)
@@ -200,8 +198,8 @@ class Off:
 
 
 @shows(
-    "p3dof.closed_loop.results.ForwardDynamics.residual",
-    "p3dof.closed_loop.batch.results.BatchForwardDynamics.residual",
+    "p3dof.loops.results.ForwardDynamics.residual",
+    "p3dof.loops.batch.results.BatchForwardDynamics.residual",
 )
 def test_the_residual_of_an_acceleration_that_is_off(loop, monkeypatch):
     """What the free motion is off by is left in the equation of motion, as its inertia."""
@@ -216,13 +214,13 @@ def test_the_residual_of_an_acceleration_that_is_off(loop, monkeypatch):
 
 
 @shows(
-    "p3dof.closed_loop.results.ForwardDynamics.closure_residual",
-    "p3dof.closed_loop.results.AcceleratedClosures.closure_residual",
-    "p3dof.closed_loop.batch.results.BatchForwardDynamics.closure_residual",
-    "p3dof.closed_loop.hybrid_results.HybridDynamics.closure_residual",
-    "p3dof.closed_loop.hybrid_results.HybridDynamics.prescribed_residual",
-    "p3dof.closed_loop.hybrid_results.PrescribedMotion.closure_residual",
-    "p3dof.closed_loop.hybrid_results.PrescribedMotion.prescribed_residual",
+    "p3dof.loops.results.ForwardDynamics.closure_residual",
+    "p3dof.loops.results.AcceleratedClosures.closure_residual",
+    "p3dof.loops.batch.results.BatchForwardDynamics.closure_residual",
+    "p3dof.loops.hybrid_results.HybridDynamics.closure_residual",
+    "p3dof.loops.hybrid_results.HybridDynamics.prescribed_residual",
+    "p3dof.loops.hybrid_results.PrescribedMotion.closure_residual",
+    "p3dof.loops.hybrid_results.PrescribedMotion.prescribed_residual",
 )
 def test_the_residuals_of_accelerations_that_open_the_loop(loop, monkeypatch):
     """Joints that follow are off: so is what they prescribe, and how fast the loop opens."""
@@ -244,8 +242,8 @@ def test_the_residuals_of_accelerations_that_open_the_loop(loop, monkeypatch):
 
 
 @shows(
-    "p3dof.closed_loop.hybrid_results.HybridDynamics.residual",
-    "p3dof.closed_loop.batch.results.BatchHybridDynamics.residual",
+    "p3dof.loops.hybrid_results.HybridDynamics.residual",
+    "p3dof.loops.batch.results.BatchHybridDynamics.residual",
 )
 def test_the_residual_of_a_force_that_is_off(loop, monkeypatch):
     """For one sample, and for one in a batch that goes alone: what no multiplier balances of the force."""
@@ -258,7 +256,7 @@ def test_the_residual_of_a_force_that_is_off(loop, monkeypatch):
     check_evidence(loop.hybrid_dynamics_batch([q], [v], [a[:1]]), "residual", [expected], rtol=1e-4)
 
 
-@shows("p3dof.closed_loop.batch.results.BatchHybridDynamics.residual")
+@shows("p3dof.loops.batch.results.BatchHybridDynamics.residual")
 def test_the_residual_of_many_forces_that_are_off(loop, monkeypatch):
     """Along the motion in which the crank turns by one: its own share is one, the force's error itself."""
     states = [moving(0.9 + 0.02 * n) for n in range(12)]
@@ -277,8 +275,8 @@ def test_the_residual_of_many_forces_that_are_off(loop, monkeypatch):
 
 
 @shows(
-    "p3dof.closed_loop.reaction_results.JointReactions.residual",
-    "p3dof.closed_loop.reaction_algebra.Solved.residual",
+    "p3dof.loops.reaction_results.JointReactions.residual",
+    "p3dof.loops.reaction_algebra.Solved.residual",
 )
 def test_the_residual_of_reactions_to_a_force_that_is_off(loop):
     """A torque beyond the motion is what is missing in the equation of motion, as far as nothing bears it."""
@@ -294,7 +292,7 @@ def test_the_residual_of_reactions_to_a_force_that_is_off(loop):
 # Runs.
 
 
-@shows("p3dof.simulation.robot_run.RobotRun.gap")
+@shows("p3dof.runs.robot_run.RobotRun.gap")
 def test_the_gap_of_a_run_that_starts_a_little_open(loop):
     q, *_ = moving()
     q = q + 1e-5 * OPEN
@@ -303,7 +301,7 @@ def test_the_gap_of_a_run_that_starts_a_little_open(loop):
     check_evidence(run, "gap", np.linalg.norm(opening(q)), rtol=1e-3, measure=lambda gaps: gaps[0])
 
 
-@shows("p3dof.simulation.robot_run.RobotRun.error")
+@shows("p3dof.runs.robot_run.RobotRun.error")
 def test_the_error_of_a_robots_run():
     """Reference less value, by the shorter way of a joint that turns without end."""
     loop = ClosedLoopModel.from_urdf(
@@ -322,9 +320,9 @@ def test_the_error_of_a_robots_run():
 
 
 @shows(
-    "p3dof.simulation.run.Simulation.error",
-    "p3dof.simulation.run.Simulation.peak_error",
-    "p3dof.simulation.run.Simulation.rms_error",
+    "p3dof.runs.run.Simulation.error",
+    "p3dof.runs.run.Simulation.peak_error",
+    "p3dof.runs.run.Simulation.rms_error",
 )
 def test_the_errors_of_a_run():
     run = p3dof.load().simulate(0.02, samples=4, method="compiled")
@@ -335,7 +333,7 @@ def test_the_errors_of_a_run():
     check_evidence(led, "rms_error", [np.sqrt(10e-6 / 4), np.sqrt(20e-6 / 4), np.sqrt(0.1 / 4)])
 
 
-@shows("p3dof.simulation.run.Simulation.closure_error")
+@shows("p3dof.runs.run.Simulation.closure_error")
 def test_the_closure_error_of_a_run_whose_slider_is_off(monkeypatch):
     """A slider that is .1 mm too high opens its own loop by so much."""
     joints = MachineJoints.joints
@@ -375,10 +373,10 @@ def lagging(loop, samples):
 
 
 @shows(
-    "p3dof.simulation.robot_runs.RobotRuns.peak_error",
-    "p3dof.simulation.robot_runs.RobotRuns.rms_error",
-    "p3dof.closed_loop.compiled.runs.RunsFound.peak_error",
-    "p3dof.closed_loop.compiled.runs.RunsFound.square_error",
+    "p3dof.runs.robot_runs.RobotRuns.peak_error",
+    "p3dof.runs.robot_runs.RobotRuns.rms_error",
+    "p3dof.loops.compiled.runs.RunsFound.peak_error",
+    "p3dof.loops.compiled.runs.RunsFound.square_error",
 )
 def test_the_errors_of_runs_in_lanes(loop, in_lanes):
     runs, off = lagging(loop, None)
@@ -390,7 +388,7 @@ def test_the_errors_of_runs_in_lanes(loop, in_lanes):
 
 
 @pytest.mark.parametrize("samples", [None, 11, 4])
-@shows("p3dof.simulation.robot_runs.RobotRuns.peak_error", "p3dof.simulation.robot_runs.RobotRuns.rms_error")
+@shows("p3dof.runs.robot_runs.RobotRuns.peak_error", "p3dof.runs.robot_runs.RobotRuns.rms_error")
 def test_the_errors_of_runs_one_by_one_are_those_of_all_ticks(loop, samples, monkeypatch):
     """However many samples are kept."""
     monkeypatch.setattr(robots_many, "acting_in_c", lambda *_: None)
@@ -400,7 +398,7 @@ def test_the_errors_of_runs_one_by_one_are_those_of_all_ticks(loop, samples, mon
     assert runs.past.get("q", np.zeros((2, 0))).shape[1] == (samples or 0)
 
 
-@shows("p3dof.simulation.robot_runs.RobotRuns.gap", "p3dof.closed_loop.compiled.runs.RunsFound.gap")
+@shows("p3dof.runs.robot_runs.RobotRuns.gap", "p3dof.loops.compiled.runs.RunsFound.gap")
 def test_the_gap_of_runs_that_start_a_little_open(loop, in_lanes):
     """What Newton's method finds before it closes the loop: that of the start, after one short step."""
     q = moving()[0] + np.outer([3e-5, 6e-5], OPEN)
@@ -410,7 +408,7 @@ def test_the_gap_of_runs_that_start_a_little_open(loop, in_lanes):
         check_evidence(one, "gap", expected, rtol=1e-3)
 
 
-@shows("p3dof.motion.smoothing.SmoothingFit.residual")
+@shows("p3dof.machine.motion.smoothing.SmoothingFit.residual")
 def test_the_residual_of_a_fit_is_what_it_leaves():
     """One piece is a polynomial of degree 5, which leaves what NumPy's leaves of powers and a wave."""
     time = np.linspace(3.0, 5.0, 40)
@@ -428,7 +426,7 @@ LIBRARIES = {"mujoco": "mujoco", "drake": "pydrake", "exudyn": "exudyn"}
 
 
 @pytest.mark.parametrize("name", LIBRARIES)
-@shows("p3dof.engines.samples.Sample.gap")
+@shows("p3dof.methods.engines.samples.Sample.gap")
 def test_the_gap_that_an_engine_finds_of_a_slider_that_is_off(name):
     pytest.importorskip(LIBRARIES[name], reason=f"{name} not installed: pip install 'p3dof[engines]'")
     engine, motion = engines.load(name, p3dof.PAPER), p3dof.paper_motion(11)
@@ -439,9 +437,9 @@ def test_the_gap_that_an_engine_finds_of_a_slider_that_is_off(name):
 
 
 @shows(
-    "p3dof.engines.driven.Convergence.errors",
-    "p3dof.engines.driven.Convergence.extrapolated_error",
-    "p3dof.engines.driven.Convergence.gaps",
+    "p3dof.methods.engines.driven.Convergence.errors",
+    "p3dof.methods.engines.driven.Convergence.extrapolated_error",
+    "p3dof.methods.engines.driven.Convergence.gaps",
 )
 def test_the_errors_of_forces_that_converge(monkeypatch):
     """Forces that are off by 8 h² + 16 h³ with h in milliseconds: what is extrapolated leaves the cubes."""
@@ -464,7 +462,7 @@ def test_the_errors_of_forces_that_converge(monkeypatch):
     check_evidence(found, "extrapolated_error", abs((4 * 4 - 24) / 3) / largest, rtol=1e-12)
 
 
-@shows("p3dof.engines.driven.DrivenForces.gap")
+@shows("p3dof.methods.engines.driven.DrivenForces.gap")
 def test_the_gaps_of_a_driven_mechanism_are_those_of_its_sensors(monkeypatch):
     """The largest distance at any loop, which sensors give as coordinates."""
     numbers = np.random.default_rng(0).normal(0, 1e-6, (3, 5, 4))
@@ -474,7 +472,7 @@ def test_the_gaps_of_a_driven_mechanism_are_those_of_its_sensors(monkeypatch):
         add_sensor=lambda what, kind: what,  # noqa: ARG005
         add_drives=lambda *_: None,
         start=lambda *_: None,
-        mechanism=p3dof.description.describe(p3dof.PAPER),
+        mechanism=p3dof.machine.description.describe(p3dof.PAPER),
         exudyn=SimpleNamespace(
             OutputVariableType=SimpleNamespace(Force=0, DisplacementLocal=1),
             DynamicSolverType=SimpleNamespace(TrapezoidalIndex2=0),

@@ -12,10 +12,10 @@ from documents import ROOT
 from other_robots import STAND_INS, load, others, urdf_of
 
 import p3dof
-from p3dof.closed_loop import Closure, Coupling, Sidecar
-from p3dof.closed_loop.robots import load_robot
-from p3dof.closed_loop.trees import with_joints
-from p3dof.errors import InputError, ModelError, ModelWarning
+from p3dof._base.errors import InputError, ModelError, ModelWarning
+from p3dof.loops import Closure, Coupling, Sidecar
+from p3dof.loops.robots import load_robot
+from p3dof.loops.trees import with_joints
 
 POSE, VELOCITY, ACCELERATION = (0.03, -0.04, 0.2), (0.2, 0.3, -1.0), (1.0, -2.0, 3.0)
 

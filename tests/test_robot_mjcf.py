@@ -8,9 +8,9 @@ import pytest
 
 mujoco = pytest.importorskip("mujoco")
 
-from p3dof.closed_loop.formats import mjcf, mjcf_file  # noqa: E402
-from p3dof.closed_loop.robots import load_robot  # noqa: E402
-from p3dof.errors import InputError, MissingExtraError, ModelError  # noqa: E402
+from p3dof._base.errors import InputError, MissingExtraError, ModelError  # noqa: E402
+from p3dof.loops.formats import mjcf, mjcf_file  # noqa: E402
+from p3dof.loops.robots import load_robot  # noqa: E402
 
 RICH = """
 <mujoco model="rich">

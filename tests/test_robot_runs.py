@@ -9,9 +9,9 @@ import pytest
 from scipy.linalg import expm
 
 import p3dof
-from p3dof.closed_loop import ClosedLoopModel, Sidecar
-from p3dof.errors import ControllerError, InputError, MotionError
-from p3dof.simulation import (
+from p3dof._base.errors import ControllerError, InputError, MotionError
+from p3dof.loops import ClosedLoopModel, Sidecar
+from p3dof.runs import (
     ControlLoop,
     Event,
     InitialState,

@@ -13,10 +13,10 @@ import pytest
 from documents import ROOT
 
 import p3dof
-from p3dof.closed_loop import ClosedLoopModel, JointData
-from p3dof.closed_loop.compiled import build, runs
-from p3dof.errors import ControllerError, InputError, ModelWarning
-from p3dof.simulation import (
+from p3dof._base.errors import ControllerError, InputError, ModelWarning
+from p3dof.loops import ClosedLoopModel, JointData
+from p3dof.loops.compiled import build, runs
+from p3dof.runs import (
     ControlLoop,
     Event,
     Integration,
@@ -28,8 +28,8 @@ from p3dof.simulation import (
     simulate_robot,
     simulate_robot_many,
 )
-from p3dof.simulation.compiled_robot_runs import RobotRunInC, Setting
-from p3dof.simulation.robot_movers import runs_of
+from p3dof.runs.compiled_robot_runs import RobotRunInC, Setting
+from p3dof.runs.robot_movers import runs_of
 
 pytestmark = pytest.mark.skipif(build.compiler() is None, reason="no C compiler here")
 EXACT = Integration(rtol=1e-12, atol=1e-14)

@@ -14,9 +14,9 @@ from numpy.testing import assert_allclose
 from scipy.optimize import brentq
 
 import p3dof
-from p3dof.errors import InputError, SweepError
-from p3dof.optimisation import MEASURES, Box, Constraint, Robust, read_problem
-from p3dof.parameters import PAPER, SOLIDS
+from p3dof._base.errors import InputError, SweepError
+from p3dof.design.optimisation import MEASURES, Box, Constraint, Robust, read_problem
+from p3dof.machine.parameters import PAPER, SOLIDS
 
 SIGMA = {"R": "0.5 mm", "r": "0.2 mm", "L": 5e-4, "density": "1 %"}
 FIXED = {"slider_edge": 0.05, "plate_thickness": 0.05, "corner_radius": 0.02, "b": 0.05}

@@ -9,9 +9,9 @@ from test_cli import run
 
 import p3dof
 from p3dof import ControlLoop, Feedforward, Integration, Simulation, Springs, WrenchHistory
-from p3dof.compiled import levels
-from p3dof.errors import ControllerError
-from p3dof.motion.splines import eased
+from p3dof._base.errors import ControllerError
+from p3dof.closed_form.compiled import levels
+from p3dof.machine.motion.splines import eased
 
 pytestmark = pytest.mark.skipif(levels()[-1] == "numpy", reason="the extension was not built")
 

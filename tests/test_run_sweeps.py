@@ -7,7 +7,8 @@ import pytest
 from sweep_problems import files
 
 import p3dof
-from p3dof import blocks, sweeps
+from p3dof._base import blocks
+from p3dof.design import sweeps
 
 REST = p3dof.Motion.rest_to_rest([0, 0, 0], [0.02, -0.02, 0.1], 0.1, 11)
 VARIABLES = {
@@ -84,7 +85,7 @@ def test_an_interrupted_block_is_not_taken_for_a_whole_one(tmp_path, monkeypatch
     """`simulate_many` returns what is done when somebody presses Ctrl-C: less than a block."""
     from dataclasses import replace
 
-    from p3dof.sweeps import runs
+    from p3dof.design.sweeps import runs
 
     whole = runs.simulate_many
     monkeypatch.setattr(runs, "simulate_many", lambda *a, **o: replace(whole(*a, **o), interrupted=True))

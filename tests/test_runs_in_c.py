@@ -16,15 +16,15 @@ from sanitized import LINUX, run_sanitized
 
 import p3dof
 from p3dof import PD, ComputedTorque, ControlLoop, Feedforward, Friction, Integration, Springs
-from p3dof.compiled import levels, runs
-from p3dof.compiled.lanes import lane_kernel
-from p3dof.compiled.reduced.friction import friction_numbers
-from p3dof.errors import ControllerError, DynamicsError, InputError, ReachError
-from p3dof.simulation import InitialState, Noise
-from p3dof.simulation.compiled_machine import pace
-from p3dof.simulation.limits import Limiter
-from p3dof.simulation.simulate import task_of
-from p3dof.simulation.ways import why_python
+from p3dof._base.errors import ControllerError, DynamicsError, InputError, ReachError
+from p3dof.closed_form.compiled import levels, runs
+from p3dof.closed_form.compiled.lanes import lane_kernel
+from p3dof.closed_form.compiled.reduced.friction import friction_numbers
+from p3dof.runs import InitialState, Noise
+from p3dof.runs.compiled_machine import pace
+from p3dof.runs.limits import Limiter
+from p3dof.runs.simulate import task_of
+from p3dof.runs.ways import why_python
 
 pytestmark = pytest.mark.skipif(levels()[-1] == "numpy", reason="the extension was not built")
 
@@ -356,7 +356,7 @@ def test_other_threads_go_on_while_a_run_is_in_c():
 
 
 def test_what_the_extension_refuses():
-    from p3dof.compiled.extension._compiled import MachineRun
+    from p3dof._native._compiled import MachineRun
 
     robot = p3dof.load()
     motion, constants, place, watch = runs.lane_constants(robot.kernels)
@@ -408,15 +408,15 @@ DRIVER = r"""
 #define P3DOF_TARGET
 enum { CACHE_LINE = 8, BLOCK = 80, LINE = 88 };
 #define P3DOF_NAME(f) f##_here
-#include "p3dof/compiled/extension/machine.h"
-#include "p3dof/compiled/extension/vector_math.h"
-#include "p3dof/compiled/extension/generated/batch_kernels.h"
-#include "p3dof/compiled/extension/machine_run.h"
+#include "p3dof/_native/machine.h"
+#include "p3dof/_native/vector_math.h"
+#include "p3dof/_native/generated/batch_kernels.h"
+#include "p3dof/_native/machine_run.h"
 #define P3DOF_LANE(f) P3DOF_NAME(f##_single)
 #define P3DOF_LANES 1
-#include "p3dof/compiled/extension/generated/lane_kernels.h"
-#include "p3dof/compiled/extension/control.h"
-#include "p3dof/compiled/extension/follow.h"
+#include "p3dof/_native/generated/lane_kernels.h"
+#include "p3dof/_native/control.h"
+#include "p3dof/_native/follow.h"
 @TABLES@
 
 static int polls;
@@ -611,7 +611,7 @@ import os
 import numpy as np
 import p3dof
 import runs_in_c, test_equal_steps_in_c as equal, test_runs_in_c as own
-from p3dof.compiled import levels
+from p3dof.closed_form.compiled import levels
 rough, motion = p3dof.Friction({"sliders": 5.0}, {"joints": 0.02}, smoothing=0.05), p3dof.paper_motion(51)
 for level in levels()[1:]:
     os.environ["P3DOF_LEVEL"] = level

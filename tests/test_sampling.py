@@ -11,10 +11,10 @@ import pytest
 from documents import first_block
 
 import p3dof
+from p3dof._base.errors import InputError, MotionError
+from p3dof.analysis.sampling import MOST, loads_at
 from p3dof.cli import main
-from p3dof.errors import InputError, MotionError
-from p3dof.manipulator.sampling import MOST, loads_at
-from p3dof.motion import Curve, Motion, WrenchHistory
+from p3dof.machine.motion import Curve, Motion, WrenchHistory
 
 SIX = (
     np.array(

@@ -10,7 +10,7 @@ import pytest
 from scipy import stats
 
 import p3dof
-from p3dof import blocks
+from p3dof._base import blocks
 
 METHODS = ("random", "latin-hypercube", "sobol")
 VARIABLES = {"a": blocks.Uniform(2, 5), "b": blocks.Normal(1, 0.1), "c": blocks.LogUniform(1e-3, 10)}

@@ -11,10 +11,10 @@ import pytest
 from machines import random_machine, random_states
 
 import p3dof
-from p3dof.closed_loop import ClosedLoopModel, Sidecar
-from p3dof.closed_loop.batch.targets import FrameTargets
-from p3dof.errors import AssemblyError, ParameterError
-from p3dof.parameters import PAPER, Bodies, Body, Geometry, Parameters
+from p3dof._base.errors import AssemblyError, ParameterError
+from p3dof.loops import ClosedLoopModel, Sidecar
+from p3dof.loops.batch.targets import FrameTargets
+from p3dof.machine.parameters import PAPER, Bodies, Body, Geometry, Parameters
 
 SCALES = [1e-6, 1e-3, 1e-2, 20.0, 150.0, 1e4]
 REST = np.zeros(3)
@@ -213,7 +213,7 @@ def test_errors_of_scaled_models_name_the_unit():
     far = pin.SE3(np.eye(3), np.array([0.0, 0, 600.0]))
     q = loop.assemble(p3dof.FrameTarget("platform", far)).q.copy()
     q[loop.model.idx_qs[loop.model.getJointId("slide_0")]] += 1.0
-    with pytest.raises(p3dof.errors.InputError, match=r"is open by \S+ x 64 m or rad"):
+    with pytest.raises(p3dof._base.errors.InputError, match=r"is open by \S+ x 64 m or rad"):
         loop.inverse_dynamics(q, *np.zeros((2, 24)))
     with pytest.raises(AssemblyError, match=r"leaves \S+ x 0\.000244141 m or rad") as info:
         scaled_loop("sarrus", 1e-3).assemble(

@@ -11,11 +11,11 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import p3dof
-from p3dof import blocks
-from p3dof.blocks.problem import Block
-from p3dof.errors import InputError
-from p3dof.parameters import PAPER, SOLIDS, Body
-from p3dof.tolerances import MatchedSamples, sobol_indices
+from p3dof._base import blocks
+from p3dof._base.blocks.problem import Block
+from p3dof._base.errors import InputError
+from p3dof.analysis.tolerances import MatchedSamples, sobol_indices
+from p3dof.machine.parameters import PAPER, SOLIDS, Body
 
 MOTION = p3dof.paper_motion(201)
 NAMES = ("r", "R", "L", "rod_radius")

@@ -17,10 +17,15 @@ from p3dof.cli.codegen import _function_table, _kernel_table
 from p3dof.cli.loop import codegen as loop_codegen
 from p3dof.cli.loop.simulate import _table as run_table
 from p3dof.cli.workspace import _table as means_tables
-from p3dof.closed_loop import ClosedLoopModel, Closure, Coupling, Sidecar
-from p3dof.closed_loop.joint_data import JointData
-from p3dof.closed_loop.overview import overview
-from p3dof.closed_loop.tables import (
+from p3dof.codegen.batch import DIRECTORY
+from p3dof.codegen.machine import parameter_row
+from p3dof.codegen.precision import DOUBLE
+from p3dof.codegen.printing import Printer, machine_numbers
+from p3dof.codegen.routines import routines
+from p3dof.loops import ClosedLoopModel, Closure, Coupling, Sidecar
+from p3dof.loops.joint_data import JointData
+from p3dof.loops.overview import overview
+from p3dof.loops.tables import (
     actuators_table,
     assembly_table,
     closures_table,
@@ -28,18 +33,13 @@ from p3dof.closed_loop.tables import (
     joints_table,
     motors_table,
 )
-from p3dof.codegen.batch import DIRECTORY
-from p3dof.codegen.machine import parameter_row
-from p3dof.codegen.precision import DOUBLE
-from p3dof.codegen.printing import Printer, machine_numbers
-from p3dof.codegen.routines import routines
-from p3dof.engines.driven import Convergence
+from p3dof.machine.motion.tables import motion_table
+from p3dof.machine.parameters import Body, Geometry, Limits, Parameters
+from p3dof.machine.parameters.tables import parameter_tables, payload_table
 from p3dof.methods import InverseDynamics, JointStates
+from p3dof.methods.engines.driven import Convergence
 from p3dof.methods.tables import evidence_table, forces_table, limits_table
-from p3dof.motion.tables import motion_table
-from p3dof.parameters import Body, Geometry, Limits, Parameters
-from p3dof.parameters.tables import parameter_tables, payload_table
-from p3dof.simulation.robot_run import RobotRun
+from p3dof.runs.robot_run import RobotRun
 
 NAN = float("nan")
 BODIES = {
@@ -67,7 +67,7 @@ def tensor(diagonal, products):
 def machine():
     """A machine in which no two numbers are alike; its platform carries two bodies."""
     platform = Body(5.0, (0.01, -0.02, 0.03), tensor((0.31, 0.32, 0.33), PRODUCTS))
-    bodies = p3dof.parameters.Bodies(
+    bodies = p3dof.machine.parameters.Bodies(
         platform=platform, **{name: Body(*given) for name, given in BODIES.items()}
     )
     bare = Parameters(
@@ -106,12 +106,12 @@ PAYLOADS = (
 
 
 @shows(
-    "p3dof.parameters.tables.parameter_tables",
-    "p3dof.parameters.tables._geometry",
-    "p3dof.parameters.tables._limits",
-    "p3dof.parameters.tables._bodies",
-    "p3dof.parameters.tables._friction",
-    "p3dof.parameters.tables._actuators",
+    "p3dof.machine.parameters.tables.parameter_tables",
+    "p3dof.machine.parameters.tables._geometry",
+    "p3dof.machine.parameters.tables._limits",
+    "p3dof.machine.parameters.tables._bodies",
+    "p3dof.machine.parameters.tables._friction",
+    "p3dof.machine.parameters.tables._actuators",
 )
 def test_the_tables_of_a_machine(machine):
     geometry, limits, bodies, friction, actuators = parameter_tables(machine)
@@ -142,7 +142,7 @@ def test_the_tables_of_a_machine(machine):
     check_table(actuators, given)
 
 
-@shows("p3dof.parameters.tables.payload_table")
+@shows("p3dof.machine.parameters.tables.payload_table")
 def test_the_table_of_what_the_platform_carries(machine):
     rows = {"platform": PLATFORM, "payload 1": PAYLOADS[0], "payload 2": PAYLOADS[1]}
     rows["together"] = joined(list(rows.values()))
@@ -152,11 +152,11 @@ def test_the_table_of_what_the_platform_carries(machine):
     assert payload_table(machine.unladen) is None
 
 
-@shows("p3dof.parameters.tables._bodies")
+@shows("p3dof.machine.parameters.tables._bodies")
 def test_what_is_rounding_beside_other_numbers_is_shown_as_zero():
     """A hundredth of the least number that stands beside the largest one: not a thousandth of a tenth."""
     inertia = tensor((0.3, 0.3, 0.3), (1e-16, 1e-13, 0))
-    bodies = p3dof.parameters.Bodies(
+    bodies = p3dof.machine.parameters.Bodies(
         platform=Body(5.0, (1.0, 1e-13, 1e-15), inertia),
         **{name: Body(*given) for name, given in BODIES.items()},
     )
@@ -269,7 +269,7 @@ def test_the_table_of_limits(result):
     check_table(limits_table(result, limits), rows)
 
 
-@shows("p3dof.motion.tables.motion_table")
+@shows("p3dof.machine.motion.tables.motion_table")
 def test_the_table_of_a_motion():
     motion, loads = moving(), VALUES.normal(0, 50, (5, 6))
     rows = {}
@@ -299,7 +299,7 @@ def five_bar():
     return ClosedLoopModel.from_urdf(robots.five_bar(), GEARED)
 
 
-@shows("p3dof.closed_loop.tables.actuators_table", "p3dof.closed_loop.tables.motors_table")
+@shows("p3dof.loops.tables.actuators_table", "p3dof.loops.tables.motors_table")
 def test_the_tables_of_actuators_and_motors(five_bar):
     """Two joints, of which the second has a gear that turns it around; speeds and forces of any numbers."""
     v, tau = VALUES.normal(0, 2, (5, five_bar.model.nv)), VALUES.normal(0, 30, (5, 2))
@@ -334,10 +334,10 @@ CARRIAGE_SIDECAR = Sidecar((), ("drive", "turn"), couplings=(Coupling("rail", "d
 
 
 @shows(
-    "p3dof.closed_loop.tables.joints_table",
-    "p3dof.closed_loop.tables.closures_table",
-    "p3dof.closed_loop.tables.facts_table",
-    "p3dof.closed_loop.tables.assembly_table",
+    "p3dof.loops.tables.joints_table",
+    "p3dof.loops.tables.closures_table",
+    "p3dof.loops.tables.facts_table",
+    "p3dof.loops.tables.assembly_table",
 )
 def test_the_tables_of_a_robot_with_all_roles():
     """A screw that drives a slide, a wheel with a motor, an arm that is idle: counts by hand."""
@@ -382,12 +382,12 @@ def test_the_tables_of_a_robot_with_all_roles():
         "swing": (0.0, "rad"),
         "drive": (0.7, "rad"),
     }
-    found = p3dof.closed_loop.Assembly(assembly.q, 4.56e-11, 17, assembly.evidence)
+    found = p3dof.loops.Assembly(assembly.q, 4.56e-11, 17, assembly.evidence)
     note = [4.56e-11, "rank 1", 1, "mobility 3", 3, 17, "iterations", "is the same"]
     check_table(assembly_table(robot, found), {name: values[name] for name in order}, note=note, atol=1e-9)
 
 
-@shows("p3dof.closed_loop.tables.closures_table", "p3dof.closed_loop.tables.facts_table")
+@shows("p3dof.loops.tables.closures_table", "p3dof.loops.tables.facts_table")
 def test_the_tables_of_a_robot_with_redundant_closures():
     """A plane four-bar whose closure has three rows: axes across keep points in their planes alone."""
     sidecar = Sidecar((Closure("coupler_tip", "rocker_tip", "3d"),), ("crank_joint",))
@@ -411,7 +411,7 @@ def test_the_tables_of_a_robot_with_redundant_closures():
     check_table(facts_table(robot, seen), expected)
 
 
-@shows("p3dof.closed_loop.tables.assembly_table")
+@shows("p3dof.loops.tables.assembly_table")
 def test_the_values_of_a_ball_joint_stand_together():
     model = pin.Model()
     ball = model.addJoint(0, pin.JointModelSpherical(), pin.SE3.Identity(), "ball")
@@ -419,7 +419,7 @@ def test_the_values_of_a_ball_joint_stand_together():
     robot = ClosedLoopModel(model, Sidecar((), ("slide",)))
     evidence = SimpleNamespace(rank=2, mobility=5, kept=False)
     q = np.array([0.1, -0.5, 0.5, 0.7, -0.25])
-    table = assembly_table(robot, p3dof.closed_loop.Assembly(q, 0.0, 3, evidence))
+    table = assembly_table(robot, p3dof.loops.Assembly(q, 0.0, 3, evidence))
     rows = {"ball": (tuple(q[:4]), "m, rad"), "slide": (-0.25, "m")}
     check_table(table, rows, note=[0, 2, 5, 3, "perhaps another one"])
 
@@ -507,7 +507,7 @@ class Symmetric(Printer):
 
     def _put_in_machine(self, numbers):  # noqa: ARG002
         body = Body(1.2, (0, 0, 0), (0.2, 0.3, 0.4))
-        bodies = p3dof.parameters.Bodies.alike(
+        bodies = p3dof.machine.parameters.Bodies.alike(
             slider=body, leg=Body(1.3, (0.21, 0, 0), (0.2, 0.5, 0.6)), crossbar=body, platform=body
         )
         row = parameter_row(Parameters(Geometry(r=0.1234, R=0.3456, L=0.5678, b=0.0712), bodies))

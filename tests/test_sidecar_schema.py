@@ -8,9 +8,9 @@ import jsonschema
 import pytest
 import yaml
 
-from p3dof.closed_loop import Sidecar
-from p3dof.closed_loop.constraints import KINDS, SYNONYMS
-from p3dof.errors import ModelError
+from p3dof._base.errors import ModelError
+from p3dof.loops import Sidecar
+from p3dof.loops.constraints import KINDS, SYNONYMS
 
 SCHEMA = json.loads(
     (Path(__file__).parents[1] / "docs/reference/sidecar.schema.json").read_text(encoding="utf-8")

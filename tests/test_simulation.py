@@ -14,8 +14,8 @@ from test_friction import random_friction
 
 import p3dof
 from p3dof import PAPER, ControlLoop, Friction, InitialState, Integration, Limits, Springs
-from p3dof.errors import ControllerError, DynamicsError, FileError, InputError, ReachError
-from p3dof.simulation.work import estimate
+from p3dof._base.errors import ControllerError, DynamicsError, FileError, InputError, ReachError
+from p3dof.runs.work import estimate
 
 METHODS = ("virtual-power", "pinocchio")
 HOME = np.zeros(3)

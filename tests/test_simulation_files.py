@@ -16,8 +16,8 @@ import pytest
 
 import p3dof
 from p3dof import FileError, Simulation
-from p3dof.manipulator import METHODS
-from p3dof.simulation import archive, run
+from p3dof.methods.registry import METHODS
+from p3dof.runs import archive, run
 
 
 @pytest.fixture(scope="module")

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 import p3dof
-from p3dof.errors import InputError
-from p3dof.kinematics import gate
+from p3dof._base.errors import InputError
+from p3dof.closed_form.kinematics import gate
+from p3dof.closed_form.paper import formulas
+from p3dof.machine.motion import States, states_of, states_over
+from p3dof.machine.parameters import PAPER, Friction
 from p3dof.methods import METHODS
-from p3dof.motion import States, states_of, states_over
-from p3dof.paper import formulas
-from p3dof.parameters import PAPER, Friction
 
 HOME = np.zeros(3)
 ROUGH = replace(PAPER, friction=Friction(viscous={"sliders": 1.0}, coulomb={"joints": 0.01}))

@@ -12,9 +12,9 @@ from documents import ROOT
 from numpy.testing import assert_allclose
 
 import p3dof
+from p3dof._base.errors import FileError, InputError
 from p3dof.cli import main
-from p3dof.errors import FileError, InputError
-from p3dof.page.studio import save_studio, studio_document, studio_page
+from p3dof.viewer.document.studio import save_studio, studio_document, studio_page
 
 AXE = ROOT / "page/node_modules/axe-core/axe.min.js"
 ROBOT = p3dof.load()

@@ -11,15 +11,16 @@ import pytest
 from table_numbers import check_evidence, check_table, shows
 
 import p3dof
-from p3dof import PAPER, PD, ControlLoop, DesignProblem, InitialState, Integration, blocks
-from p3dof.blocks.tables import sweep_tables
-from p3dof.designs import DesignEvaluation, Designs
-from p3dof.designs.files import Rows
-from p3dof.designs.stream import DesignSummary
-from p3dof.many_runs import figures_table, stops_table
-from p3dof.optimisation import checking, front_tables, optimum_tables
-from p3dof.simulation.tables import errors_table, run_table
-from p3dof.workspace import workspace_table
+from p3dof import PAPER, PD, ControlLoop, DesignProblem, InitialState, Integration
+from p3dof._base import blocks
+from p3dof._base.blocks.tables import sweep_tables
+from p3dof.analysis.designs import DesignEvaluation, Designs
+from p3dof.analysis.designs.files import Rows
+from p3dof.analysis.designs.stream import DesignSummary
+from p3dof.analysis.workspace import workspace_table
+from p3dof.design.optimisation import checking, front_tables, optimum_tables
+from p3dof.runs.many import figures_table, stops_table
+from p3dof.runs.tables import errors_table, run_table
 
 NAMES = tuple(f"x{i}" for i in range(5))
 
@@ -30,10 +31,10 @@ def valued(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 @shows(
-    "p3dof.blocks.tables.sweep_tables",
-    "p3dof.blocks.tables._table",
-    "p3dof.blocks.tables._of_rows",
-    "p3dof.blocks.tables._of_counts",
+    "p3dof._base.blocks.tables.sweep_tables",
+    "p3dof._base.blocks.tables._table",
+    "p3dof._base.blocks.tables._of_rows",
+    "p3dof._base.blocks.tables._of_counts",
 )
 def test_tables_of_sweeps_have_sums_over_all_items(tmp_path: Path) -> None:
     sampling = blocks.Samples(dict.fromkeys(NAMES, blocks.Uniform(0.0, 1.0)), 90)
@@ -75,7 +76,7 @@ def test_tables_of_sweeps_have_sums_over_all_items(tmp_path: Path) -> None:
     check_table(moments, wanted)
 
 
-@shows("p3dof.designs.stream.DesignSummary.tables")
+@shows("p3dof.analysis.designs.stream.DesignSummary.tables")
 def test_tables_of_designs_have_the_forces_of_each_machine() -> None:
     motion = p3dof.paper_motion(21)
     R = np.array([0.24, 0.26, 0.3, 0.22, 0.2, 0.28])
@@ -135,10 +136,10 @@ def errors_of(run: p3dof.Simulation) -> np.ndarray:
 
 
 @shows(
-    "p3dof.many_runs.results.ManyRuns.peak_error",
-    "p3dof.many_runs.results.ManyRuns.rms_error",
-    "p3dof.many_runs.tables.figures_table",
-    "p3dof.many_runs.tables.stops_table",
+    "p3dof.runs.many.results.ManyRuns.peak_error",
+    "p3dof.runs.many.results.ManyRuns.rms_error",
+    "p3dof.runs.many.tables.figures_table",
+    "p3dof.runs.many.tables.stops_table",
 )
 def test_many_runs_have_the_figures_of_single_ones(singles: list[p3dof.Simulation]) -> None:
     many = p3dof.load().simulate_many(
@@ -170,11 +171,11 @@ def test_many_runs_have_the_figures_of_single_ones(singles: list[p3dof.Simulatio
 
 
 @shows(
-    "p3dof.simulation.run.Simulation.error",
-    "p3dof.simulation.run.Simulation.peak_error",
-    "p3dof.simulation.run.Simulation.rms_error",
-    "p3dof.simulation.tables.errors_table",
-    "p3dof.simulation.tables.run_table",
+    "p3dof.runs.run.Simulation.error",
+    "p3dof.runs.run.Simulation.peak_error",
+    "p3dof.runs.run.Simulation.rms_error",
+    "p3dof.runs.tables.errors_table",
+    "p3dof.runs.tables.run_table",
 )
 def test_tables_of_runs_have_those_of_another_integrator(singles: list[p3dof.Simulation]) -> None:
     one = singles[0]
@@ -215,11 +216,11 @@ def peak_of(R: float) -> float:
 
 
 @shows(
-    "p3dof.optimisation.checking.Check.difference",
-    "p3dof.optimisation.tables.optimum_tables",
-    "p3dof.optimisation.tables._changes",
-    "p3dof.optimisation.tables._limits",
-    "p3dof.optimisation.tables._checks",
+    "p3dof.design.optimisation.checking.Check.difference",
+    "p3dof.design.optimisation.tables.optimum_tables",
+    "p3dof.design.optimisation.tables._changes",
+    "p3dof.design.optimisation.tables._limits",
+    "p3dof.design.optimisation.tables._checks",
 )
 def test_tables_of_an_optimum_have_the_forces_of_its_machine(monkeypatch: pytest.MonkeyPatch) -> None:
     """The wider the base, the less the peak: the best one is at the bound of the width, 2R."""
@@ -278,7 +279,7 @@ def test_tables_of_an_optimum_have_the_forces_of_its_machine(monkeypatch: pytest
     check_table(checks, rows)
 
 
-@shows("p3dof.optimisation.tables.front_tables")
+@shows("p3dof.design.optimisation.tables.front_tables")
 def test_the_table_of_a_front_has_machines_of_even_widths() -> None:
     problem = DesignProblem({"R": (0.2, 0.24)}, SHORT, objectives=["peak_force", "width"])
     (table,) = front_tables(problem.pareto(points=3))
@@ -289,7 +290,7 @@ def test_the_table_of_a_front_has_machines_of_even_widths() -> None:
     check_table(table, rows, title=(3, "designs"))
 
 
-@shows("p3dof.workspace.tables.workspace_table")
+@shows("p3dof.analysis.workspace.tables.workspace_table")
 def test_sizes_of_a_workspace_are_sums_over_fine_grids() -> None:
     r, R, L = 0.14, 0.32, 0.55
     robot = p3dof.load(replace(PAPER, geometry=replace(PAPER.geometry, r=r, R=R, L=L)))

@@ -20,8 +20,10 @@ from sweep_problems import files, wait_until
 from test_blocks import PARQUET, environment
 
 import p3dof
-from p3dof import blocks, plots, sweeps
+from p3dof._base import blocks
 from p3dof.cli import main
+from p3dof.design import sweeps
+from p3dof.report import plots
 
 REFERENCE = Path(__file__).parents[1] / "docs/reference"
 SCHEMA = json.loads((REFERENCE / "sweep.schema.json").read_text(encoding="utf-8"))

@@ -12,9 +12,9 @@ from rich.console import Console
 from test_report import HOSTILE, Page
 
 import p3dof
+from p3dof._base.tables import Table, notebook_html, number, table_html, table_of
+from p3dof._base.tables.table import percent, time_text
 from p3dof.cli.output import show
-from p3dof.tables import Table, notebook_html, number, table_html, table_of
-from p3dof.tables.table import percent, time_text
 
 MACHINE = replace(
     p3dof.PAPER,

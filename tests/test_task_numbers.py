@@ -11,18 +11,12 @@ from test_drive_numbers import GEARED, Axis
 
 import p3dof
 from p3dof import Actuators, AxisLimits, Body, Limits, Task, Waypoint
-from p3dof.bearings import Bearing, Bearings, Guide
-from p3dof.drives import Cycle
-from p3dof.manipulator import (
-    assumptions,
-    comparison_table,
-    loads_table,
-    needs_table,
-    uses_table,
-    verdicts_table,
-)
-from p3dof.manipulator.task_limits import sizing_table
-from p3dof.manipulator.tasks import limits_table, pieces_table
+from p3dof.design.assessment_tables import assumptions, loads_table, needs_table, uses_table
+from p3dof.design.bearings import Bearing, Bearings, Guide
+from p3dof.design.design_comparison import comparison_table, verdicts_table
+from p3dof.design.drives import Cycle
+from p3dof.design.forces_of_tasks import limits_table, pieces_table
+from p3dof.design.task_limits import sizing_table
 
 HEAVY = Body(14.0, np.array([0.02, -0.03, -0.05]), np.diag([0.03, 0.04, 0.05]))
 TASK = Task(
@@ -139,7 +133,7 @@ def samples(plan):
     return Samples(MACHINE, plan)
 
 
-@shows("p3dof.manipulator.tasks.pieces_table")
+@shows("p3dof.design.forces_of_tasks.pieces_table")
 def test_what_each_piece_of_a_task_takes(forces, samples):
     assert len(samples.ends) == 7
     rows = []
@@ -163,7 +157,7 @@ def slow(robot):
 
 @pytest.mark.parametrize("limits", [None, LIMITS])
 @pytest.mark.parametrize("pace", ["quick", "slow"])
-@shows("p3dof.manipulator.task_limits.sizing_table")
+@shows("p3dof.design.task_limits.sizing_table")
 def test_how_much_a_task_uses_of_limits(forces, samples, slow, pace, limits):
     if pace == "slow":
         forces, samples = slow
@@ -191,7 +185,7 @@ HOLDS = {
 }
 
 
-@shows("p3dof.manipulator.tasks.limits_table")
+@shows("p3dof.design.forces_of_tasks.limits_table")
 def test_how_much_the_fastest_motion_uses_of_its_limits():
     """The numbers of a plan in its table; and its peaks are those of Lagrange at its samples, about there."""
     task = Task([Waypoint([-0.1, 0, -0.2]), Waypoint([0.1, 0.02, 0.2], pick_up=HEAVY), Waypoint([0, 0, 0])])
@@ -256,7 +250,7 @@ def rms(samples, values, resting):
 
 
 @pytest.mark.parametrize("drive", [None, GEARED])
-@shows("p3dof.manipulator.assessment_tables.loads_table")
+@shows("p3dof.design.assessment_tables.loads_table")
 def test_what_each_slider_bears_and_does(robot, forces, samples, drive):
     power = samples.nut * samples.speed
     rows = {
@@ -286,7 +280,7 @@ def test_what_each_slider_bears_and_does(robot, forces, samples, drive):
     check_table(loads_table(assessed(robot, forces, drive)), rows, note=note)
 
 
-@shows("p3dof.manipulator.assessment_tables.needs_table")
+@shows("p3dof.design.assessment_tables.needs_table")
 def test_what_motors_must_give_behind_screws(robot, forces, samples):
     peaks, means = np.abs(samples.nut).max(axis=0), rms(samples, samples.nut, samples.nut[-1])
     rows = {}
@@ -345,7 +339,7 @@ def static_loads(samples, reactions):
         yield name, part, kind, load[k], allowed, "N", times[k] if load[k] else math.nan, place
 
 
-@shows("p3dof.manipulator.assessment_tables.uses_table")
+@shows("p3dof.design.assessment_tables.uses_table")
 def test_how_much_of_all_ratings_is_used(robot, forces, samples):
     found = assessed(robot, forces, GEARED, PARTS, LIMITS)
     rows = [
@@ -427,8 +421,8 @@ NEITHER = ("work taken back a cycle",)
 
 
 @shows(
-    "p3dof.manipulator.design_comparison.comparison_table",
-    "p3dof.manipulator.design_comparison.DesignMeasure.differences",
+    "p3dof.design.design_comparison.comparison_table",
+    "p3dof.design.design_comparison.DesignMeasure.differences",
 )
 def test_designs_side_by_side(compared):
     found, both = compared
@@ -455,7 +449,7 @@ def test_designs_side_by_side(compared):
     )
 
 
-@shows("p3dof.manipulator.design_comparison.verdicts_table")
+@shows("p3dof.design.design_comparison.verdicts_table")
 def test_which_rating_each_design_uses_most(compared):
     found, both = compared
     rows = {}

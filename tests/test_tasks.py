@@ -11,9 +11,9 @@ from test_cli import run
 
 import p3dof
 from p3dof import Body, Motion, Task, Waypoint, fastest_plan, forces_of_task
-from p3dof.errors import InputError, ReachError, TaskError
-from p3dof.tasks import PROFILES
-from p3dof.tasks.files import dump, parse
+from p3dof._base.errors import InputError, ReachError, TaskError
+from p3dof.design.tasks import PROFILES
+from p3dof.design.tasks.files import dump, parse
 
 SCHEMA = json.loads(
     (Path(__file__).parents[1] / "docs/reference/task.schema.json").read_text(encoding="utf-8")

@@ -16,10 +16,10 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
+from p3dof._base.tables import time_text
 from p3dof.cli import main
 from p3dof.cli.encoding import spelled, write_what_is_there
 from p3dof.cli.terminal import print_table
-from p3dof.tables import time_text
 
 PROGRAM = [sys.executable, "-m", "p3dof"]
 SHORT = ("--samples", "5")
@@ -53,7 +53,7 @@ def words(lines):
 @pytest.mark.parametrize("command", TABLES)
 def test_no_width_cuts_a_number_or_a_name(tmp_path, capsys, monkeypatch, command):
     if command == "simulate":  # its speed differs from run to run
-        monkeypatch.setattr("p3dof.simulation.Simulation.speed", 1.0)
+        monkeypatch.setattr("p3dof.runs.Simulation.speed", 1.0)
     wide = words(lines_at(500, TABLES[command], tmp_path, capsys, monkeypatch))
     for width in (80, 60, 30):
         lines = lines_at(width, TABLES[command], tmp_path, capsys, monkeypatch)
@@ -204,8 +204,11 @@ runpy.run_module("p3dof", run_name="__main__")
 @pytest.mark.parametrize(
     ("module", "number"),
     [
-        *((name, signal.SIGINT) for name in ("p3dof.cli", "pinocchio", "click", "rich.table", "p3dof.plots")),
-        *((name, signal.SIGTERM) for name in ("p3dof.cli", "p3dof.plots")),
+        *(
+            (name, signal.SIGINT)
+            for name in ("p3dof.cli", "pinocchio", "click", "rich.table", "p3dof.report.plots")
+        ),
+        *((name, signal.SIGTERM) for name in ("p3dof.cli", "p3dof.report.plots")),
         *(("numpy._core._internal", number) for number in (signal.SIGINT, signal.SIGTERM)),  # half of NumPy
     ],
 )
@@ -229,7 +232,7 @@ def starting(folder, module, *before):
 
 
 @pytest.mark.skipif(sys.platform.startswith("win"), reason="POSIX signals")
-@pytest.mark.parametrize("module", ["p3dof.cli", "p3dof.plots"])
+@pytest.mark.parametrize("module", ["p3dof.cli", "p3dof.report.plots"])
 def test_in_the_background_of_a_script_ctrl_c_is_for_others(tmp_path, module):
     """A shell lets what it starts with & ignore Ctrl-C: it ends what is in front."""
     script = 'trap "" INT; exec "$0" "$@"'

@@ -7,10 +7,10 @@ import threading
 
 import pytest
 
-from p3dof.compiled import MachineKernels
-from p3dof.errors import InputError
-from p3dof.parameters import PAPER
-from p3dof.threads import in_threads, processors, shares, slices, thread_count
+from p3dof._base.errors import InputError
+from p3dof._base.threads import in_threads, processors, shares, slices, thread_count
+from p3dof.closed_form.compiled import MachineKernels
+from p3dof.machine.parameters import PAPER
 
 
 @pytest.mark.parametrize("count", [0, 1, 7, 100, 100_003])

@@ -11,10 +11,9 @@ import pinocchio as pin
 import pytest
 
 import p3dof
-import p3dof.closed_loop.batch.assembly as batch_assembly
+import p3dof.loops.batch.assembly as batch_assembly
 from p3dof import PAPER, FrameTarget, Motion
-from p3dof.closed_loop import ClosedLoopModel, Sidecar, solver
-from p3dof.errors import (
+from p3dof._base.errors import (
     AssemblyError,
     DynamicsError,
     InputError,
@@ -23,6 +22,7 @@ from p3dof.errors import (
     SampleError,
     SingularityError,
 )
+from p3dof.loops import ClosedLoopModel, Sidecar, solver
 
 G = PAPER.geometry
 HOME = np.zeros(3)

@@ -13,8 +13,8 @@ from scipy.optimize import fsolve
 from table_numbers import check_evidence, check_table, shows
 
 import p3dof
-from p3dof.parameters import PAPER, Body
-from p3dof.tolerances import identifiability, sensitivity_table, sobol_indices, tolerance_tables
+from p3dof.analysis.tolerances import identifiability, sensitivity_table, sobol_indices, tolerance_tables
+from p3dof.machine.parameters import PAPER, Body
 
 MOTION = p3dof.paper_motion(101)
 LENGTHS = ("r", "R", "L")
@@ -126,7 +126,7 @@ SIGMAS = np.array([2e-4, 0.02 * PAPER.bodies.platform.mass])
 GIVEN = {"R": "0.2 mm", "platform.mass": "2 %"}
 
 
-@shows("p3dof.tolerances.tables._of_forces", "p3dof.tolerances.tables.tolerance_tables")
+@shows("p3dof.analysis.tolerances.tables._of_forces", "p3dof.analysis.tolerances.tables.tolerance_tables")
 def test_tables_of_forces_have_sums_over_differences(slopes: tuple[np.ndarray, np.ndarray]) -> None:
     forces, by = slopes
     result = p3dof.tolerance(PAPER, SHORT, sigma=GIVEN, worst=2.5)
@@ -162,7 +162,7 @@ def test_tables_of_forces_have_sums_over_differences(slopes: tuple[np.ndarray, n
     check_table(found[1], parts)
 
 
-@shows("p3dof.tolerances.tables._of_forces")
+@shows("p3dof.analysis.tolerances.tables._of_forces")
 def test_tables_of_machines_drawn_are_those_of_each_machine() -> None:
     """Each built by itself, for the other way to the forces; those that cannot move are counted."""
     motion = p3dof.paper_motion(11)
@@ -207,7 +207,7 @@ def own_spread(pose: np.ndarray, sigmas: np.ndarray) -> np.ndarray:
     return own_rows(pose) * sigmas
 
 
-@shows("p3dof.tolerances.tables._of_poses", "p3dof.tolerances.tables.tolerance_tables")
+@shows("p3dof.analysis.tolerances.tables._of_poses", "p3dof.analysis.tolerances.tables.tolerance_tables")
 def test_tables_of_poses_have_sums_over_closures_of_the_tests_own() -> None:
     poses = np.array([[0.1, 0.02, -0.5], [0.0, 0.0, 0.5]])
     given = {"R": "50 um", "L": "30 um", "encoder": "10 um", "L.b": "40 um"}
@@ -234,7 +234,7 @@ def test_tables_of_poses_have_sums_over_closures_of_the_tests_own() -> None:
     check_table(parts, wanted)
 
 
-@shows("p3dof.tolerances.results.PoseTolerance.errors", "p3dof.tolerances.tables._of_poses")
+@shows("p3dof.analysis.tolerances.results.PoseTolerance.errors", "p3dof.analysis.tolerances.tables._of_poses")
 def test_errors_of_machines_drawn_are_those_at_which_their_legs_close() -> None:
     pose = np.array([0.1, 0.0, -0.5])
     given = {"R": "0.5 mm", "L": "0.5 mm", "r": "0.2 mm", "encoder": "0.1 mm"}
@@ -286,9 +286,9 @@ def shares_and_errors(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 @shows(
-    "p3dof.tolerances.sobol.SobolIndices.first_error",
-    "p3dof.tolerances.sobol.SobolIndices.total_error",
-    "p3dof.tolerances.tables.sensitivity_table",
+    "p3dof.analysis.tolerances.sobol.SobolIndices.first_error",
+    "p3dof.analysis.tolerances.sobol.SobolIndices.total_error",
+    "p3dof.analysis.tolerances.tables.sensitivity_table",
 )
 def test_indices_have_the_errors_of_left_out_rows(matched: np.ndarray) -> None:
     found = sobol_indices(matched.ravel(), ("x", "y"), "peak", "N", on_missing="drop")
@@ -311,7 +311,7 @@ def test_indices_have_the_errors_of_left_out_rows(matched: np.ndarray) -> None:
     )
 
 
-@shows("p3dof.tolerances.tables.sensitivity_table")
+@shows("p3dof.analysis.tolerances.tables.sensitivity_table")
 def test_the_table_of_derivatives_has_differences(slopes: tuple[np.ndarray, np.ndarray]) -> None:
     forces, by = slopes
     found = p3dof.sensitivity(PAPER, SHORT, {"R": 1e-4, "platform.mass": "1 %"}, method="gradient")

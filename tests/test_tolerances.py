@@ -10,9 +10,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import p3dof
-from p3dof.errors import InputError, ReachError, SweepError
-from p3dof.parameters import PAPER, SOLIDS, Body
-from p3dof.tolerances.pose import NAMES, closure_derivatives, closures
+from p3dof._base.errors import InputError, ReachError, SweepError
+from p3dof.analysis.tolerances.pose import NAMES, closure_derivatives, closures
+from p3dof.machine.parameters import PAPER, SOLIDS, Body
 
 MOTION = p3dof.paper_motion(1001)
 LENGTHS = {"r": "0.1 mm", "R": "0.1 mm", "L": "0.1 mm"}

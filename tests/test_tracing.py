@@ -12,13 +12,13 @@ from machines import SEEDS, random_machine, random_states, virtual_power_forces
 from test_friction import random_friction
 
 import p3dof
-from p3dof import kinematics
-from p3dof.simulation.equations import Equations
-from p3dof.tracing import Symbol, Tape, derivatives, straight_line
-from p3dof.tracing.c import statements
-from p3dof.tracing.cut import in_two
-from p3dof.tracing.divisions import in_pairs
-from p3dof.tracing.python import function_of
+from p3dof._base.tracing import Symbol, Tape, derivatives, straight_line
+from p3dof._base.tracing.c import statements
+from p3dof._base.tracing.cut import in_two
+from p3dof._base.tracing.divisions import in_pairs
+from p3dof._base.tracing.python import function_of
+from p3dof.closed_form import kinematics
+from p3dof.runs.equations import Equations
 
 
 @given(seed=SEEDS)

@@ -11,9 +11,9 @@ import pytest
 from closed_loop_robots import ARM, BAR, ROD, joint, link, robot
 
 import p3dof
-from p3dof.closed_loop import ClosedLoopModel, Closure, Sidecar
-from p3dof.closed_loop.overview import overview
-from p3dof.errors import DynamicsError, SingularityError
+from p3dof._base.errors import DynamicsError, SingularityError
+from p3dof.loops import ClosedLoopModel, Closure, Sidecar
+from p3dof.loops.overview import overview
 
 GROUND, CRANK, COUPLER, ROCKER = robots.FOUR_BAR
 GALLERY = Path(__file__).parent.parent / "docs/_static/gallery"

@@ -10,12 +10,22 @@ import pytest
 from scipy import constants
 
 import p3dof
+from p3dof._base.errors import ParameterError
 from p3dof.cli import main
-from p3dof.errors import ParameterError
-from p3dof.parameters import PAPER, Geometry, box
-from p3dof.parameters.inertial import inertial_of_cylinder, inertial_of_plate
-from p3dof.parameters.quantities import _UNITS, ANGLE, FORCE, INERTIA, LENGTH, MASS, MOMENT, POWER, PRESSURE
-from p3dof.parameters.serialization import dump, parse
+from p3dof.machine.parameters import PAPER, Geometry, box
+from p3dof.machine.parameters.inertial import inertial_of_cylinder, inertial_of_plate
+from p3dof.machine.parameters.quantities import (
+    _UNITS,
+    ANGLE,
+    FORCE,
+    INERTIA,
+    LENGTH,
+    MASS,
+    MOMENT,
+    POWER,
+    PRESSURE,
+)
+from p3dof.machine.parameters.serialization import dump, parse
 
 PLAIN = """
 geometry: {r: 0.12, R: 0.25, L: 0.4, b: 0.05}

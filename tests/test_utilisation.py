@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import p3dof
-from p3dof.errors import InputError
+from p3dof._base.errors import InputError
+from p3dof.machine.parameters import PAPER, Limits
 from p3dof.methods import Utilisation
 from p3dof.methods.utilisation import time_of_peak
-from p3dof.parameters import PAPER, Limits
 
 
 @pytest.fixture(scope="module")

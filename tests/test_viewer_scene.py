@@ -17,9 +17,9 @@ import p3dof
 pytest.importorskip("meshcat", reason="meshcat is not installed")
 import umsgpack
 
-from p3dof.page.room import LINKS_OF_LEGS
-from p3dof.parameters import LINKS
+from p3dof.machine.parameters import LINKS
 from p3dof.viewer import ArrowScale, Scene, SceneWindow, joints_of, trace_of
+from p3dof.viewer.document.room import LINKS_OF_LEGS
 from p3dof.viewer.drawing import ROOT
 from p3dof.viewer.scene import MARK
 
@@ -523,7 +523,7 @@ def test_bad_input_is_one_clear_error(robot, scene):
 def test_without_meshcat_the_extra_is_named(robot, monkeypatch):
     monkeypatch.setitem(sys.modules, "meshcat", None)
     for call in (lambda: Scene(robot), SceneWindow):
-        with pytest.raises(p3dof.errors.MissingExtraError, match=r"p3dof\[viz\]"):
+        with pytest.raises(p3dof._base.errors.MissingExtraError, match=r"p3dof\[viz\]"):
             call()
 
 

@@ -24,7 +24,7 @@ import psutil
 import pytest
 
 import p3dof
-from p3dof.errors import InputError, ReachError
+from p3dof._base.errors import InputError, ReachError
 
 pytest.importorskip("meshcat", reason="meshcat is not installed")
 
@@ -33,8 +33,8 @@ import meshcat.geometry
 import umsgpack
 from tornado.websocket import websocket_connect
 
-from p3dof.page.encoding import decoded
 from p3dof.viewer.connections import BURST, MAX_PAGES, MAX_WAITING
+from p3dof.viewer.document.encoding import decoded
 from p3dof.viewer.host import PORT
 from p3dof.viewer.limits import Allowance, Outbox
 from p3dof.viewer.messages import unpacked_message

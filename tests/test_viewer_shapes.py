@@ -14,7 +14,7 @@ import pinocchio as pin
 import pytest
 
 import p3dof
-from p3dof.errors import FileError, InputError
+from p3dof._base.errors import FileError, InputError
 
 pytest.importorskip("meshcat", reason="meshcat is not installed")
 pytest.importorskip("yourdfpy", reason="yourdfpy is not installed")
@@ -22,11 +22,11 @@ pytest.importorskip("trimesh", reason="trimesh is not installed")
 import trimesh
 from browser import chromium, opened
 
-from p3dof.page.robots import meshes
-from p3dof.page.robots.document import robot_document
-from p3dof.page.robots.figure import RobotFigure
-from p3dof.page.robots.meshes import MeshFiles
 from p3dof.viewer import JointMotion
+from p3dof.viewer.document.robots import meshes
+from p3dof.viewer.document.robots.document import robot_document
+from p3dof.viewer.document.robots.figure import RobotFigure
+from p3dof.viewer.document.robots.meshes import MeshFiles
 from p3dof.viewer.headless import as_image
 
 SHAPES = {

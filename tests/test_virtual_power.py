@@ -11,13 +11,13 @@ from hypothesis import given, settings
 from lagrange import LagrangeModel
 from machines import SEEDS, conditioning, derivative, random_machine, random_states, virtual_power_forces
 
-from p3dof import kinematics
-from p3dof.errors import InputError, ReachError, SingularityError
-from p3dof.paper.formulas import Lengths
-from p3dof.paper.inertials import Inertial
-from p3dof.paper.virtual_power import Wrench, actuator_forces
-from p3dof.parameters import PAPER, SOLIDS, Bodies, Body, Geometry
-from p3dof.samples import ACTUATION_TOLERANCE
+from p3dof._base.errors import InputError, ReachError, SingularityError
+from p3dof._base.samples import ACTUATION_TOLERANCE
+from p3dof.closed_form import kinematics
+from p3dof.closed_form.paper.formulas import Lengths
+from p3dof.closed_form.paper.inertials import Inertial
+from p3dof.closed_form.paper.virtual_power import Wrench, actuator_forces
+from p3dof.machine.parameters import PAPER, SOLIDS, Bodies, Body, Geometry
 
 HOME = np.zeros(3)
 

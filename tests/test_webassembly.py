@@ -26,7 +26,7 @@ from p3dof.codegen.reference import reference
 from p3dof.codegen.wasm_build import webassembly
 from p3dof.codegen.wasm_files import WebFiles
 from p3dof.codegen.web_controller import controller_module
-from p3dof.parameters import LINKS, SLIDES, Body
+from p3dof.machine.parameters import LINKS, SLIDES, Body
 
 GALLERY = ROOT / "docs/_static/gallery"
 TOOLS = ("clang", "wasm-ld", "node")

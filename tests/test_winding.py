@@ -7,8 +7,8 @@ import pytest
 from scipy.optimize import brentq
 
 import p3dof
-from p3dof.drives import Drive, Motor, Screw, Winding, axes_table, cycle_of, read_catalogue, size_of
-from p3dof.errors import DriveError
+from p3dof._base.errors import DriveError
+from p3dof.design.drives import Drive, Motor, Screw, Winding, axes_table, cycle_of, read_catalogue, size_of
 
 RPM = math.pi / 30
 PHASE = {"bus_voltage": 320, "pole_pairs": 4, "resistance": 0.5, "inductance": 4e-3, "measured": "phase"}

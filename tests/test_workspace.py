@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from machines import SEEDS, random_geometry, random_machine
 
 import p3dof
-from p3dof import kinematics
+from p3dof.closed_form import kinematics
 
 ROBOT = p3dof.load()
 SPACE = ROBOT.workspace()

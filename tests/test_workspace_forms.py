@@ -6,8 +6,8 @@ from hypothesis import given
 from machines import SEEDS, random_geometry
 
 import p3dof
-from p3dof import kinematics
-from p3dof import workspace as ws
+from p3dof.analysis import workspace as ws
+from p3dof.closed_form import kinematics
 
 PAPER = ws.Sizes.of(p3dof.PAPER.geometry)
 

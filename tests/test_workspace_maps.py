@@ -7,7 +7,7 @@ import pytest
 import xarray
 
 import p3dof
-from p3dof.indices import COLUMNS, DEFINITIONS, write_dataset
+from p3dof.analysis.indices import COLUMNS, DEFINITIONS, write_dataset
 
 ROBOT = p3dof.load()
 SPACE = ROBOT.workspace()

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import p3dof
+from p3dof.machine.motion import Load
 from p3dof.methods import METHODS
-from p3dof.motion import Load
 
 TIMES = np.linspace(0, 2, 6)  # as many times as a wrench has components: what fits both must not be mixed up
 MOTION = p3dof.Motion.rest_to_rest([0, 0, 0], [0.05, 0.02, 0.1], 2.0, samples=6)
@@ -151,7 +151,7 @@ def test_a_wrench_that_is_none_at_one_time():
 
 def test_engines_take_either():
     pytest.importorskip("mujoco", reason="mujoco not installed: pip install 'p3dof[engines]'")
-    engine, motion = p3dof.engines.load("mujoco"), MOTION
+    engine, motion = p3dof.methods.engines.load("mujoco"), MOTION
     known = engine.forces(motion, expected(motion.time))
     for name in ("a question about one time", "many times", "numbers or components by rows"):
         np.testing.assert_array_equal(engine.forces(motion, FUNCTIONS[name]), known)

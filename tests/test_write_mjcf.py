@@ -20,10 +20,10 @@ from mujoco_opinion import Opinion, agree, coordinates  # noqa: E402
 from test_mjcf_traits import GRIPPER, TENDONS, without_meshes  # noqa: E402
 
 import p3dof  # noqa: E402
-from p3dof.closed_loop import ClosedLoopModel, Closure, Coupling, JointData, Sidecar  # noqa: E402
-from p3dof.closed_loop.constraints import KINDS  # noqa: E402
-from p3dof.closed_loop.writers.mjcf import text  # noqa: E402
-from p3dof.errors import InputError, ModelError, ModelWarning  # noqa: E402
+from p3dof._base.errors import InputError, ModelError, ModelWarning  # noqa: E402
+from p3dof.loops import ClosedLoopModel, Closure, Coupling, JointData, Sidecar  # noqa: E402
+from p3dof.loops.constraints import KINDS  # noqa: E402
+from p3dof.loops.writers.mjcf import text  # noqa: E402
 
 GALLERY = sorted((ROOT / "docs/_static/gallery").glob("*.urdf"))
 CARRIED = ("slider", "cylindrical", "planar")

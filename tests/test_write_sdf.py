@@ -21,9 +21,9 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 
 import p3dof
-from p3dof.closed_loop import ClosedLoopModel, Closure, Coupling, JointData, Sidecar
-from p3dof.closed_loop.writers.sdf import text
-from p3dof.errors import ModelError, ModelWarning
+from p3dof._base.errors import ModelError, ModelWarning
+from p3dof.loops import ClosedLoopModel, Closure, Coupling, JointData, Sidecar
+from p3dof.loops.writers.sdf import text
 
 GALLERY = {file.stem: file for file in sorted((ROOT / "docs/_static/gallery").glob("*.urdf"))}
 DRAKE = "{http://drake.mit.edu}"

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from p3dof.closed_loop import ClosedLoopModel
+from p3dof.loops import ClosedLoopModel
 
 SIXTH_ORDER = (np.array([-3, -2, -1, 1, 2, 3]), np.array([-1, 9, -45, 45, -9, 1]) / 60)
 

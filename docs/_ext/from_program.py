@@ -20,6 +20,7 @@ import shlex
 import shutil
 import sys
 from collections.abc import Iterator
+from operator import attrgetter
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import FunctionType, ModuleType
@@ -178,8 +179,19 @@ def api_page() -> str:
             parts += [".. autosummary::", "   :toctree: .", ""]
             parts += [*(f"   ~p3dof.{name}" for name in objects), ""]
         if modules:
-            parts += [".. toctree::", "   :maxdepth: 1", "", *(f"   p3dof.{name}" for name in modules), ""]
+            rooms = [room for name in modules for room in (name, *rooms_of(name))]
+            parts += [".. toctree::", "   :maxdepth: 1", "", *(f"   p3dof.{room}" for room in rooms), ""]
     return "\n".join(parts)
+
+
+def rooms_of(door: str) -> list[str]:
+    """Return the rooms behind a door that offer something."""
+    offered = getattr(getattr(p3dof, door), "__all__", ())
+    found = {name: getattr(getattr(p3dof, door), name) for name in offered}
+    rooms = [
+        name for name, room in found.items() if isinstance(room, ModuleType) and hasattr(room, "__all__")
+    ]
+    return [f"{door}.{name}" for name in rooms]
 
 
 def data_names() -> list[str]:
@@ -210,12 +222,15 @@ def data_page(name: str) -> str:
 def module_pages() -> dict[str, str]:
     """Return a page for each public module: what it says about itself, and what it offers beyond `p3dof`."""
     pages, told = {}, {id(getattr(p3dof, name)) for name in p3dof.__all__}
-    for name in p3dof.__all__:
-        module = getattr(p3dof, name)
-        if not isinstance(module, ModuleType):
-            continue
+    doors = [name for name in p3dof.__all__ if isinstance(getattr(p3dof, name), ModuleType)]
+    for name in [room for door in doors for room in (door, *rooms_of(door))]:
+        module = attrgetter(name)(p3dof)
         title = f"p3dof.{name}"
-        parts = [title, "=" * len(title), "", f".. automodule:: {title}", "   :no-members:", ""]
+        parts = [title, "=" * len(title), ""]
+        if module.__name__ == title:
+            parts += [f".. automodule:: {title}", "   :no-members:", ""]
+        else:  # offered by another name than it has
+            parts += [f".. py:module:: {title}", "", inspect.getdoc(module) or "", ""]
         for member in getattr(module, "__all__", ()):
             what = getattr(module, member)
             if id(what) not in told and (inspect.isfunction(what) or inspect.isclass(what)):

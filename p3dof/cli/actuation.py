@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import click
 
 from p3dof.cli.kinds import POSITIVE, Number, Whole
-from p3dof.simulation import ControlLoop, Noise
+from p3dof.runs import ControlLoop, Noise
 
 _OPTIONS = (
     click.option(

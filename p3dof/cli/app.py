@@ -15,8 +15,7 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem
 
-from p3dof.cli.encoding import spelled, write_what_is_there
-from p3dof.errors import (
+from p3dof._base.errors import (
     AssemblyError,
     DynamicsError,
     ModelWarning,
@@ -24,6 +23,7 @@ from p3dof.errors import (
     P3dofError,
     SampleError,
 )
+from p3dof.cli.encoding import spelled, write_what_is_there
 
 FAILED, BAD_INPUT, INTERRUPTED, READER_LEFT = 1, 2, 130, 141
 """Exit codes: a check failed or the machine cannot make a motion; bad input; the last two as a shell has them
@@ -179,7 +179,7 @@ def _run(arguments: Sequence[str] | None) -> int:
 def _show_warning(message: Warning | str, category: type[Warning], *place: Any, **others: Any) -> None:
     """Show a warning about the input as one line; others, which are ours to mend, as Python does."""
     if issubclass(category, ModelWarning):
-        from p3dof.checks import one_line
+        from p3dof._base.checks import one_line
 
         sys.stderr.write(f"p3dof: {one_line(str(message), LONGEST)}\n")
     else:
@@ -221,7 +221,7 @@ def app() -> None:
 
 def _print_version(context: click.Context) -> None:
     from p3dof import __version__
-    from p3dof.compiled import in_words
+    from p3dof.closed_form.compiled import in_words
 
     click.echo(f"p3dof {__version__} (kernels: {in_words()})")
     context.exit()
@@ -248,7 +248,7 @@ def _drop_what_is_left(stream: Any) -> None:
 
 
 def _fail(message: str, code: int = BAD_INPUT) -> int:
-    from p3dof.checks import one_line  # it brings NumPy, which the help does not need
+    from p3dof._base.checks import one_line  # it brings NumPy, which the help does not need
 
     return _told(one_line(message, LONGEST), code)
 

@@ -8,18 +8,19 @@ from typing import cast, get_args
 
 import click
 
+from p3dof._base.errors import InputError
 from p3dof.cli.app import app
 from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, source, write_results
 from p3dof.cli.kinds import POSITIVE, Payload, Whole
 from p3dof.cli.machine import PARAMETERS, machine_of
 from p3dof.cli.options import FIGURE, METHOD, Case
 from p3dof.cli.output import print_plain, show
-from p3dof.errors import InputError
-from p3dof.manipulator import BalanceKind, InverseDynamics, Manipulator, TaskForces, forces_of_task
-from p3dof.manipulator.balance import OBJECTIVES, Objective, balance_table, best_balance
-from p3dof.methods import Method
-from p3dof.parameters import Body, write_parameters
-from p3dof.tasks import read_task
+from p3dof.design.balance import OBJECTIVES, BalanceKind, Objective, balance_table, best_balance
+from p3dof.design.forces_of_tasks import TaskForces, forces_of_task
+from p3dof.design.tasks import read_task
+from p3dof.machine.parameters import Body, write_parameters
+from p3dof.manipulator import Manipulator
+from p3dof.methods import InverseDynamics, Method
 
 _ALL = "all"
 _TASKS = (".yaml", ".yml")
@@ -84,7 +85,7 @@ def balance(
     best = [best_balance(robot, found, cast(BalanceKind, one), objective) for one in kinds]
     console = console_beside(out)
     show(console, *(balance_table(one) for one in best), notes=True)
-    from p3dof import plots
+    from p3dof.report import plots
 
     def save(path: Path) -> Path:
         own = machine_of(parameters).parameters  # what the option adds is no part of the machine

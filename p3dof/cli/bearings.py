@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 from rich.console import Console
 
-from p3dof.bearings import bearing_life, bearings_table, guides_table, read_bearings, rods_table
+from p3dof.analysis.reactions import how_chosen
 from p3dof.cli.app import app
 from p3dof.cli.files import InputFile, source
 from p3dof.cli.kinds import Number
@@ -15,7 +15,7 @@ from p3dof.cli.options import with_load
 from p3dof.cli.output import print_plain, print_warnings, show
 from p3dof.cli.payloads import print_payloads
 from p3dof.cli.task_loads import JointLoads, with_joint_loads
-from p3dof.reactions import how_chosen
+from p3dof.design.bearings import bearing_life, bearings_table, guides_table, read_bearings, rods_table
 
 
 @app.command()

@@ -7,6 +7,8 @@ from pathlib import Path
 import click
 from rich.console import Console
 
+from p3dof._base.files import check_generated, together, write_generated
+from p3dof._base.tables import Table, table_of
 from p3dof.cli.app import app
 from p3dof.cli.export import CHECK, FORCE, WASM, print_differences
 from p3dof.cli.files import OutputFolder, file_name, protect
@@ -14,6 +16,7 @@ from p3dof.cli.kinds import Payload, payload_text
 from p3dof.cli.machine import PARAMETERS, actuator_options, machine_of
 from p3dof.cli.output import print_plain, show
 from p3dof.cli.payloads import say_payloads
+from p3dof.closed_form.compiled.formulas import NAMES, kernel
 from p3dof.codegen.batch import DIRECTORY, batch_files
 from p3dof.codegen.controller import MARK, controller_files, origin_of
 from p3dof.codegen.lanes import lane_files
@@ -23,10 +26,7 @@ from p3dof.codegen.page_wasm import page_wasm
 from p3dof.codegen.printing import operation_counts
 from p3dof.codegen.wasm_files import WebFiles
 from p3dof.codegen.web_controller import controller_module
-from p3dof.compiled.formulas import NAMES, kernel
-from p3dof.files import check_generated, together, write_generated
-from p3dof.parameters import Body, Parameters
-from p3dof.tables import Table, table_of
+from p3dof.machine.parameters import Body, Parameters
 
 TOLERANCE = 1e-9
 """Relative difference of numbers that ``--check`` lets pass in the files of a controller: a change of the

@@ -7,20 +7,19 @@ from pathlib import Path
 import click
 from rich.console import Console
 
-from p3dof import engines
+from p3dof._base.errors import MissingExtraError
+from p3dof._base.files import together
+from p3dof._base.tables import table_of
 from p3dof.cli.app import app
 from p3dof.cli.files import OutputFolder
 from p3dof.cli.kinds import Number
 from p3dof.cli.options import Case, with_case
 from p3dof.cli.output import print_plain, print_warnings, progress_bar, say, show
 from p3dof.cli.payloads import print_payloads
-from p3dof.errors import MissingExtraError
-from p3dof.files import together
-from p3dof.manipulator import InverseDynamics, agreement_table, opinions_table
-from p3dof.manipulator.comparison import ENGINE_TOLERANCE, TOLERANCE
-from p3dof.manipulator.comparison import compare as compare_methods
-from p3dof.methods import evidence_table
-from p3dof.tables import table_of
+from p3dof.methods import InverseDynamics, engines, evidence_table
+from p3dof.methods.comparison import ENGINE_TOLERANCE, TOLERANCE
+from p3dof.methods.comparison import compare as compare_methods
+from p3dof.methods.comparison_tables import agreement_table, opinions_table
 
 FILES = ("forces.csv", "forces.png", "forces.svg")
 
@@ -128,7 +127,7 @@ def _print_convergence(console: Console, case: Case) -> None:
 
 
 def _draw(out: Path, results: tuple[InverseDynamics, InverseDynamics]) -> list[Path]:
-    from p3dof import plots
+    from p3dof.report import plots
 
     try:
         figure = plots.forces_figure(results)

@@ -11,7 +11,8 @@ from typing import Any
 import click
 from rich.console import Console
 
-from p3dof.bearings import read_bearings
+from p3dof._base.errors import TaskError
+from p3dof._base.files import called, parse_yaml, read_text, together
 from p3dof.cli.app import app
 from p3dof.cli.files import JSON, STREAM, InputFile, OutputFile, protect, source
 from p3dof.cli.kinds import Whole
@@ -19,14 +20,19 @@ from p3dof.cli.machine import PARAMETERS, any_size, driven, machine_of
 from p3dof.cli.options import FIGURE, STIFFNESS, load_friction_in, stiffness_in
 from p3dof.cli.output import in_options, print_plain, progress_bar, show
 from p3dof.cli.work import SAMPLES, WORK, Work, task_named
-from p3dof.drives import read_catalogue
-from p3dof.errors import TaskError
-from p3dof.files import called, parse_yaml, read_text, together
-from p3dof.manipulator import Manipulator, compare_designs, comparison_table, verdicts_table
-from p3dof.manipulator.design_comparison import DesignComparison, write_comparisons
-from p3dof.manipulator.design_comparison import as_json as text_of
-from p3dof.parameters import read_parameters
-from p3dof.tasks import Task
+from p3dof.design.bearings import read_bearings
+from p3dof.design.design_comparison import (
+    DesignComparison,
+    compare_designs,
+    comparison_table,
+    verdicts_table,
+    write_comparisons,
+)
+from p3dof.design.design_comparison import as_json as text_of
+from p3dof.design.drives import read_catalogue
+from p3dof.design.tasks import Task
+from p3dof.machine.parameters import read_parameters
+from p3dof.manipulator import Manipulator
 
 
 @app.command("compare-designs")
@@ -127,7 +133,7 @@ def _written(
 
         writers.append(lambda: report.write_designs(out, found, command=command))
     if figure is not None:
-        from p3dof import plots
+        from p3dof.report import plots
 
         writers.append(lambda: plots.save(plots.comparison_figure(found[0]), figure))
     with together():

@@ -9,6 +9,11 @@ from typing import IO, Any
 
 import click
 
+from p3dof._base.files import called
+from p3dof.analysis.designs import DesignEvaluation
+from p3dof.analysis.designs.figures import BITS
+from p3dof.analysis.designs.files import ResultWriter, count_designs, read_designs, results_file
+from p3dof.analysis.designs.stream import ROWS, DesignSummary, evaluated, table_of_results
 from p3dof.cli.app import app
 from p3dof.cli.files import STREAM, InputFile, OutputFile, console_beside, protect, source
 from p3dof.cli.kinds import Whole
@@ -16,11 +21,6 @@ from p3dof.cli.machine import any_size
 from p3dof.cli.options import Case, with_load
 from p3dof.cli.output import in_options, print_plain, progress_bar, show
 from p3dof.cli.payloads import print_payloads
-from p3dof.designs import DesignEvaluation
-from p3dof.designs.figures import BITS
-from p3dof.designs.files import ResultWriter, count_designs, read_designs, results_file
-from p3dof.designs.stream import ROWS, DesignSummary, evaluated, table_of_results
-from p3dof.files import called
 
 
 @app.command()

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import click
 
+from p3dof.analysis.energy import balance_table, bodies_table, drives_table
 from p3dof.cli.app import app
 from p3dof.cli.files import OutputFile, console_beside, write_results
 from p3dof.cli.options import FIGURE, METHOD, Case, with_case
 from p3dof.cli.output import print_plain, print_warnings, show
 from p3dof.cli.payloads import print_payloads
-from p3dof.energy import balance_table, bodies_table, drives_table
 from p3dof.methods import evidence_table, limits_table
 
 
@@ -32,7 +32,7 @@ def energy(case: Case, method: str, out: Path | None, figure: Path | None) -> in
     case.protect(out, figure)
     result, _ = case.solve(method)
     found = case.robot.energy(result)
-    from p3dof import plots
+    from p3dof.report import plots
 
     written = write_results(found.to_csv, out, lambda: plots.energy_figure(found), figure)
     console = console_beside(out)

@@ -11,17 +11,17 @@ from typing import TypeVar
 import click
 from rich.console import Console
 
-from p3dof import description
+from p3dof._base.errors import MissingExtraError
+from p3dof._base.files import together
 from p3dof.cli.app import app
 from p3dof.cli.files import STREAM, InputFile, OutputFolder, protect, source
 from p3dof.cli.machine import PARAMETERS, machine_of
 from p3dof.cli.output import print_plain, say
 from p3dof.cli.payloads import say_payloads
-from p3dof.errors import MissingExtraError
-from p3dof.files import together
-from p3dof.motion import Motion, paper_motion
-from p3dof.page.document import page_document
-from p3dof.page.glb import save_glb
+from p3dof.machine import description
+from p3dof.machine.motion import Motion, paper_motion
+from p3dof.viewer.document.document import page_document
+from p3dof.viewer.document.glb import save_glb
 
 T = TypeVar("T")
 
@@ -127,7 +127,7 @@ class Job:
     out : Path, optional
         Folder.
     formats : tuple of str
-        Names in `p3dof.description.FORMATS`.
+        Names in `p3dof.machine.description.FORMATS`.
     exact : bool
         Whether massless links stay so.
     force : bool

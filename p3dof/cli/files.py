@@ -12,8 +12,8 @@ from typing import IO, TYPE_CHECKING, Any
 import click
 from rich.console import Console
 
-from p3dof.errors import P3dofError
-from p3dof.files import SUFFIXES, check_writable, scratch_folder, suffix_of, together
+from p3dof._base.errors import P3dofError
+from p3dof._base.files import SUFFIXES, check_writable, scratch_folder, suffix_of, together
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,7 +46,7 @@ class OutputFile(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # li
     Parameters
     ----------
     kind : str
-        A key of `p3dof.files.SUFFIXES`.
+        A key of `p3dof._base.files.SUFFIXES`.
     stream : bool
         Whether it may be the standard output, ``-``.
     """
@@ -71,7 +71,7 @@ class OutputFile(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # li
 def _require_library(kind: str, suffix: str) -> None:
     """Raise `MissingExtraError` if what such a file is made with is not installed."""
     if kind == "figure":
-        from p3dof.plots.common import require_figures
+        from p3dof.report.plots.common import require_figures
 
         require_figures()
     if kind == "report":
@@ -207,7 +207,7 @@ def write_results(
         if out is not None and out != STREAM:
             written.append(save(out))
         if figure is not None and draw is not None:
-            from p3dof import plots
+            from p3dof.report import plots
 
             written.append(plots.save(draw(), figure))
     if out == STREAM:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from p3dof.analysis.load_friction import APPLIES, additions_table, contacts_table
 from p3dof.cli.app import app
 from p3dof.cli.files import OutputFile, console_beside, write_results
 from p3dof.cli.options import (
@@ -20,7 +21,6 @@ from p3dof.cli.options import (
 )
 from p3dof.cli.output import print_plain, print_warnings, show
 from p3dof.cli.payloads import print_payloads
-from p3dof.load_friction import APPLIES, additions_table, contacts_table
 from p3dof.methods import evidence_table, forces_table, limits_table
 
 
@@ -60,7 +60,7 @@ def forces(
         effect, seconds = case.load_friction(friction, method, stiffness_in(stiffness))
         result, tables = effect.result, [additions_table(effect), contacts_table(effect)]
         drawn = [result, effect.without]
-    from p3dof import plots
+    from p3dof.report import plots
 
     written = write_results(result.to_csv, out, lambda: plots.forces_figure(drawn), figure)
     console = console_beside(out)

@@ -11,17 +11,17 @@ import click
 import numpy as np
 from rich.console import Console
 
+from p3dof._base.files import write_table
+from p3dof.analysis.indices import COLUMNS, DEFINITIONS, check_names, columns_of, indices_table
+from p3dof.analysis.indices.elasticity import DRIVE
+from p3dof.analysis.reactions.stiffness import RodSection
 from p3dof.cli.app import app
 from p3dof.cli.files import JSON, OutputFile, console_beside, write_results
 from p3dof.cli.kinds import POSITIVE, Pose
 from p3dof.cli.options import Amount, Case, with_load
 from p3dof.cli.output import show
 from p3dof.cli.payloads import print_payloads
-from p3dof.files import write_table
-from p3dof.indices import COLUMNS, DEFINITIONS, check_names, columns_of, indices_table
-from p3dof.indices.elasticity import DRIVE
-from p3dof.parameters.quantities import LENGTH
-from p3dof.reactions.stiffness import RodSection
+from p3dof.machine.parameters.quantities import LENGTH
 
 
 @app.command()

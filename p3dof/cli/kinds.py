@@ -7,10 +7,10 @@ from typing import Any
 import click
 import numpy as np
 
-from p3dof.checks import LARGEST, shown
-from p3dof.errors import ParameterError
-from p3dof.parameters import SLIDES, Body
-from p3dof.parameters.quantities import ANGLE, LENGTH, MASS, Quantity
+from p3dof._base.checks import LARGEST, shown
+from p3dof._base.errors import ParameterError
+from p3dof.machine.parameters import SLIDES, Body
+from p3dof.machine.parameters.quantities import ANGLE, LENGTH, MASS, Quantity
 
 
 class BySlide(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic in newer versions only

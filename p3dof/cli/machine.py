@@ -11,10 +11,10 @@ import click
 
 from p3dof.cli.files import InputFile, source
 from p3dof.cli.kinds import BySlide
+from p3dof.machine.parameters import Body, Parameters, read_parameters
+from p3dof.machine.parameters.plain import require_near
+from p3dof.machine.parameters.quantities import FORCE, MASS, Quantity
 from p3dof.manipulator import Manipulator, load
-from p3dof.parameters import Body, Parameters, read_parameters
-from p3dof.parameters.plain import require_near
-from p3dof.parameters.quantities import FORCE, MASS, Quantity
 
 _PARAMETERS = click.option(
     "--parameters",

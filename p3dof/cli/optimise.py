@@ -10,13 +10,13 @@ from typing import Any
 import click
 from rich.console import Console
 
+from p3dof._base.errors import InputError
 from p3dof.cli.app import app
 from p3dof.cli.files import JSON, InputFile, OutputFile, OutputFolder, protect
 from p3dof.cli.kinds import Whole
 from p3dof.cli.options import FIGURE
 from p3dof.cli.output import in_options, print_plain, print_warnings, progress_bar, show
-from p3dof.errors import InputError
-from p3dof.optimisation import (
+from p3dof.design.optimisation import (
     DesignProblem,
     Front,
     Optimum,
@@ -24,10 +24,10 @@ from p3dof.optimisation import (
     optimum_tables,
     read_problem,
 )
-from p3dof.optimisation.evolution import GENERATIONS
-from p3dof.optimisation.minimising import STARTS
-from p3dof.optimisation.pareto import GENERATIONS as OF_FRONT
-from p3dof.optimisation.pareto import POINTS, POPULATION
+from p3dof.design.optimisation.evolution import GENERATIONS
+from p3dof.design.optimisation.minimising import STARTS
+from p3dof.design.optimisation.pareto import GENERATIONS as OF_FRONT
+from p3dof.design.optimisation.pareto import POINTS, POPULATION
 
 _WORDS = {
     "resume=True": "--resume",
@@ -234,7 +234,7 @@ def pareto(
 
 
 def _bounded(problem: DesignProblem, bounds: dict[str, float]) -> DesignProblem:
-    from p3dof.optimisation.minimising import bounds_of
+    from p3dof.design.optimisation.minimising import bounds_of
 
     return problem.asking(None, bounds_of(problem, bounds))
 
@@ -248,7 +248,7 @@ def _require_one_motion(problem: DesignProblem) -> None:
 
 def _write_report(found: Optimum, path: Path) -> None:
     """Write the comparison of the optimum with the machine that there was, over the motion."""
-    from p3dof.manipulator.design_comparison import compare_designs
+    from p3dof.design.design_comparison import compare_designs
     from p3dof.report.designs import write_designs
 
     problem = found.problem
@@ -305,7 +305,7 @@ def _files(
 ) -> None:
     written = [path for path in outputs if path is not None]
     if figure is not None:
-        from p3dof import plots
+        from p3dof.report import plots
 
         written.append(plots.save(getattr(plots, drawing)(found), figure))
     for path in () if quiet else written:

@@ -12,21 +12,21 @@ from typing import Any, cast
 import click
 import numpy as np
 
-from p3dof.checks import LARGEST, SMALLEST, shown
+from p3dof._base.checks import LARGEST, SMALLEST, shown
+from p3dof._base.errors import ParameterError, SampleError
+from p3dof.analysis.load_friction import LoadFriction, LoadFrictionEffect, read_load_friction
+from p3dof.analysis.reactions import ALL, WAYS, AnyReactions, Choice, Stiffness, read_stiffness
 from p3dof.cli.files import InputFile, OutputFile, protect, source
 from p3dof.cli.kinds import POSITIVE, Payload, Whole
 from p3dof.cli.machine import PARAMETERS, machine_of
 from p3dof.cli.output import progress_bar, say
-from p3dof.errors import ParameterError, SampleError
-from p3dof.load_friction import LoadFriction, LoadFrictionEffect, read_load_friction
-from p3dof.manipulator import InverseDynamics, Manipulator
-from p3dof.methods import DEFAULT_METHOD, METHODS
-from p3dof.motion import Motion, WrenchHistory, paper_motion
-from p3dof.motion.entering import load_along
-from p3dof.motion.smoothing import Smooth
-from p3dof.parameters import Body
-from p3dof.parameters.quantities import Quantity
-from p3dof.reactions import ALL, WAYS, AnyReactions, Choice, Stiffness, read_stiffness
+from p3dof.machine.motion import Motion, WrenchHistory, paper_motion
+from p3dof.machine.motion.entering import load_along
+from p3dof.machine.motion.smoothing import Smooth
+from p3dof.machine.parameters import Body
+from p3dof.machine.parameters.quantities import Quantity
+from p3dof.manipulator import Manipulator
+from p3dof.methods import DEFAULT_METHOD, METHODS, InverseDynamics
 
 METHOD = click.option(
     "--method",

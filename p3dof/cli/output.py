@@ -13,11 +13,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from p3dof.checks import one_line, visible
+from p3dof._base.checks import one_line, visible
+from p3dof._base.errors import P3dofError
+from p3dof._base.tables import NONE, Table
 from p3dof.cli.app import LONGEST
 from p3dof.cli.terminal import print_table
-from p3dof.errors import P3dofError
-from p3dof.tables import NONE, Table
 
 
 @contextmanager

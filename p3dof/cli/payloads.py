@@ -9,7 +9,7 @@ from rich.console import Console
 from p3dof.cli.files import STREAM
 from p3dof.cli.options import Case
 from p3dof.cli.output import print_plain
-from p3dof.parameters import Body, Parameters
+from p3dof.machine.parameters import Body, Parameters
 
 
 def print_payloads(console: Console, case: Case) -> None:

@@ -9,20 +9,21 @@ from typing import Any
 
 import click
 
+from p3dof._base.errors import InputError
+from p3dof._base.files import together, write_table
 from p3dof.cli.app import app
 from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, source, write_results
 from p3dof.cli.kinds import POSITIVE, Number, Whole
 from p3dof.cli.machine import PARAMETERS, machine_of
 from p3dof.cli.options import FIGURE, METHOD
 from p3dof.cli.output import print_plain, progress_bar, show
-from p3dof.errors import InputError
-from p3dof.files import together, write_table
-from p3dof.manipulator import BestPath, Manipulator, best_path, best_path_table, fastest_plan, forces_of_task
-from p3dof.manipulator.fastest import MOST_NODES, NODES, SMOOTH_NODES, limits_of
-from p3dof.manipulator.task_limits import sizing_table, within_limits
-from p3dof.manipulator.tasks import limits_table, pieces_table
-from p3dof.motion import WrenchHistory
-from p3dof.tasks import FastestPlan, Plan, Task, read_task, write_task
+from p3dof.design.best_path import BestPath, best_path, best_path_table
+from p3dof.design.fastest import MOST_NODES, NODES, SMOOTH_NODES, fastest_plan, limits_of
+from p3dof.design.forces_of_tasks import forces_of_task, limits_table, pieces_table
+from p3dof.design.task_limits import sizing_table, within_limits
+from p3dof.design.tasks import FastestPlan, Plan, Task, read_task, write_task
+from p3dof.machine.motion import WrenchHistory
+from p3dof.manipulator import Manipulator
 
 _OPTIONS = (
     click.argument("task_file", metavar="TASK", type=InputFile()),
@@ -166,7 +167,7 @@ def _told(
     load = planned.wrench
     with progress_bar("forces", len(planned.pieces)) as progress:
         found = forces_of_task(robot, planned, method, progress)  # type: ignore[arg-type,unused-ignore]
-    from p3dof import plots
+    from p3dof.report import plots
 
     with together():
         others = [] if forces_out is None else [found.to_csv(forces_out)]

@@ -10,13 +10,13 @@ import click
 import numpy as np
 from rich.console import Console
 
+from p3dof._base.files import SUFFIXES, together
 from p3dof.cli.app import app
 from p3dof.cli.files import OutputFolder
 from p3dof.cli.options import Case, with_case
 from p3dof.cli.output import print_plain, print_warnings
 from p3dof.cli.payloads import print_payloads
-from p3dof.files import SUFFIXES, together
-from p3dof.manipulator import InverseDynamics
+from p3dof.methods import InverseDynamics
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -56,31 +56,31 @@ class Drawings:
 
     def forces(self) -> Figure:
         """Draw the forces by both methods, and their difference."""
-        from p3dof import plots
+        from p3dof.report import plots
 
         return plots.forces_figure([self.by_pinocchio, self.by_virtual_power])
 
     def joints(self) -> Figure:
         """Draw positions, velocities and accelerations of all joints."""
-        from p3dof.plots.joints import joints_figure
+        from p3dof.report.plots.joints import joints_figure
 
         return joints_figure(self.by_pinocchio)
 
     def energy(self) -> Figure:
         """Draw energy, work and power."""
-        from p3dof import plots
+        from p3dof.report import plots
 
         return plots.energy_figure(self._case.robot.energy(self.by_pinocchio))
 
     def reactions(self) -> Figure:
         """Draw the reactions of all joints."""
-        from p3dof import plots
+        from p3dof.report import plots
 
         return plots.reactions_figure(self._case.reactions())
 
     def mechanism(self) -> Figure:
         """Draw the mechanism with the path of P."""
-        from p3dof.plots.mechanism import mechanism_figure
+        from p3dof.report.plots.mechanism import mechanism_figure
 
         motion = self._case.motion
         if self._at is None:
@@ -128,8 +128,8 @@ def draw(case: Case, out: Path, formats: tuple[str, ...], only: tuple[str, ...],
     paths = {name: [out / f"{name}.{kind}" for kind in dict.fromkeys(formats)] for name in chosen}
     case.protect(*(path for some in paths.values() for path in some))
     case.require_moment("--at", at)
-    from p3dof import plots
-    from p3dof.plots.common import new_figure
+    from p3dof.report import plots
+    from p3dof.report.plots.common import new_figure
 
     new_figure((1.0, 1.0))  # says that matplotlib is missing before the work begins
     drawings = Drawings(case, at)

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import click
 
+from p3dof.analysis.reactions import JOINTS as ALL_JOINTS
+from p3dof.analysis.reactions import Choice, how_chosen, open_tables, reactions_table
 from p3dof.cli.app import app
 from p3dof.cli.files import OutputFile, console_beside, write_results
 from p3dof.cli.options import FIGURE, JOINTS, Case, with_case
 from p3dof.cli.output import print_plain, print_warnings, show
 from p3dof.cli.payloads import print_payloads
 from p3dof.cli.task_loads import JointLoads, with_joint_loads
-from p3dof.reactions import JOINTS as ALL_JOINTS
-from p3dof.reactions import Choice, how_chosen, open_tables, reactions_table
 
 _KEY = "\n".join(f"  {joint.label}  {joint.name:15} {joint.meaning}" for joint in ALL_JOINTS)
 
@@ -38,7 +38,7 @@ def reactions(loads: JointLoads, joints: Choice, out: Path | None, figure: Path 
     """
     loads.protect(out, figure)
     case, result = loads.case, loads.reactions(joints)
-    from p3dof import plots
+    from p3dof.report import plots
 
     written = write_results(result.to_csv, out, lambda: plots.reactions_figure(result), figure)
     console = console_beside(out)

@@ -13,6 +13,8 @@ import click
 import numpy as np
 from rich.console import Console
 
+from p3dof._base.files import suffix_of
+from p3dof.analysis.reactions import ALL, Choice, of_result
 from p3dof.cli.app import app
 from p3dof.cli.files import STREAM, InputFile, OutputFile
 from p3dof.cli.machine import actuator_options
@@ -20,10 +22,9 @@ from p3dof.cli.options import JOINTS, STIFFNESS, Case, load_friction_in, stiffne
 from p3dof.cli.output import print_plain, print_warnings, progress_bar
 from p3dof.cli.payloads import payloads_in_words, print_payloads
 from p3dof.cli.work import WORK, Work, task_named
-from p3dof.files import suffix_of
-from p3dof.manipulator import InverseDynamics, TaskForces
-from p3dof.manipulator.fastest import limits_of
-from p3dof.reactions import ALL, Choice, of_result
+from p3dof.design.fastest import limits_of
+from p3dof.design.forces_of_tasks import TaskForces
+from p3dof.methods import InverseDynamics
 
 
 @app.command("report")

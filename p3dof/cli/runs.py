@@ -8,6 +8,7 @@ import click
 import numpy as np
 from rich.console import Console
 
+from p3dof._base.errors import InputError
 from p3dof.cli.actuation import ActuationOptions, with_actuation
 from p3dof.cli.app import app
 from p3dof.cli.files import InputFile, OutputFile, protect, source
@@ -16,11 +17,10 @@ from p3dof.cli.machine import any_size
 from p3dof.cli.options import Case, with_load
 from p3dof.cli.output import in_options, print_plain, print_warnings, progress_bar, show
 from p3dof.cli.payloads import print_payloads
-from p3dof.errors import InputError
-from p3dof.many_runs import failures, figures_table, read_runs, stops_table
-from p3dof.motion.entering import natural_ramp
-from p3dof.simulation import TIME_LIMIT, InitialState, Integration
-from p3dof.simulation.controllers_by_name import CONTROLLERS
+from p3dof.machine.motion.entering import natural_ramp
+from p3dof.runs import TIME_LIMIT, InitialState, Integration
+from p3dof.runs.controllers_by_name import CONTROLLERS
+from p3dof.runs.many import failures, figures_table, read_runs, stops_table
 
 
 @app.command()

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 from rich.console import Console
 
+from p3dof._base.files import SUFFIXES, suffix_of, together
 from p3dof.cli.app import app
 from p3dof.cli.files import OutputFile
 from p3dof.cli.kinds import Number
@@ -15,10 +16,9 @@ from p3dof.cli.options import Case, with_case
 from p3dof.cli.output import print_plain, print_warnings, progress_bar
 from p3dof.cli.payloads import print_payloads
 from p3dof.cli.serving import OPEN, PAUSED, PORT, SPEED, serve
-from p3dof.files import SUFFIXES, suffix_of, together
 
 if TYPE_CHECKING:
-    from p3dof.page.saved import Page
+    from p3dof.viewer.document.saved import Page
     from p3dof.viewer.live_viewer import LiveViewer
 
 

@@ -9,6 +9,8 @@ import click
 import numpy as np
 from rich.console import Console
 
+from p3dof._base.errors import MissingExtraError
+from p3dof._base.files import together
 from p3dof.cli.actuation import ActuationOptions, with_actuation
 from p3dof.cli.app import app
 from p3dof.cli.files import OutputFolder
@@ -16,22 +18,20 @@ from p3dof.cli.kinds import POSITIVE, Number
 from p3dof.cli.options import Case, with_load
 from p3dof.cli.output import print_plain, print_warnings, progress_bar, say, show
 from p3dof.cli.payloads import print_payloads
-from p3dof.compiled.runs import available
-from p3dof.errors import MissingExtraError
-from p3dof.files import together
+from p3dof.closed_form.compiled.runs import available
+from p3dof.machine.motion.entering import RAMP, natural_ramp
+from p3dof.machine.parameters import Limits, Parameters
 from p3dof.methods import DEFAULT_METHOD, METHODS
-from p3dof.motion.entering import RAMP, natural_ramp
-from p3dof.parameters import Limits, Parameters
-from p3dof.simulation import (
+from p3dof.runs import (
     TIME_LIMIT,
     InitialState,
     Integration,
     Simulation,
     errors_table,
 )
-from p3dof.simulation.controllers_by_name import CONTROLLERS
-from p3dof.simulation.ways import IN_C
-from p3dof.simulation.work import Work, estimate, require_affordable
+from p3dof.runs.controllers_by_name import CONTROLLERS
+from p3dof.runs.ways import IN_C
+from p3dof.runs.work import Work, estimate, require_affordable
 
 SAMPLES = 1001
 """Least number of samples of a run: errors are sought among them."""
@@ -198,7 +198,7 @@ def _print_ratio(console: Console, runs: dict[str, Simulation]) -> None:
 
 
 def _draw(paths: list[Path], runs: dict[str, Simulation]) -> list[Path]:
-    from p3dof import plots
+    from p3dof.report import plots
 
     try:
         figure = plots.tracking_figure(runs)

@@ -12,7 +12,8 @@ from p3dof.cli.kinds import POSITIVE, Number, Whole
 from p3dof.cli.machine import PARAMETERS, machine_of
 from p3dof.cli.options import FIGURE, LOAD_FRICTION, METHOD, STIFFNESS, load_friction_in, stiffness_in
 from p3dof.cli.output import print_plain, progress_bar, show
-from p3dof.drives import (
+from p3dof.design.assessment import frictionless
+from p3dof.design.drives import (
     GENERIC,
     axes_table,
     cycle_of,
@@ -23,13 +24,12 @@ from p3dof.drives import (
     verdict,
     write_ranking,
 )
-from p3dof.drives.sizing import BRAKE_SAFETY
-from p3dof.manipulator.assessment import frictionless
-from p3dof.manipulator.fastest import limits_of
-from p3dof.manipulator.sizing import size_drives
-from p3dof.manipulator.task_limits import sizing_table, within_limits
-from p3dof.manipulator.tasks import forces_of_task
-from p3dof.tasks import read_task
+from p3dof.design.drives.sizing import BRAKE_SAFETY
+from p3dof.design.fastest import limits_of
+from p3dof.design.forces_of_tasks import forces_of_task
+from p3dof.design.sizing import size_drives
+from p3dof.design.task_limits import sizing_table, within_limits
+from p3dof.design.tasks import read_task
 
 
 @app.command()
@@ -90,7 +90,7 @@ def size(
     Exit code 1 when none fits, the machine cannot do the task, or a limit of the machine or the task is
     exceeded.
     """
-    from p3dof import plots
+    from p3dof.report import plots
 
     protect((task_file, parameters, catalogue_file, load_friction, stiffness), (out, figure))
     task = read_task(source(task_file))

@@ -10,16 +10,16 @@ import click
 import numpy as np
 from rich.console import Console
 
-from p3dof.checks import FloatArray
+from p3dof._base.checks import FloatArray
+from p3dof._base.errors import InputError
+from p3dof._base.files import read_text
 from p3dof.cli.app import app
 from p3dof.cli.files import STREAM, InputFile, OutputFile, protect
 from p3dof.cli.kinds import Whole
 from p3dof.cli.options import Case, with_load
 from p3dof.cli.output import print_plain
 from p3dof.cli.payloads import print_payloads
-from p3dof.errors import InputError
-from p3dof.files import read_text
-from p3dof.page.studio import save_studio
+from p3dof.viewer.document.studio import save_studio
 
 _LARGEST_FILE = 50_000_000
 

@@ -12,13 +12,13 @@ from typing import Any
 import click
 from rich.console import Console
 
-from p3dof.blocks import Processes, Sweep, sweep_facts, sweep_tables
+from p3dof._base.blocks import Processes, Sweep, sweep_facts, sweep_tables
+from p3dof._base.errors import InputError, MissingExtraError
 from p3dof.cli.app import app
 from p3dof.cli.files import InputFile, OutputFile, OutputFolder, protect
 from p3dof.cli.kinds import Whole
 from p3dof.cli.output import in_options, print_plain, print_warnings, progress_bar, show
-from p3dof.errors import InputError, MissingExtraError
-from p3dof.sweeps import read_sweep
+from p3dof.design.sweeps import read_sweep
 
 _OPTIONS = {
     "resume=True": "--resume",
@@ -82,7 +82,7 @@ def sweep(
     with in_options(_OPTIONS):
         plan = read_sweep(problem, any_size)
         if figure is not None:
-            from p3dof.plots.sweep import require_panels
+            from p3dof.report.plots.sweep import require_panels
 
             with in_options({"sweep: ": "--figure: "}):
                 require_panels(plan.options.get("reductions", ()))
@@ -140,7 +140,7 @@ def _tell(made: Sweep, figure: Path | None) -> None:
     show(console, *sweep_tables(made), notes=True)
     print_warnings(console, made.notes)
     if figure is not None:
-        from p3dof import plots
+        from p3dof.report import plots
 
         print_plain(console, f"wrote {plots.save(plots.sweep_figure(made), figure)}")
     print_plain(console, _told(made))

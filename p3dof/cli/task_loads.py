@@ -10,13 +10,13 @@ from typing import Any
 
 import click
 
+from p3dof.analysis.reactions import AnyReactions, Choice, Stiffness
 from p3dof.cli.files import InputFile, source
 from p3dof.cli.kinds import POSITIVE
 from p3dof.cli.options import LOAD_FRICTION, STIFFNESS, Case, load_friction_in, stiffness_in
 from p3dof.cli.output import in_options, progress_bar
-from p3dof.manipulator import reactions_of_task
-from p3dof.reactions import AnyReactions, Choice, Stiffness
-from p3dof.tasks import Plan, read_task
+from p3dof.design.task_loads import reactions_of_task
+from p3dof.design.tasks import Plan, read_task
 
 SAMPLES = 1001
 """Least number of samples of a planned task."""

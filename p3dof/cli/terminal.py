@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from p3dof.checks import visible
+from p3dof._base.checks import visible
 from p3dof.cli.encoding import spelled
 
 

@@ -12,18 +12,18 @@ import click
 import yaml
 from rich.console import Console
 
-from p3dof.blocks import Processes
-from p3dof.checks import Progress
+from p3dof._base.blocks import Processes
+from p3dof._base.checks import Progress
+from p3dof.analysis.tolerances import read_uncertainty, sensitivity_table, tolerance_tables
+from p3dof.analysis.tolerances import sensitivity as sensitivity_of
+from p3dof.analysis.tolerances import tolerance as tolerance_of
+from p3dof.analysis.tolerances.files import plain_of
 from p3dof.cli.app import app
 from p3dof.cli.files import JSON, InputFile, OutputFolder, protect, source
 from p3dof.cli.kinds import POSITIVE, Pose, Whole
 from p3dof.cli.options import FIGURE, Case, with_load
 from p3dof.cli.output import in_options, print_plain, progress_bar, show
 from p3dof.cli.payloads import print_payloads
-from p3dof.tolerances import read_uncertainty, sensitivity_table, tolerance_tables
-from p3dof.tolerances import sensitivity as sensitivity_of
-from p3dof.tolerances import tolerance as tolerance_of
-from p3dof.tolerances.files import plain_of
 
 _WORDS = {
     "resume=True": "--resume",
@@ -234,7 +234,7 @@ def _tell(
         print_payloads(console, case)
         show(console, *tables, notes=True)
     if figure is not None:
-        from p3dof import plots
+        from p3dof.report import plots
 
         print_plain(console, f"wrote {plots.save(getattr(plots, draw)(found), figure)}")
     return 0

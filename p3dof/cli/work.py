@@ -9,28 +9,24 @@ from typing import Any
 
 import click
 
-from p3dof.bearings import read_bearings
+from p3dof._base.errors import P3dofError, ParameterError, TaskError
+from p3dof._base.files import called
+from p3dof.analysis.reactions import Stiffness
 from p3dof.cli.files import InputFile, protect, source
 from p3dof.cli.kinds import POSITIVE, Number
 from p3dof.cli.options import LOAD_FRICTION, load_friction_in
 from p3dof.cli.output import in_options, progress_bar
-from p3dof.drives import read_catalogue
-from p3dof.drives.sizing import BRAKE_SAFETY
-from p3dof.errors import P3dofError, ParameterError, TaskError
-from p3dof.files import called
-from p3dof.manipulator import (
-    Assessment,
-    InverseDynamics,
-    Manipulator,
-    Method,
-    TaskForces,
-    assess,
-    fastest_plan,
-    forces_of_task,
-)
-from p3dof.parameters import read_parameters
-from p3dof.reactions import Stiffness
-from p3dof.tasks import AxisLimits, Plan, Task, read_task
+from p3dof.design.assessment import Assessment, assess
+from p3dof.design.bearings import read_bearings
+from p3dof.design.drives import read_catalogue
+from p3dof.design.drives.sizing import BRAKE_SAFETY
+from p3dof.design.fastest import fastest_plan
+from p3dof.design.forces_of_tasks import TaskForces, forces_of_task
+from p3dof.design.tasks import AxisLimits, Plan, Task, read_task
+from p3dof.machine.parameters import read_parameters
+from p3dof.manipulator import Manipulator
+from p3dof.methods import InverseDynamics
+from p3dof.methods.registry import Method
 
 SAMPLES = 2001
 """Least number of samples of a planned task."""

@@ -12,19 +12,19 @@ import click
 import numpy as np
 from rich.console import Console
 
+from p3dof._base.files import together
+from p3dof._base.tables import Table, table_of
+from p3dof.analysis.indices import COLUMNS, check_names, write_dataset
+from p3dof.analysis.workspace import Workspace, WorkspaceMargins, box_table, plain_workspace, workspace_table
 from p3dof.cli.app import app
 from p3dof.cli.files import JSON, InputFile, OutputFile, protect, source
 from p3dof.cli.kinds import Number, Payload, Span, Triple
 from p3dof.cli.machine import PARAMETERS, machine_of
 from p3dof.cli.options import FIGURE, Amount
 from p3dof.cli.output import print_plain, show
-from p3dof.files import together
-from p3dof.indices import COLUMNS, check_names, write_dataset
-from p3dof.motion import Motion, paper_motion
-from p3dof.parameters import Body
-from p3dof.parameters.quantities import ANGLE, FORCE, LENGTH, SPEED
-from p3dof.tables import Table, table_of
-from p3dof.workspace import Workspace, WorkspaceMargins, box_table, plain_workspace, workspace_table
+from p3dof.machine.motion import Motion, paper_motion
+from p3dof.machine.parameters import Body
+from p3dof.machine.parameters.quantities import ANGLE, FORCE, LENGTH, SPEED
 
 
 @app.command()
@@ -178,7 +178,7 @@ def _written(
         if out is not None:
             written.append(write_dataset(space.map(*names, **options), out))
         if figure is not None:
-            from p3dof import plots
+            from p3dof.report import plots
 
             if view == "map":
                 drawn = plots.map_figure(space, *names, motion=motion, box=not names, **options)

@@ -1,7 +1,7 @@
 """The package's own kernels in C: loops over samples in structure-of-arrays form, which compilers vectorise.
 
-Written into ``p3dof/compiled/extension/generated`` and committed; the extension includes them once for every
-level of the processor. See `p3dof.compiled`.
+Written into ``p3dof/_native/generated`` and committed; the extension includes them once for every
+level of the processor. See `p3dof.closed_form.compiled`.
 
 Most kernels are two short loops over a block of samples, with what goes from one to the other in the nearest
 cache: a processor overlaps more passes of a short loop than of a long one, whose chain of operations it
@@ -13,15 +13,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from p3dof.compiled.design_kernels import NAMES as OF_DESIGNS
-from p3dof.compiled.design_kernels import design_kernel
-from p3dof.compiled.formulas import Kernel, all_kernels
-from p3dof.compiled.tangents import tangent_kernels
-from p3dof.tracing import Symbol
-from p3dof.tracing.c import statements, text
-from p3dof.tracing.cut import in_two
+from p3dof._base.tracing import Symbol
+from p3dof._base.tracing.c import statements, text
+from p3dof._base.tracing.cut import in_two
+from p3dof.closed_form.compiled.design_kernels import NAMES as OF_DESIGNS
+from p3dof.closed_form.compiled.design_kernels import design_kernel
+from p3dof.closed_form.compiled.formulas import Kernel, all_kernels
+from p3dof.closed_form.compiled.tangents import tangent_kernels
 
-DIRECTORY = Path(__file__).parents[1] / "compiled" / "extension" / "generated"
+DIRECTORY = Path(__file__).parents[1] / "_native" / "generated"
 
 ONE_LOOP = (
     "inverse_dynamics_derivatives",

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from p3dof._base.tracing import Symbol
+from p3dof._base.tracing.cut import in_two
+from p3dof.closed_form.compiled.lanes import OF_CONTROLLER, LaneKernel, all_lane_kernels
 from p3dof.codegen.batch import statements_of, work_of
-from p3dof.compiled.lanes import OF_CONTROLLER, LaneKernel, all_lane_kernels
-from p3dof.tracing import Symbol
-from p3dof.tracing.cut import in_two
 
 IN_TWO = ("motion", "motion_with_friction", "inverse")
 """What runs faster as two loops."""

@@ -8,16 +8,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from p3dof.closed_loop import ClosedLoopModel, CompiledLoop
-from p3dof.closed_loop.compiled.function import Function
-from p3dof.closed_loop.compiled.limits import EVIDENCE, MARGIN, MARGIN_OF_STATES
-from p3dof.closed_loop.compiled.printing import body
-from p3dof.closed_loop.tables import units_of_actuated
-from p3dof.closed_loop.trust import Limits
 from p3dof.codegen.filling import fill
 from p3dof.codegen.waves import wave
 from p3dof.codegen.web_loops import evidence, loop_module
 from p3dof.codegen.webassembly import Rows, WebModule
+from p3dof.loops import ClosedLoopModel, CompiledLoop
+from p3dof.loops.compiled.function import Function
+from p3dof.loops.compiled.limits import EVIDENCE, MARGIN, MARGIN_OF_STATES
+from p3dof.loops.compiled.printing import body
+from p3dof.loops.tables import units_of_actuated
+from p3dof.loops.trust import Limits
 
 STEPS = 2
 """Of Newton's method, each time that a motion is followed."""

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from p3dof.checks import FloatArray
-from p3dof.closed_loop import ClosedLoopModel, CompiledLoop
-from p3dof.closed_loop.compiled.function import Function
-from p3dof.closed_loop.compiled.limits import EVIDENCE
-from p3dof.closed_loop.compiled.robot import closed_configurations
+from p3dof._base.checks import FloatArray
+from p3dof._base.errors import P3dofError
 from p3dof.codegen.filling import fill
 from p3dof.codegen.selftest import number_table as _numbers
-from p3dof.errors import P3dofError
+from p3dof.loops import ClosedLoopModel, CompiledLoop
+from p3dof.loops.compiled.function import Function
+from p3dof.loops.compiled.limits import EVIDENCE
+from p3dof.loops.compiled.robot import closed_configurations
 
 _COUNT = 8
 _INDENT = " " * 4

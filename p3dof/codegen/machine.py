@@ -6,15 +6,15 @@ import math
 from collections.abc import Sequence
 from functools import cache
 
+from p3dof._base.errors import ParameterError
+from p3dof._base.tracing import Number, Symbol, Tape
+from p3dof.closed_form.compiled import reduced
+from p3dof.closed_form.compiled.formulas import MODEL
+from p3dof.closed_form.compiled.reduced.friction import FRICTION, JOINTS, folded
+from p3dof.closed_form.paper.formulas import Lengths
+from p3dof.closed_form.paper.inertials import Inertial
 from p3dof.codegen.replay import replay
-from p3dof.compiled import reduced
-from p3dof.compiled.formulas import MODEL
-from p3dof.compiled.reduced.friction import FRICTION, JOINTS, folded
-from p3dof.errors import ParameterError
-from p3dof.paper.formulas import Lengths
-from p3dof.paper.inertials import Inertial
-from p3dof.parameters import LINKS, SLIDES, Parameters
-from p3dof.tracing import Number, Symbol, Tape
+from p3dof.machine.parameters import LINKS, SLIDES, Parameters
 
 MACHINE = (*MODEL, *FRICTION)
 """The numbers of a machine."""

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from p3dof.checks import shown
-from p3dof.errors import InputError
-from p3dof.version import __version__
+from p3dof._base.checks import shown
+from p3dof._base.errors import InputError
+from p3dof._base.version import __version__
 
 PREFIX = "p3dof"
 """What the names in the templates of a controller begin with."""

@@ -8,9 +8,9 @@ from p3dof.codegen.controller import controller_files, origin_of
 from p3dof.codegen.naming import PREFIX
 from p3dof.codegen.wasm_files import WebFiles
 from p3dof.codegen.web_controller import controller_module
-from p3dof.parameters import PAPER
+from p3dof.machine.parameters import PAPER
 
-DIRECTORY = Path(__file__).parents[1] / "page"
+DIRECTORY = Path(__file__).parents[1] / "viewer" / "document"
 FUNCTIONS = (
     "inverse_dynamics",
     "inverse_kinematics",

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from p3dof.checks import shown
-from p3dof.errors import InputError, ParameterError
-from p3dof.kinematics.validity import REACH_TOLERANCE
-from p3dof.samples import ACTUATION_TOLERANCE
+from p3dof._base.checks import shown
+from p3dof._base.errors import InputError, ParameterError
+from p3dof._base.samples import ACTUATION_TOLERANCE
+from p3dof.closed_form.kinematics.validity import REACH_TOLERANCE
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,12 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from p3dof._base.errors import ParameterError
+from p3dof._base.tracing import Number, Symbol, Tape
+from p3dof._base.tracing.c import statements, text
+from p3dof.closed_form.compiled.formulas import MODEL
+from p3dof.closed_form.compiled.reduced import SMALLER_ZEROS, Actuated
+from p3dof.closed_form.compiled.reduced.friction import FRICTION
 from p3dof.codegen.machine import (
     MACHINE,
     NOT_NUMBERS,
@@ -18,13 +24,7 @@ from p3dof.codegen.machine import (
 from p3dof.codegen.precision import DOUBLE, Precision
 from p3dof.codegen.replay import replay
 from p3dof.codegen.routines import LOAD, Routine, routines
-from p3dof.compiled.formulas import MODEL
-from p3dof.compiled.reduced import SMALLER_ZEROS, Actuated
-from p3dof.compiled.reduced.friction import FRICTION
-from p3dof.errors import ParameterError
-from p3dof.parameters import Parameters
-from p3dof.tracing import Number, Symbol, Tape
-from p3dof.tracing.c import statements, text
+from p3dof.machine.parameters import Parameters
 
 INDENT = " " * 4
 _LOADED_BY = dict(zip(LOAD, ("w_y", "w_z", "w_theta"), strict=True))

@@ -1,8 +1,8 @@
 """States of motion with everything that the generated C computes there, by other ways than it does.
 
-Kinematics by `p3dof.kinematics`, forces by virtual powers, their derivatives by complex steps through that
-recursion, the rest by `p3dof.methods.virtual_power`. Only the fold of the bodies, which says what the
-base inertial parameters are, is shared.
+Kinematics by `p3dof.closed_form.kinematics`, forces by virtual powers, their derivatives by complex steps
+through that recursion, the rest by `p3dof.methods.virtual_power`. Only the fold of the bodies, which says
+what the base inertial parameters are, is shared.
 """
 
 from __future__ import annotations
@@ -13,20 +13,20 @@ from typing import Any
 
 import numpy as np
 
-from p3dof import kinematics
-from p3dof.algebra import Vector, components
-from p3dof.checks import FloatArray
-from p3dof.compiled.formulas import MODEL
-from p3dof.compiled.reduced import fold
-from p3dof.errors import ParameterError
+from p3dof._base.algebra import Vector, components
+from p3dof._base.checks import FloatArray
+from p3dof._base.errors import ParameterError
+from p3dof.closed_form import kinematics
+from p3dof.closed_form.compiled.formulas import MODEL
+from p3dof.closed_form.compiled.reduced import fold
+from p3dof.closed_form.paper.actuators import NO_ACTUATION, actuation_of
+from p3dof.closed_form.paper.formulas import Lengths
+from p3dof.closed_form.paper.friction import NO_LOSSES, losses_of
+from p3dof.closed_form.paper.inertials import Inertial, inertials
+from p3dof.closed_form.paper.virtual_power import NO_WRENCH, Wrench, actuator_forces, generalized_forces
+from p3dof.machine.motion import states_of
+from p3dof.machine.parameters import LINKS, SLIDES, Parameters
 from p3dof.methods.virtual_power import VirtualPowerMethod
-from p3dof.motion import states_of
-from p3dof.paper.actuators import NO_ACTUATION, actuation_of
-from p3dof.paper.formulas import Lengths
-from p3dof.paper.friction import NO_LOSSES, losses_of
-from p3dof.paper.inertials import Inertial, inertials
-from p3dof.paper.virtual_power import NO_WRENCH, Wrench, actuator_forces, generalized_forces
-from p3dof.parameters import LINKS, SLIDES, Parameters
 
 _STEP = 1e-100
 """Complex step: nothing is subtracted."""

@@ -10,7 +10,7 @@ import math
 import operator
 from collections.abc import Callable, Mapping, MutableMapping, Sequence
 
-from p3dof.tracing import Number, Symbol, Tape
+from p3dof._base.tracing import Number, Symbol, Tape
 
 _ON_NUMBERS: dict[str, Callable[..., float]] = {
     "add": operator.add,

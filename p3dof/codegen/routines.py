@@ -11,14 +11,14 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import TypeAlias
 
-from p3dof.algebra import Matrix, Vector
+from p3dof._base.algebra import Matrix, Vector
+from p3dof._base.tracing import Number, Symbol, Tape, derivatives
+from p3dof.closed_form.compiled import reduced
+from p3dof.closed_form.compiled.formulas import ACCELERATION, FORCES, MODEL, POSE, VELOCITY
+from p3dof.closed_form.compiled.reduced import Model, Shape, State
+from p3dof.closed_form.compiled.reduced.friction import FRICTION, TOGETHER, generalized_friction
 from p3dof.codegen.machine import MACHINE
 from p3dof.codegen.precision import DOUBLE
-from p3dof.compiled import reduced
-from p3dof.compiled.formulas import ACCELERATION, FORCES, MODEL, POSE, VELOCITY
-from p3dof.compiled.reduced import Model, Shape, State
-from p3dof.compiled.reduced.friction import FRICTION, TOGETHER, generalized_friction
-from p3dof.tracing import Number, Symbol, Tape, derivatives
 
 LOAD = ("load_y", "load_z", "load_theta")
 WRENCH = ("", "w_y", "w_z", "", "w_theta", "")

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from p3dof.checks import FloatArray
+from p3dof._base.checks import FloatArray
 from p3dof.codegen.precision import DOUBLE, Precision
 from p3dof.codegen.reference import Reference, reference
 from p3dof.codegen.routines import Argument, routines
-from p3dof.parameters import Parameters
+from p3dof.machine.parameters import Parameters
 
 _INDENT = " " * 4
 _FIELDS = {"pose": 3, "velocity": 3, "acceleration": 3, "wrench": 6, "forces": 3, "sliders": 3, "rates": 3}

@@ -9,11 +9,11 @@ from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 
+from p3dof._base.errors import MissingExtraError, ModelError
+from p3dof._base.files import scratch_folder
 from p3dof.codegen.filling import fill
 from p3dof.codegen.wasm_section import with_section
 from p3dof.codegen.webassembly import WebModule
-from p3dof.errors import MissingExtraError, ModelError
-from p3dof.files import scratch_folder
 
 _COMPILE = (
     "--target=wasm32-unknown-unknown",
@@ -124,7 +124,7 @@ def mathematics(note: str) -> dict[str, str]:
     -------
     dict of str to str
     """
-    shared = files("p3dof.tracing")
+    shared = files("p3dof._base.tracing")
     names = ("sincos.h", "tanh.h", "atan2.h")
     return {
         "mathematics.c": fill("wasm_math.in", note=note),

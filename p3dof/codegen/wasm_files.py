@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from p3dof._base.errors import FileError
+from p3dof._base.files import read_text, write_atomic
 from p3dof.codegen.wasm_build import compiler_here, sources_hash, webassembly
 from p3dof.codegen.wasm_section import section_of
 from p3dof.codegen.webassembly import WebModule
-from p3dof.errors import FileError
-from p3dof.files import read_text, write_atomic
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ _HEX = re.compile(r"0x[0-9a-f.]+p[+-]?\d+")
 
 def wave() -> str:
     """Return C of ``sincos_one``, sine and cosine of a double, in decimal numbers."""
-    text = (files("p3dof.tracing") / "sincos.h").read_text(encoding="utf-8")
+    text = (files("p3dof._base.tracing") / "sincos.h").read_text(encoding="utf-8")
     code = text[text.index("static P3DOF_INLINE") :]
     code = _HEX.sub(lambda found: repr(float.fromhex(found[0])), code)
     for name, real in (

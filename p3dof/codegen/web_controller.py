@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Collection
 from math import prod
 
+from p3dof.closed_form.compiled.reduced.friction import JOINTS
 from p3dof.codegen.controller import MARK, prototypes
 from p3dof.codegen.filling import fill
 from p3dof.codegen.machine import ACTUATORS
 from p3dof.codegen.naming import PREFIX
 from p3dof.codegen.routines import Argument
 from p3dof.codegen.webassembly import Exported, Rows, WebModule
-from p3dof.compiled.reduced.friction import JOINTS
-from p3dof.parameters import LINKS, SLIDES
+from p3dof.machine.parameters import LINKS, SLIDES
 
 _STATUSES = (
     "OK",

@@ -1,5 +1,7 @@
 """The two ways from the platform's motion to the forces, over samples, with one kind of result."""
 
+import lazy_loader
+
 from p3dof.methods.coulomb import CoulombLimits
 from p3dof.methods.crossings import without_crossings
 from p3dof.methods.evidence import with_evidence
@@ -10,6 +12,8 @@ from p3dof.methods.solution import JointStates, Solution
 from p3dof.methods.tables import evidence_table, forces_table, limits_table
 from p3dof.methods.utilisation import Utilisation, utilisations
 from p3dof.methods.way import DynamicsMethod
+
+__getattr__ = lazy_loader.attach(__name__, ["engines"])[0]
 
 __all__ = [
     "DEFAULT_METHOD",
@@ -25,6 +29,7 @@ __all__ = [
     "Solution",
     "Utilisation",
     "check_method",
+    "engines",
     "evidence_table",
     "exceedances_of",
     "forces_table",

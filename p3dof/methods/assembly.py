@@ -1,14 +1,14 @@
-"""Forward kinematics by the kernels: what is not clearly good is decided by `p3dof.kinematics`."""
+"""Forward kinematics by the kernels: `p3dof.closed_form.kinematics` decides what is not clearly good."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from p3dof.checks import FloatArray
-from p3dof.compiled.kernels import MachineKernels
-from p3dof.kinematics import forward_kinematics
+from p3dof._base.checks import FloatArray
+from p3dof._base.samples import OnInvalid, check_policy
+from p3dof.closed_form.compiled.kernels import MachineKernels
+from p3dof.closed_form.kinematics import forward_kinematics
 from p3dof.methods.kernel_runs import aligned
-from p3dof.samples import OnInvalid, check_policy
 
 _NAME = "forward_kinematics"
 

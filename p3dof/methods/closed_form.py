@@ -11,15 +11,15 @@ from typing import TypeAlias
 
 import numpy as np
 
-from p3dof import kinematics
-from p3dof.algebra import components
-from p3dof.checks import FloatArray
-from p3dof.errors import P3dofError
-from p3dof.kinematics import MechanismMotion, Placed
+from p3dof._base.algebra import components
+from p3dof._base.checks import FloatArray
+from p3dof._base.errors import P3dofError
+from p3dof.closed_form import kinematics
+from p3dof.closed_form.kinematics import MechanismMotion, Placed
+from p3dof.closed_form.paper.friction import losses_of, lost_power
+from p3dof.machine.motion.states import States
+from p3dof.machine.parameters import Parameters
 from p3dof.methods.solution import JointStates, Solution
-from p3dof.motion.states import States
-from p3dof.paper.friction import losses_of, lost_power
-from p3dof.parameters import Parameters
 
 _BLOCK = 2048
 """Most samples that are looked at at once; each takes about 3 kB."""
@@ -47,7 +47,7 @@ def solve_with(forces_at: ForcesAt, parameters: Parameters, states: States) -> S
     Raises
     ------
     ReachError, SingularityError, InputError
-        As `p3dof.kinematics.holdable` of all states.
+        As `p3dof.closed_form.kinematics.holdable` of all states.
     """
     count, geometry, names = len(states.pose), parameters.geometry, kinematics.JOINTS
     forces, joints = np.empty((count, 3)), np.empty((3, count, len(names)))
@@ -85,7 +85,8 @@ def placed_in_blocks(parameters: Parameters, states: States) -> Iterator[tuple[s
     Raises
     ------
     ReachError, SingularityError, InputError
-        As `p3dof.kinematics.holdable` of all states: naming the first bad one of all, and how many there are.
+        As `p3dof.closed_form.kinematics.holdable` of all states: naming the first bad one of all, and how
+        many there are.
     """
     rows = states.rows()
     count = len(rows.pose)

@@ -1,7 +1,7 @@
 """The compiled way: dynamics and kinematics by the kernels, with the errors of the others.
 
-A kernel tells whether every sample is clearly good. If not, `p3dof.kinematics` decides which samples are
-refused, as it does for the virtual powers, and NumPy does those again that are not clearly good.
+A kernel tells whether every sample is clearly good. If not, `p3dof.closed_form.kinematics` decides which
+samples are refused, as it does for the virtual powers, and NumPy does those again that are not clearly good.
 """
 
 from __future__ import annotations
@@ -10,20 +10,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from p3dof.checks import FloatArray, Progress, shown
-from p3dof.compiled.formulas import ACCELERATION, POSE, VELOCITY
-from p3dof.compiled.friction import loss_derivatives
-from p3dof.compiled.kernels import MachineKernels
-from p3dof.compiled.reduced import MOVING
-from p3dof.errors import InputError
-from p3dof.kinematics import Placed, holdable, reachable
+from p3dof._base.checks import FloatArray, Progress, shown
+from p3dof._base.errors import InputError
+from p3dof._base.outputs import checked_parts, in_rows
+from p3dof.closed_form.compiled.formulas import ACCELERATION, POSE, VELOCITY
+from p3dof.closed_form.compiled.friction import loss_derivatives
+from p3dof.closed_form.compiled.kernels import MachineKernels
+from p3dof.closed_form.compiled.reduced import MOVING
+from p3dof.closed_form.kinematics import Placed, holdable, reachable
+from p3dof.machine.motion.states import States
 from p3dof.methods import kernel_runs
 from p3dof.methods.closed_form import solve_with
 from p3dof.methods.kernel_runs import aligned, driven, loads_on, run_kernel
 from p3dof.methods.one_sample import OneSample
 from p3dof.methods.solution import Solution
-from p3dof.motion.states import States
-from p3dof.outputs import checked_parts, in_rows
 
 _BY_STATE = tuple((*POSE, *VELOCITY, *ACCELERATION).index(name) for name in MOVING)
 """Columns of pose, velocity and acceleration in a row that the forces change with."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from p3dof.checks import FloatArray
+from p3dof._base.checks import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

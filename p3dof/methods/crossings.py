@@ -12,10 +12,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from p3dof.checks import FloatArray
-from p3dof.errors import SingularityError
+from p3dof._base.checks import FloatArray
+from p3dof._base.errors import SingularityError
+from p3dof._base.samples import OnInvalid
 from p3dof.methods.solution import JointStates, Solution
-from p3dof.samples import OnInvalid
 
 NEAR = 0.1
 """Angle from a singularity that a motion crosses within which its samples are invalid [rad].

@@ -20,18 +20,18 @@ from typing import Any
 
 import numpy as np
 
-from p3dof.algebra import Vector, components, vector_array
-from p3dof.checks import FloatArray
-from p3dof.kinematics import jacobian_at, reachable
-from p3dof.motion.states import States
-from p3dof.motion.wrenches import WRENCH_ROWS
-from p3dof.outputs import written
-from p3dof.paper.actuators import Actuation, actuation_of
-from p3dof.paper.formulas import Lengths
-from p3dof.paper.friction import NO_LOSSES, Losses, losses_of
-from p3dof.paper.inertials import inertials, numbers
-from p3dof.paper.virtual_power import generalized_forces
-from p3dof.parameters import Parameters
+from p3dof._base.algebra import Vector, components, vector_array
+from p3dof._base.checks import FloatArray
+from p3dof._base.outputs import written
+from p3dof.closed_form.kinematics import jacobian_at, reachable
+from p3dof.closed_form.paper.actuators import Actuation, actuation_of
+from p3dof.closed_form.paper.formulas import Lengths
+from p3dof.closed_form.paper.friction import NO_LOSSES, Losses, losses_of
+from p3dof.closed_form.paper.inertials import inertials, numbers
+from p3dof.closed_form.paper.virtual_power import generalized_forces
+from p3dof.machine.motion.states import States
+from p3dof.machine.motion.wrenches import WRENCH_ROWS
+from p3dof.machine.parameters import Parameters
 
 _STEP = 1e-100
 """Complex step: nothing is subtracted, so it can be as small as one likes."""
@@ -48,7 +48,7 @@ def mass_matrix(parameters: Parameters, states: States) -> FloatArray:
     parameters : Parameters
         The machine.
     states : States
-        Poses; errors are those of `p3dof.kinematics.reachable`, here and below.
+        Poses; errors are those of `p3dof.closed_form.kinematics.reachable`, here and below.
 
     Returns
     -------

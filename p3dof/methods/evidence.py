@@ -6,13 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from p3dof.checks import FloatArray
+from p3dof._base.checks import FloatArray
+from p3dof.machine.motion import Motion
+from p3dof.machine.motion.wrenches import WRENCH_ROWS
+from p3dof.machine.parameters import SLIDES
 from p3dof.methods.coulomb import CoulombLimits
 from p3dof.methods.results import InverseDynamics
 from p3dof.methods.solution import Solution
-from p3dof.motion import Motion
-from p3dof.motion.wrenches import WRENCH_ROWS
-from p3dof.parameters import SLIDES
 
 
 def with_evidence(

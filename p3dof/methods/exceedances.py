@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from p3dof.checks import FloatArray
-from p3dof.errors import InputError
-from p3dof.motion import Motion
-from p3dof.parameters import LEGS, Limits
+from p3dof._base.checks import FloatArray
+from p3dof._base.errors import InputError
+from p3dof.machine.motion import Motion
+from p3dof.machine.parameters import LEGS, Limits
 
 
 @dataclass(frozen=True)

@@ -7,14 +7,14 @@ from typing import TypeAlias
 
 import numpy as np
 
-from p3dof.checks import FloatArray
-from p3dof.compiled.friction import losses
-from p3dof.compiled.kernels import MachineKernels, on_arrays
-from p3dof.kinematics import Placed
-from p3dof.motion.states import States
-from p3dof.motion.wrenches import WRENCH_ROWS
-from p3dof.parameters import Geometry
-from p3dof.samples import raise_not_finite
+from p3dof._base.checks import FloatArray
+from p3dof._base.samples import raise_not_finite
+from p3dof.closed_form.compiled.friction import losses
+from p3dof.closed_form.compiled.kernels import MachineKernels, on_arrays
+from p3dof.closed_form.kinematics import Placed
+from p3dof.machine.motion.states import States
+from p3dof.machine.motion.wrenches import WRENCH_ROWS
+from p3dof.machine.parameters import Geometry
 
 MOVING = ("pose", "velocity", "acceleration")
 DRIVEN = ("pose", "velocity", "forces")

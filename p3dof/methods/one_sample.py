@@ -5,12 +5,12 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Any
 
-from p3dof.checks import FloatArray
-from p3dof.compiled.formulas import ACCELERATION, POSE, VELOCITY
-from p3dof.compiled.kernels import MachineKernels, SampleFunction
-from p3dof.compiled.reduced import MOVING
-from p3dof.motion.wrenches import WRENCH_ROWS
-from p3dof.samples import POLICIES
+from p3dof._base.checks import FloatArray
+from p3dof._base.samples import POLICIES
+from p3dof.closed_form.compiled.formulas import ACCELERATION, POSE, VELOCITY
+from p3dof.closed_form.compiled.kernels import MachineKernels, SampleFunction
+from p3dof.closed_form.compiled.reduced import MOVING
+from p3dof.machine.motion.wrenches import WRENCH_ROWS
 
 _ROW = (3, (0, 1, 2))
 _WRENCH = (6, WRENCH_ROWS)

@@ -12,19 +12,19 @@ from typing import TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from p3dof.checks import FloatArray, Progress
-from p3dof.closed_loop import ClosedLoopModel, FrameTarget, State
-from p3dof.closed_loop.batch.linear import BLOCK, FEW, BoolArray, IndexArray
-from p3dof.closed_loop.batch.states import complete_near
-from p3dof.closed_loop.batch.targets import FrameTargets
-from p3dof.errors import AssemblyError, DynamicsError, SingularityError
+from p3dof._base.checks import FloatArray, Progress
+from p3dof._base.errors import AssemblyError, DynamicsError, SingularityError
+from p3dof._base.outputs import written
+from p3dof._base.threads import Own
+from p3dof.loops import ClosedLoopModel, FrameTarget, State
+from p3dof.loops.batch.linear import BLOCK, FEW, BoolArray, IndexArray
+from p3dof.loops.batch.states import complete_near
+from p3dof.loops.batch.targets import FrameTargets
+from p3dof.machine.motion.states import States
+from p3dof.machine.parameters import PLATFORM, Parameters
 from p3dof.methods.pinocchio_balance import JointForces
 from p3dof.methods.pinocchio_gate import Gate, Verdict
 from p3dof.methods.solution import JointStates, Solution
-from p3dof.motion.states import States
-from p3dof.outputs import written
-from p3dof.parameters import PLATFORM, Parameters
-from p3dof.threads import Own
 
 MASK = (False, True, True, False, True, False)
 """What a pose prescribes of the platform's placement: y, z and the rotation about y0."""

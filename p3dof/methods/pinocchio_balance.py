@@ -10,10 +10,10 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from p3dof.checks import FloatArray
-from p3dof.closed_loop import ClosedLoopModel
+from p3dof._base.checks import FloatArray
+from p3dof.loops import ClosedLoopModel
+from p3dof.machine.parameters import SLIDES, Actuators, Parameters
 from p3dof.methods.pinocchio_friction import FrictionForces, Resistance
-from p3dof.parameters import SLIDES, Actuators, Parameters
 
 
 def armature_of(model: pin.Model, actuators: Actuators) -> FloatArray:

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from p3dof.checks import FloatArray
-from p3dof.closed_loop import ClosedLoopModel
-from p3dof.closed_loop.batch.kinematics import Sweep
+from p3dof._base.checks import FloatArray
+from p3dof._base.threads import Own
+from p3dof.loops import ClosedLoopModel
+from p3dof.loops.batch.kinematics import Sweep
+from p3dof.machine.parameters import PLATFORM, Friction
 from p3dof.methods.coulomb import CoulombLimits
 from p3dof.methods.solution import JointStates
-from p3dof.parameters import PLATFORM, Friction
-from p3dof.threads import Own
 
 _UNIVERSALS = ("universal_a", "universal_b")
 _UNIVERSAL = np.eye(3)[:2]

@@ -6,8 +6,8 @@ hinge and φ the tilt of leg C's cross-bar from the vertical, the arm is
 
     sin α = ∂λC/∂θ · cos φ / r        (1)
 
-away from the plane of the rods, the angle that `p3dof.kinematics` has in closed form. Nothing here comes from
-there: when both ways call the same samples valid, they do so independently.
+away from the plane of the rods, the angle that `p3dof.closed_form.kinematics` has in closed form. Nothing
+here comes from there: when both ways call the same samples valid, they do so independently.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from p3dof.checks import FloatArray
-from p3dof.closed_loop import ClosedLoopModel
-from p3dof.closed_loop.batch.targets import FrameTargets
-from p3dof.errors import P3dofError, SampleError, SingularityError
-from p3dof.parameters import PLATFORM
-from p3dof.samples import ACTUATION_TOLERANCE, raise_out_of_reach, raise_singular
+from p3dof._base.checks import FloatArray
+from p3dof._base.errors import P3dofError, SampleError, SingularityError
+from p3dof._base.samples import ACTUATION_TOLERANCE, raise_out_of_reach, raise_singular
+from p3dof.loops import ClosedLoopModel
+from p3dof.loops.batch.targets import FrameTargets
+from p3dof.machine.parameters import PLATFORM
 
 _CHAINS = (
     ("slide_a", "hinge_a", "leg_a_tip", "platform_a"),

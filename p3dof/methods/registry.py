@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import NamedTuple, Protocol, TypeAlias
 
-from p3dof.checks import FloatArray, shown
-from p3dof.closed_loop import ClosedLoopModel
-from p3dof.compiled import MachineKernels
-from p3dof.errors import InputError
+from p3dof._base.checks import FloatArray, shown
+from p3dof._base.errors import InputError
+from p3dof.closed_form.compiled import MachineKernels
+from p3dof.loops import ClosedLoopModel
+from p3dof.machine.motion.states import States
+from p3dof.machine.parameters import Parameters
 from p3dof.methods import compiled, equations_of_motion
 from p3dof.methods.compiled import CompiledMethod
 from p3dof.methods.pinocchio import PinocchioMethod
 from p3dof.methods.virtual_power import VirtualPowerMethod
 from p3dof.methods.way import DynamicsMethod
-from p3dof.motion.states import States
-from p3dof.parameters import Parameters
 
 Method: TypeAlias = str
 """The name of a way to the forces, one of `METHODS`."""
@@ -43,7 +43,7 @@ METHODS: Mapping[Method, Callable[[Machine], DynamicsMethod]] = {
     "compiled": lambda machine: CompiledMethod(machine.kernels),
 }
 """The ways to the forces. The first two share only the parameters; the third is the second's result by the
-reduced formulas of `p3dof.compiled.reduced`, compiled."""
+reduced formulas of `p3dof.closed_form.compiled.reduced`, compiled."""
 
 DEFAULT_METHOD: Method = "pinocchio"
 """Wherever a method can be chosen."""

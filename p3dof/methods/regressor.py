@@ -1,8 +1,8 @@
 """How the actuator forces depend on the parameters: the regressor, its base parameters, lengths, gravity.
 
 Less what friction takes and without external loads, the forces are linear in the inertial parameters of the
-bodies, and 21 combinations of these 100 are all that forces can tell; see `p3dof.compiled.reduced`. They are
-linear in the nine numbers of motors, screws and balances, too.
+bodies, and 21 combinations of these 100 are all that forces can tell; see
+`p3dof.closed_form.compiled.reduced`. They are linear in the nine numbers of motors, screws and balances, too.
 """
 
 from __future__ import annotations
@@ -14,11 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from p3dof.algebra import BLOCK
-from p3dof.checks import FloatArray
-from p3dof.compiled.formulas import MODEL
-from p3dof.compiled.friction import loss_by_lengths
-from p3dof.compiled.reduced import (
+from p3dof._base.algebra import BLOCK
+from p3dof._base.checks import FloatArray
+from p3dof._base.samples import raise_not_finite
+from p3dof._base.tracing import Number, Symbol, Tape, derivatives, straight_line
+from p3dof._base.tracing.python import function_of
+from p3dof.closed_form.compiled.formulas import MODEL
+from p3dof.closed_form.compiled.friction import loss_by_lengths
+from p3dof.closed_form.compiled.reduced import (
     Actuated,
     Model,
     Moments,
@@ -29,13 +32,10 @@ from p3dof.compiled.reduced import (
     model_of,
     shape,
 )
-from p3dof.kinematics import holdable
-from p3dof.motion.states import States
-from p3dof.paper.formulas import Lengths
-from p3dof.parameters import LINKS, SLIDES, Bodies, Parameters
-from p3dof.samples import raise_not_finite
-from p3dof.tracing import Number, Symbol, Tape, derivatives, straight_line
-from p3dof.tracing.python import function_of
+from p3dof.closed_form.kinematics import holdable
+from p3dof.closed_form.paper.formulas import Lengths
+from p3dof.machine.motion.states import States
+from p3dof.machine.parameters import LINKS, SLIDES, Bodies, Parameters
 
 MOMENTS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 """Inertial parameters of a body, about the origin of its axes, in the order of Pinocchio's."""

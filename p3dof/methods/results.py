@@ -10,15 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
-from p3dof.checks import FloatArray
-from p3dof.files import write_table
+from p3dof._base.checks import FloatArray
+from p3dof._base.files import write_table
+from p3dof._base.tables import ShownInNotebook
+from p3dof.machine.motion import Motion
+from p3dof.machine.parameters import LEGS, SLIDES, Limits
 from p3dof.methods.coulomb import CoulombLimits
 from p3dof.methods.exceedances import Exceedance, exceedances_of
 from p3dof.methods.solution import JointStates
 from p3dof.methods.utilisation import Utilisation, utilisations
-from p3dof.motion import Motion
-from p3dof.parameters import LEGS, SLIDES, Limits
-from p3dof.tables import ShownInNotebook
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ class InverseDynamics(ShownInNotebook):
     dissipation : ndarray, shape (N,)
         Power lost in friction [W].
     actuation : ndarray, shape (N,)
-        Angle from the actuation singularity [rad]; see `p3dof.kinematics.Singularity`.
+        Angle from the actuation singularity [rad]; see `p3dof.closed_form.kinematics.Singularity`.
     crossings : ndarray, shape (K,)
         Times of the samples after which (or at which) the motion crosses an actuation singularity [s]. The
         forces are unbounded there: samples near by are invalid, however tame theirs are.

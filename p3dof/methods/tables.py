@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from p3dof._base.tables import NONE, Table, html_of, notebook_html, number, table_of, time_text
+from p3dof.machine.parameters import LEGS, Limits
 from p3dof.methods.results import InverseDynamics
-from p3dof.parameters import LEGS, Limits
-from p3dof.tables import NONE, Table, html_of, notebook_html, number, table_of, time_text
 
 
 def forces_table(result: InverseDynamics) -> Table:

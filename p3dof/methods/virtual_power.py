@@ -6,23 +6,23 @@ import math
 
 import numpy as np
 
-from p3dof import kinematics
-from p3dof.algebra import BLOCK, Namespace, components
-from p3dof.checks import FloatArray, Progress
-from p3dof.kinematics import Placed
+from p3dof._base.algebra import BLOCK, Namespace, components
+from p3dof._base.checks import FloatArray, Progress
+from p3dof._base.outputs import written
+from p3dof._base.samples import raise_not_finite
+from p3dof.closed_form import kinematics
+from p3dof.closed_form.kinematics import Placed
+from p3dof.closed_form.paper import friction
+from p3dof.closed_form.paper.actuators import actuation_of
+from p3dof.closed_form.paper.friction import losses_of
+from p3dof.closed_form.paper.inertials import inertials, numbers
+from p3dof.closed_form.paper.virtual_power import NO_WRENCH, Wrench, actuator_forces
+from p3dof.machine.motion.states import States
+from p3dof.machine.parameters import Parameters
 from p3dof.methods import equations_of_motion
 from p3dof.methods.closed_form import placed_in_blocks, solve_with
 from p3dof.methods.coulomb import CoulombLimits
 from p3dof.methods.solution import Solution
-from p3dof.motion.states import States
-from p3dof.outputs import written
-from p3dof.paper import friction
-from p3dof.paper.actuators import actuation_of
-from p3dof.paper.friction import losses_of
-from p3dof.paper.inertials import inertials, numbers
-from p3dof.paper.virtual_power import NO_WRENCH, Wrench, actuator_forces
-from p3dof.parameters import Parameters
-from p3dof.samples import raise_not_finite
 
 
 class VirtualPowerMethod:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from p3dof.checks import FloatArray, Progress
+from p3dof._base.checks import FloatArray, Progress
+from p3dof.machine.motion.states import States
 from p3dof.methods.one_sample import OneSample
 from p3dof.methods.solution import Solution
-from p3dof.motion.states import States
 
 
 class DynamicsMethod(Protocol):

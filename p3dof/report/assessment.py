@@ -11,26 +11,26 @@ from typing import Any
 
 import numpy as np
 
-from p3dof import plots
-from p3dof.bearings import bearings_table, guides_table, rods_table
-from p3dof.checks import shown
-from p3dof.drives import axes_table, ranking_table, ratings_table
-from p3dof.errors import InputError
-from p3dof.files import suffix_of, write_atomic
-from p3dof.manipulator import Manipulator, forces_of_task
-from p3dof.manipulator.assessment import Assessment, as_result, short
-from p3dof.manipulator.assessment_tables import assumptions, loads_table, needs_table, uses_table
-from p3dof.manipulator.task_limits import sizing_table
-from p3dof.manipulator.task_loads import without_jumps
-from p3dof.manipulator.tasks import TaskForces, pieces_table
+from p3dof._base.checks import shown
+from p3dof._base.errors import InputError
+from p3dof._base.files import suffix_of, write_atomic
+from p3dof._base.tables import number, percent
+from p3dof.analysis.reactions import how_chosen, names_table, reactions_table
+from p3dof.design.assessment import Assessment, as_result, short
+from p3dof.design.assessment_tables import assumptions, loads_table, needs_table, uses_table
+from p3dof.design.bearings import bearings_table, guides_table, rods_table
+from p3dof.design.drives import axes_table, ranking_table, ratings_table
+from p3dof.design.forces_of_tasks import TaskForces, forces_of_task, pieces_table
+from p3dof.design.task_limits import sizing_table
+from p3dof.design.task_loads import without_jumps
+from p3dof.machine.motion import motion_table
+from p3dof.machine.parameters import parameter_tables, payload_table
+from p3dof.manipulator import Manipulator
 from p3dof.methods import limits_table
-from p3dof.motion import motion_table
-from p3dof.parameters import parameter_tables, payload_table
-from p3dof.plots.mechanism import mechanism_figure
-from p3dof.reactions import how_chosen, names_table, reactions_table
+from p3dof.report import plots
 from p3dof.report.figures import Picture, picture
+from p3dof.report.plots.mechanism import mechanism_figure
 from p3dof.report.templates import data_uri, dated, rendered, template, texts, versions
-from p3dof.tables import number, percent
 
 _ALTERNATIVES = 8
 
@@ -163,7 +163,7 @@ def moving_page(found: Assessment) -> Any:
 
     Returns
     -------
-    p3dof.page.Page
+    p3dof.viewer.document.Page
     """
     reactions = found.reactions
     if reactions is not None and isinstance(found.found, TaskForces):

@@ -8,11 +8,11 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from p3dof import plots
-from p3dof.checks import shown
-from p3dof.errors import InputError
-from p3dof.manipulator.assessment_tables import assumptions
-from p3dof.manipulator.design_comparison import DesignComparison, comparison_table, verdicts_table
+from p3dof._base.checks import shown
+from p3dof._base.errors import InputError
+from p3dof.design.assessment_tables import assumptions
+from p3dof.design.design_comparison import DesignComparison, comparison_table, verdicts_table
+from p3dof.report import plots
 from p3dof.report.assessment import write_report
 from p3dof.report.figures import picture
 from p3dof.report.templates import dated, rendered, template, texts, versions

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from p3dof import plots
-from p3dof.energy import Energy
+from p3dof.analysis.energy import Energy
+from p3dof.analysis.reactions import AnyReactions
+from p3dof.machine.parameters import LEGS
 from p3dof.manipulator import Manipulator
 from p3dof.methods import InverseDynamics
-from p3dof.parameters import LEGS
-from p3dof.plots.common import encoded, laid_out
-from p3dof.plots.joints import joints_figure
-from p3dof.plots.mechanism import mechanism_figure
-from p3dof.reactions import AnyReactions
+from p3dof.report import plots
+from p3dof.report.plots.common import encoded, laid_out
+from p3dof.report.plots.joints import joints_figure
+from p3dof.report.plots.mechanism import mechanism_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -11,15 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from p3dof.checks import FloatArray, Progress, shown
-from p3dof.energy import Energy, balance_table, bodies_table, drives_table
-from p3dof.errors import InputError
-from p3dof.files import suffix_of, write_atomic
-from p3dof.manipulator import Comparison, Manipulator, agreement_table
-from p3dof.methods import evidence_table, limits_table
-from p3dof.motion import Motion, WrenchOverTime, motion_table
-from p3dof.parameters import LEGS, parameter_tables, payload_table
-from p3dof.reactions import (
+from p3dof._base.checks import FloatArray, Progress, shown
+from p3dof._base.errors import InputError
+from p3dof._base.files import suffix_of, write_atomic
+from p3dof._base.samples import OnInvalid
+from p3dof.analysis.energy import Energy, balance_table, bodies_table, drives_table
+from p3dof.analysis.reactions import (
     ALL,
     AnyReactions,
     Choice,
@@ -30,9 +27,14 @@ from p3dof.reactions import (
     open_tables,
     reactions_table,
 )
+from p3dof.machine.motion import Motion, WrenchOverTime, motion_table
+from p3dof.machine.parameters import LEGS, parameter_tables, payload_table
+from p3dof.manipulator import Manipulator
+from p3dof.methods import evidence_table, limits_table
+from p3dof.methods.comparison import Comparison
+from p3dof.methods.comparison_tables import agreement_table
 from p3dof.report.figures import Pictures, pictures_of
 from p3dof.report.templates import data_uri, dated, rendered, template, texts, versions
-from p3dof.samples import OnInvalid
 
 TITLE = "Inverse dynamics of a 3-DOF spatial parallel manipulator"
 
@@ -105,7 +107,7 @@ def render(
     progress : callable, optional
         Called with (done, total) while Pinocchio solves.
     joints : {"all", "elastic", "paper", "points"}
-        How loads are found that rigid bodies leave open; see `p3dof.reactions`.
+        How loads are found that rigid bodies leave open; see `p3dof.analysis.reactions`.
     stiffness : Stiffness, optional
         How joints and rods give way; guesses by default.
     picture : bytes, optional

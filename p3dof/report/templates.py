@@ -11,9 +11,9 @@ from importlib import resources
 from importlib.metadata import version
 from typing import Any
 
-from p3dof.checks import shown
-from p3dof.errors import InputError, MissingExtraError
-from p3dof.tables import table_html
+from p3dof._base.checks import shown
+from p3dof._base.errors import InputError, MissingExtraError
+from p3dof._base.tables import table_html
 
 PACKAGES = ("p3dof", "pin", "numpy", "scipy", "matplotlib", "Jinja2")
 _INSTANT = "at t [s]"
@@ -112,7 +112,7 @@ def linked(table: str) -> str:
     Parameters
     ----------
     table : str
-        As of `p3dof.tables.table_html`.
+        As of `p3dof._base.tables.table_html`.
 
     Returns
     -------

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from p3dof.page.machine import Machine
-from p3dof.page.poses import joints_of, trace_of
-from p3dof.page.robots.motion import JointMotion
-from p3dof.page.saved import Page
+from p3dof.viewer.document.machine import Machine
+from p3dof.viewer.document.poses import joints_of, trace_of
+from p3dof.viewer.document.robots.motion import JointMotion
+from p3dof.viewer.document.saved import Page
 from p3dof.viewer.pictures import save_screenshot, save_video
 from p3dof.viewer.robots.showing import robot_page, show_robot
 from p3dof.viewer.scale import ArrowScale
@@ -26,6 +26,7 @@ __all__ = [
     "Page",
     "Scene",
     "SceneWindow",
+    "document",
     "joints_of",
     "page",
     "robot_page",

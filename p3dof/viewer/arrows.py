@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from p3dof.checks import FloatArray
+from p3dof._base.checks import FloatArray
 
 HEAD = 4.0
 """Length of a head, in radii of the shaft."""

@@ -12,9 +12,9 @@ from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
-from p3dof.checks import one_line
-from p3dof.errors import InputError, MissingExtraError, P3dofError
-from p3dof.files import parse_json
+from p3dof._base.checks import one_line
+from p3dof._base.errors import InputError, MissingExtraError, P3dofError
+from p3dof._base.files import parse_json
 from p3dof.viewer.limits import Allowance, Outbox
 
 try:

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from p3dof.checks import FloatArray, as_floats, frozen_array
-from p3dof.errors import InputError, MissingExtraError
-from p3dof.page.drawable import Drawable
+from p3dof._base.checks import FloatArray, as_floats, frozen_array
+from p3dof._base.errors import InputError, MissingExtraError
+from p3dof.viewer.document.drawable import Drawable
 from p3dof.viewer.window import SceneWindow
 
 ROOT = "p3dof"

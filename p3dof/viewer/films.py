@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from p3dof.checks import FloatArray, Progress, positive
-from p3dof.errors import FileError, InputError, MissingExtraError
-from p3dof.files import scratch_folder, suffix_of, write_atomic
+from p3dof._base.checks import FloatArray, Progress, positive
+from p3dof._base.errors import FileError, InputError, MissingExtraError
+from p3dof._base.files import scratch_folder, suffix_of, write_atomic
 from p3dof.viewer.headless import AnyShooter, PageShooter, as_image, aside, opened
 
 _GIF_FPS = 50.0

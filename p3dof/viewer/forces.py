@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from p3dof.checks import FloatArray
-from p3dof.page.measures import above
-from p3dof.page.room import COLOURS, LEGS, Room
+from p3dof._base.checks import FloatArray
 from p3dof.viewer.arrows import draw_arrow, set_length
+from p3dof.viewer.document.measures import above
+from p3dof.viewer.document.room import COLOURS, LEGS, Room
 from p3dof.viewer.scale import ArrowScale
 from p3dof.viewer.stage import colour_number, number, sideways, write_text
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from p3dof.errors import MissingExtraError
+from p3dof._base.errors import MissingExtraError
 from p3dof.viewer.server import subject_of
 from p3dof.viewer.session import Session
 from p3dof.viewer.window import SceneWindow

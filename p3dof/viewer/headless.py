@@ -11,8 +11,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-from p3dof.errors import InputError, MissingExtraError
-from p3dof.files import scratch_folder
+from p3dof._base.errors import InputError, MissingExtraError
+from p3dof._base.files import scratch_folder
 
 NAMES = (
     "chromium",
@@ -73,7 +73,7 @@ class Shooter:
 
 
 class PageShooter:
-    """The same for a page of `p3dof.page`, of which only the machine is seen.
+    """The same for a page of `p3dof.viewer.document`, of which only the machine is seen.
 
     Parameters
     ----------

@@ -17,8 +17,8 @@ from collections.abc import Hashable, Mapping
 
 from typing_extensions import Self
 
-from p3dof.checks import shown
-from p3dof.errors import InputError
+from p3dof._base.checks import shown
+from p3dof._base.errors import InputError
 from p3dof.viewer.connections import MAX_MESSAGE, Channel, FileHandler, PageHandler, Source
 
 HOST = "127.0.0.1"

@@ -9,10 +9,10 @@ from typing import Any
 
 from typing_extensions import Self
 
-from p3dof.checks import frozen_array, shown
-from p3dof.errors import InputError, MissingExtraError
-from p3dof.page.html import page_html
-from p3dof.page.saved import HEIGHT, Page
+from p3dof._base.checks import frozen_array, shown
+from p3dof._base.errors import InputError, MissingExtraError
+from p3dof.viewer.document.html import page_html
+from p3dof.viewer.document.saved import HEIGHT, Page
 from p3dof.viewer.page_server import PageServer
 from p3dof.viewer.session import Answerer, Message, Session
 
@@ -26,7 +26,7 @@ class LiveViewer:
     Parameters
     ----------
     document : dict
-        What the page shows first, as of `p3dof.page`.
+        What the page shows first, as of `p3dof.viewer.document`.
     run_of : callable, optional
         Returns the run of what is given to `show`.
     answerer : callable, optional
@@ -94,7 +94,7 @@ class LiveViewer:
         """Return the page as a widget for a notebook, whose kernel may run on another machine.
 
         Every cell that shows it has a page with its own time. What is shown is not kept in the notebook's
-        file; a `p3dof.page.Page` is.
+        file; a `p3dof.viewer.document.Page` is.
 
         Returns
         -------

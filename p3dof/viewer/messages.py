@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from p3dof.errors import FileError
+from p3dof._base.errors import FileError
 
 MAGIC = b"P3D1"
 _ALIGNED = 8

@@ -11,7 +11,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from p3dof.errors import MissingExtraError
+from p3dof._base.errors import MissingExtraError
 
 
 def standalone(messages: Iterable[bytes], title: str = "p3dof") -> str:

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from p3dof.checks import FloatArray, Progress, positive, shown
-from p3dof.errors import InputError
-from p3dof.files import suffix_of, write_atomic
-from p3dof.page.encoding import decoded
-from p3dof.page.saved import Page
+from p3dof._base.checks import FloatArray, Progress, positive, shown
+from p3dof._base.errors import InputError
+from p3dof._base.files import suffix_of, write_atomic
+from p3dof.viewer.document.encoding import decoded
+from p3dof.viewer.document.saved import Page
 from p3dof.viewer.films import checked_rate, save_film
 from p3dof.viewer.headless import SIZE, PageShooter, checked_size, picture_of
 from p3dof.viewer.start import within

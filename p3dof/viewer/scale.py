@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from p3dof.checks import FloatArray
+from p3dof._base.checks import FloatArray
+from p3dof.machine.motion import states_of
 from p3dof.methods import InverseDynamics
 from p3dof.methods.virtual_power import VirtualPowerMethod
-from p3dof.motion import states_of
-from p3dof.page.machine import Machine
+from p3dof.viewer.document.machine import Machine
 from p3dof.viewer.stage import number
 
 _POSES = 41

@@ -6,12 +6,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from p3dof.checks import FloatArray, as_floats
-from p3dof.description.shapes import PLATFORM
-from p3dof.errors import InputError
-from p3dof.page.machine import Machine, require_machine
-from p3dof.page.room import GLASS, LEGS, LINKS_OF_LEGS, Room
-from p3dof.page.skin import skin_of
+from p3dof._base.checks import FloatArray, as_floats
+from p3dof._base.errors import InputError
+from p3dof.machine.description.shapes import PLATFORM
+from p3dof.viewer.document.machine import Machine, require_machine
+from p3dof.viewer.document.room import GLASS, LEGS, LINKS_OF_LEGS, Room
+from p3dof.viewer.document.skin import skin_of
 from p3dof.viewer.drawing import TRACE, Drawing
 from p3dof.viewer.forces import ForceArrows
 from p3dof.viewer.scale import ArrowScale

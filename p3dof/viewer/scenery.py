@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from p3dof.page.measures import above
-from p3dof.page.room import Room
+from p3dof.viewer.document.measures import above
+from p3dof.viewer.document.room import Room
 from p3dof.viewer.stage import draw_floor, write_text
 
 

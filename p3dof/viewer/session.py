@@ -12,8 +12,8 @@ import threading
 from collections.abc import Callable, Hashable, Mapping
 from typing import Any, TypeAlias
 
-from p3dof.checks import one_line, shown
-from p3dof.errors import InputError, P3dofError
+from p3dof._base.checks import one_line, shown
+from p3dof._base.errors import InputError, P3dofError
 from p3dof.viewer.messages import packed_message
 
 Message: TypeAlias = dict[str, Any]
@@ -36,7 +36,7 @@ class Session:
     Parameters
     ----------
     document : dict
-        As of `p3dof.page`: machine, scene and runs.
+        As of `p3dof.viewer.document`: machine, scene and runs.
     answerer : callable, optional
         Answers a page that has no engine of its own; called in a thread of its own, one question at a time,
         of each page the latest.

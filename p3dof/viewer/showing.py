@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from p3dof.checks import frozen_array, shown
-from p3dof.errors import InputError
+from p3dof._base.checks import frozen_array, shown
+from p3dof._base.errors import InputError
+from p3dof.analysis.reactions import AnyReactions
+from p3dof.machine.motion import Motion, WrenchOverTime
 from p3dof.methods import InverseDynamics
-from p3dof.motion import Motion, WrenchOverTime
-from p3dof.page.document import TITLE, page_document
-from p3dof.page.encoding import decoded, finite
-from p3dof.page.machine import Machine, require_machine
-from p3dof.page.machine_runs import Runnable, Samples, run_of
-from p3dof.page.saved import Page
-from p3dof.reactions import AnyReactions
+from p3dof.viewer.document.document import TITLE, page_document
+from p3dof.viewer.document.encoding import decoded, finite
+from p3dof.viewer.document.machine import Machine, require_machine
+from p3dof.viewer.document.machine_runs import Runnable, Samples, run_of
+from p3dof.viewer.document.saved import Page
 from p3dof.viewer.start import start_of
 
 if TYPE_CHECKING:

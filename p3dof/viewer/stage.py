@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from p3dof.checks import FloatArray
-from p3dof.page.measures import above, mesh_of
+from p3dof._base.checks import FloatArray
+from p3dof.viewer.document.measures import above, mesh_of
 
 TOP, BOTTOM = (1.0, 1.0, 1.0), (0.86, 0.89, 0.92)
 """Colours of the background."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from p3dof.checks import FloatArray, real, shown
-from p3dof.errors import InputError
+from p3dof._base.checks import FloatArray, real, shown
+from p3dof._base.errors import InputError
 
 SLOWEST, FASTEST = 0.1, 4.0
 """How many times faster than in reality a run can be played."""

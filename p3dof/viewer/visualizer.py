@@ -7,7 +7,7 @@ from typing import Any
 
 from typing_extensions import Self
 
-from p3dof.page.machine import Machine
+from p3dof.viewer.document.machine import Machine
 from p3dof.viewer.scene import Scene
 from p3dof.viewer.server import ServedWindow, Server
 

@@ -9,9 +9,9 @@ from collections.abc import Callable, Hashable, Mapping
 from importlib import resources
 from typing import Any
 
-from p3dof.checks import one_line
-from p3dof.errors import MissingExtraError, P3dofError
-from p3dof.page.saved import HEIGHT
+from p3dof._base.checks import one_line
+from p3dof._base.errors import MissingExtraError, P3dofError
+from p3dof.viewer.document.saved import HEIGHT
 from p3dof.viewer.messages import packed_message
 from p3dof.viewer.session import Session
 

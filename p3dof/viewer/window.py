@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeAlias
 
-from p3dof.errors import InputError, MissingExtraError
+from p3dof._base.errors import InputError, MissingExtraError
 
 Listener: TypeAlias = Callable[[bytes], None]
 """Takes a packed command; it must return at once, as whoever draws waits for it."""

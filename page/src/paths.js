@@ -1,4 +1,4 @@
-// Where the platform goes from one stop to the next: straight lines with blends, as p3dof.tasks makes them.
+// Where the platform goes from one stop to the next: straight lines with blends, as p3dof.design.tasks makes them.
 import { plainLine } from "./document.js";
 
 /** A pose of the platform on its way, and what happens there. */

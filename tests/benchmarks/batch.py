@@ -11,10 +11,10 @@ from inputs import CACHED, MACHINES, MILLION, columns, kernel_columns, rows
 from rounds import Contender, calling
 
 import p3dof
-from p3dof.compiled import MachineKernels
-from p3dof.compiled.kernels import NUMPY, levels
+from p3dof.closed_form.compiled import MachineKernels
+from p3dof.closed_form.compiled.kernels import NUMPY, levels
+from p3dof.machine.parameters import Parameters
 from p3dof.methods.registry import Method
-from p3dof.parameters import Parameters
 
 BEST = levels()[-1]
 COMPILED = levels()[1:]
@@ -69,7 +69,7 @@ def kernel_call(kernels: MachineKernels, name: str, count: int) -> Callable[[], 
     used, constants = kernels.prepared(name)
     if kernels.level == NUMPY:
         return lambda: kernels.run(name, inputs, outputs)
-    from p3dof.compiled.extension import _compiled
+    from p3dof._native import _compiled
 
     return _compiled.Call(used.name, kernels.level, constants, inputs, outputs)
 

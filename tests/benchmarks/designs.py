@@ -17,13 +17,13 @@ import numpy as np
 from rich.console import Console
 
 import p3dof
-from p3dof.compiled.design_kernels import design_kernel
-from p3dof.compiled.kernels import MachineKernels, levels
-from p3dof.compiled.reduced import model_of
-from p3dof.compiled.reduced.friction import friction_numbers
-from p3dof.designs import DesignEvaluation, Designs
-from p3dof.designs.figures import FigureGroup
-from p3dof.designs.samples import samples_of
+from p3dof.analysis.designs import DesignEvaluation, Designs
+from p3dof.analysis.designs.figures import FigureGroup
+from p3dof.analysis.designs.samples import samples_of
+from p3dof.closed_form.compiled.design_kernels import design_kernel
+from p3dof.closed_form.compiled.kernels import MachineKernels, levels
+from p3dof.closed_form.compiled.reduced import model_of
+from p3dof.closed_form.compiled.reduced.friction import friction_numbers
 
 SAMPLES, DESIGNS = 200, 32_768
 MOTION = p3dof.paper_motion(SAMPLES)
@@ -55,7 +55,7 @@ def kernel_alone(name: str, machine: p3dof.Parameters, level: str, rounds: int) 
     ]
     columns += [np.zeros(SAMPLES)] * (len(kernels.prepared(name)[0].inputs) - 9)
     outputs = [np.empty(SAMPLES) for _ in range(4)]
-    from p3dof.compiled.extension import _compiled
+    from p3dof._native import _compiled
 
     used, constants = kernels.prepared(name)
     call = _compiled.Call(used.name, level, constants, columns, outputs)
@@ -64,7 +64,7 @@ def kernel_alone(name: str, machine: p3dof.Parameters, level: str, rounds: int) 
 
 def own_kernel_alone(name: str, machine: p3dof.Parameters, level: str, rounds: int) -> float:
     """Return the seconds that a kernel for designs takes for a sample, likewise."""
-    from p3dof.compiled.extension import _compiled
+    from p3dof._native import _compiled
 
     used, padded = design_kernel(name), -(-SAMPLES // 8) * 8
     packed = samples_of(MOTION).packed()

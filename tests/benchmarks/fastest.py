@@ -14,7 +14,7 @@ from dataclasses import replace
 from rich.console import Console
 
 import p3dof
-from p3dof.tasks.files import parse
+from p3dof.design.tasks.files import parse
 
 TASK = """
 waypoints:

@@ -12,7 +12,7 @@ from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
 from others import BARE, BATCH_POSE, BATCH_QVA, FEW, MANY, OTHERS, SAMPLE_CALL, SAMPLE_POSE, SAMPLE_QVA
 from rounds import Timing
 
-from p3dof.plots.common import new_figure, save, tidy
+from p3dof.report.plots.common import new_figure, save, tidy
 
 INK = ("#000000", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f7f7f")
 DASHES = ("-", "--", "-.", (0, (1, 1.2)), (0, (5, 1, 1, 1, 1, 1)))

@@ -8,9 +8,9 @@ from functools import cache
 import numpy as np
 
 import p3dof
-from p3dof.compiled import MachineKernels
-from p3dof.compiled.formulas import ACCELERATION, FORCES, POSE, SLIDERS, VELOCITY, WRENCH
-from p3dof.parameters import LINKS, Bodies, Body, Parameters
+from p3dof.closed_form.compiled import MachineKernels
+from p3dof.closed_form.compiled.formulas import ACCELERATION, FORCES, POSE, SLIDERS, VELOCITY, WRENCH
+from p3dof.machine.parameters import LINKS, Bodies, Body, Parameters
 
 CACHED = 1000
 """Samples whose columns stay in the cache."""

@@ -31,12 +31,12 @@ from rounds import Contender, Timing, calling, described, load_average, measure,
 
 import p3dof
 from p3dof import ClosedLoopModel
-from p3dof.closed_loop import CompiledLoop
-from p3dof.closed_loop.compiled import build
-from p3dof.closed_loop.compiled.kernels import pointers, sizes
-from p3dof.closed_loop.compiled.printing import lanes_source
-from p3dof.errors import DynamicsError, P3dofError
-from p3dof.tracing.python import function_of
+from p3dof._base.errors import DynamicsError, P3dofError
+from p3dof._base.tracing.python import function_of
+from p3dof.loops import CompiledLoop
+from p3dof.loops.compiled import build
+from p3dof.loops.compiled.kernels import pointers, sizes
+from p3dof.loops.compiled.printing import lanes_source
 
 ROUNDS, ROWS, MANY, TIMES = 15, 64, 512, 8
 INVERSE, FORWARD = "inverse_dynamics", "forward_dynamics"

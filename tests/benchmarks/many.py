@@ -90,7 +90,7 @@ def main() -> None:
 
 def robot_levels() -> tuple[str, ...]:
     """Return the levels of the extension."""
-    from p3dof.compiled import levels
+    from p3dof.closed_form.compiled import levels
 
     return levels()[1:]
 

@@ -20,14 +20,14 @@ from inputs import MACHINES, rows
 from rounds import Contender
 
 import p3dof
+from p3dof._native import __file__ as kernels_file
+from p3dof.closed_form.compiled import MachineKernels, reduced
+from p3dof.closed_form.compiled.reduced import State
+from p3dof.closed_form.paper import virtual_power
+from p3dof.closed_form.paper.formulas import Lengths
+from p3dof.closed_form.paper.inertials import inertials, numbers
 from p3dof.codegen.controller import controller_files
-from p3dof.compiled import MachineKernels, reduced
-from p3dof.compiled.extension import __file__ as kernels_file
-from p3dof.compiled.reduced import State
-from p3dof.paper import virtual_power
-from p3dof.paper.formulas import Lengths
-from p3dof.paper.inertials import inertials, numbers
-from p3dof.parameters import Parameters
+from p3dof.machine.parameters import Parameters
 
 HERE = Path(__file__).parent
 KERNELS = Path(kernels_file).parent

@@ -9,8 +9,8 @@ import pinocchio as pin
 from rounds import Contender, calling
 
 import p3dof
-from p3dof import engines
-from p3dof.closed_loop.batch.states import complete_near
+from p3dof.loops.batch.states import complete_near
+from p3dof.methods import engines
 from p3dof.methods.pinocchio import target_of
 
 OTHERS = "Pinocchio and others"

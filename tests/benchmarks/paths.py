@@ -109,7 +109,7 @@ def starts(rounds: int) -> None:
     programs = {
         "import p3dof": ["-c", "import p3dof"],
         "p3dof.load": ["-c", "import p3dof; p3dof.load"],
-        "p3dof.closed_loop": ["-c", "import p3dof.closed_loop"],
+        "p3dof.loops": ["-c", "import p3dof.loops"],
         "ClosedLoopModel": ["-c", "import p3dof; p3dof.ClosedLoopModel"],
         "--help": ["-m", "p3dof", "--help"],
         "--version": ["-m", "p3dof", "--version"],

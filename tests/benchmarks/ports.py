@@ -41,7 +41,7 @@ from batch import COMPILED, FORCES
 from inputs import MACHINES
 from rounds import Contender, Timing
 
-from p3dof.compiled import MachineKernels
+from p3dof.closed_form.compiled import MachineKernels
 
 PORTS = "ports"
 ALONE = ("add", "min", "mul", "fma", "div", "sqrt")
@@ -193,7 +193,7 @@ def bounds(loop: Loop, timings: Mapping[tuple[str, str, str], Timing]) -> dict[s
 
 def _disassembled(folder: Path) -> dict[str, list[str]]:
     """Return the instructions of every function of the extension, ``address: mnemonic operands``."""
-    from p3dof.compiled.extension import _compiled
+    from p3dof._native import _compiled
 
     found = _functions(Path(str(_compiled.__file__)))
     if any(name.startswith(FORCES) for name in found):

@@ -17,7 +17,7 @@ from robots import GALLERY
 from rounds import described, load_average
 
 import p3dof
-from p3dof.simulation import (
+from p3dof.runs import (
     ControlLoop,
     Integration,
     JointPD,

@@ -21,7 +21,7 @@ from rounds import Contender, Timing, calling, described, load_average, measure,
 
 import p3dof
 from p3dof import ClosedLoopModel
-from p3dof.errors import P3dofError
+from p3dof._base.errors import P3dofError
 
 GALLERY = Path(__file__).parents[2] / "docs" / "_static" / "gallery"
 ROUNDS = 15

@@ -21,7 +21,7 @@ from scipy.integrate import solve_ivp
 
 import p3dof
 from p3dof import PD, ComputedTorque, ControlLoop, Integration, Springs
-from p3dof.simulation.simulate import simulate_in_python, task_of
+from p3dof.runs.simulate import simulate_in_python, task_of
 
 HOME, ROUNDS = np.zeros(3), 5
 EXACT = Integration(rtol=1e-13, atol=1e-16)

@@ -10,10 +10,10 @@ import numpy as np
 import pinocchio as pin
 
 import p3dof
-from p3dof import engines
-from p3dof.description.mjcf_text import mjcf
-from p3dof.engines.bare import bare_mechanism
-from p3dof.parameters import SLIDES
+from p3dof.machine.description.mjcf_text import mjcf
+from p3dof.machine.parameters import SLIDES
+from p3dof.methods import engines
+from p3dof.methods.engines.bare import bare_mechanism
 
 Forces = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """Of slider positions and speeds."""

@@ -23,7 +23,8 @@ from pathlib import Path
 import psutil
 
 import p3dof
-from p3dof import blocks, sweeps
+from p3dof._base import blocks
+from p3dof.design import sweeps
 
 try:
     import dask
@@ -78,7 +79,7 @@ def tell(text):
 @contextmanager
 def cluster(workers):
     with LocalCluster(n_workers=workers, **LOCAL) as local, Client(local) as client:
-        client.run(__import__, "p3dof.sweeps")
+        client.run(__import__, "p3dof.design.sweeps")
         yield client
 
 

@@ -13,7 +13,7 @@ from others import BARE, BATCH_POSE, BATCH_QVA, OTHERS, SAMPLE_POSE
 from ports import TOGETHER, Loop, bounds
 from rounds import Timing
 
-from p3dof.compiled.formulas import kernel
+from p3dof.closed_form.compiled.formulas import kernel
 
 Key: TypeAlias = tuple[str, str, str]
 Pick: TypeAlias = Callable[[str, str, str], float]

@@ -9,8 +9,8 @@ import numpy as np
 import pinocchio as pin
 
 import p3dof
-from p3dof import description
-from p3dof.parameters import PAPER
+from p3dof.machine import description
+from p3dof.machine.parameters import PAPER
 
 FILES = Path(__file__).parents[2] / "urdf"
 URDF = FILES / "p3dof.urdf"

@@ -12,12 +12,12 @@ import pytest
 from reference import FILES, URDF
 
 import p3dof
-from p3dof import description
-from p3dof.closed_loop import ClosedLoopModel, Sidecar
-from p3dof.errors import ModelError, MotionError, P3dofError, ParameterError
-from p3dof.motion import Motion
-from p3dof.parameters import PAPER, Bodies, Body, Geometry, read_parameters, write_parameters
-from p3dof.parameters.named import of_solids
+from p3dof._base.errors import ModelError, MotionError, P3dofError, ParameterError
+from p3dof.loops import ClosedLoopModel, Sidecar
+from p3dof.machine import description
+from p3dof.machine.motion import Motion
+from p3dof.machine.parameters import PAPER, Bodies, Body, Geometry, read_parameters, write_parameters
+from p3dof.machine.parameters.named import of_solids
 
 READERS = {
     "urdf": ClosedLoopModel.from_urdf,
@@ -225,7 +225,7 @@ def test_a_motion_cut_anywhere_is_one_error_or_its_beginning(tmp_path):
 def read_elsewhere(text_of, seconds=20):
     """Read a URDF, made by an expression, in another process; return its exit code and what it says."""
     code = (
-        "from p3dof.closed_loop import ClosedLoopModel\nfrom p3dof.errors import ModelError\n"
+        "from p3dof.loops import ClosedLoopModel\nfrom p3dof._base.errors import ModelError\n"
         f"text = {text_of}\n"
         "try: ClosedLoopModel.from_urdf(text)\n"
         "except ModelError as error: print(error)"

@@ -8,12 +8,12 @@ from machines import random_machine, random_states, virtual_power_forces
 from reference import FILES, LINKS, URDF
 
 import p3dof
-from p3dof import description
-from p3dof.closed_loop import ClosedLoopModel, Sidecar
-from p3dof.errors import ModelError
+from p3dof._base.errors import ModelError
+from p3dof.loops import ClosedLoopModel, Sidecar
+from p3dof.machine import description
+from p3dof.machine.motion import states_of
+from p3dof.machine.parameters import PAPER, SOLIDS, Bodies, Body, Geometry
 from p3dof.methods.pinocchio import PinocchioMethod
-from p3dof.motion import states_of
-from p3dof.parameters import PAPER, SOLIDS, Bodies, Body, Geometry
 
 
 def loop_of(parameters, exact=False):

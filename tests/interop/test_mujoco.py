@@ -31,12 +31,13 @@ from reference import (
 from scipy.integrate import solve_ivp
 
 import p3dof
-from p3dof import P3dofError, description
-from p3dof.description.mechanism import Closure, Joint, JointLimits, Link, Mechanism, Placement
-from p3dof.description.mjcf_text import holding_forces, mjcf
-from p3dof.errors import ModelError
-from p3dof.markup.mjcf import STIFFNESS, TIME_STEP
-from p3dof.parameters import PAPER, SOLIDS, Body, Geometry, of_solids
+from p3dof import P3dofError
+from p3dof._base.errors import ModelError
+from p3dof._base.markup.mjcf import STIFFNESS, TIME_STEP
+from p3dof.machine import description
+from p3dof.machine.description.mechanism import Closure, Joint, JointLimits, Link, Mechanism, Placement
+from p3dof.machine.description.mjcf_text import holding_forces, mjcf
+from p3dof.machine.parameters import PAPER, SOLIDS, Body, Geometry, of_solids
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco not installed: pip install 'p3dof[test]'")
 
@@ -605,7 +606,7 @@ def test_names_are_escaped(name):
 
 def test_bytes_do_not_depend_on_the_run():
     code = (
-        "import sys; from p3dof.description import *; from p3dof.parameters import PAPER;"
+        "import sys; from p3dof.machine.description import *; from p3dof.machine.parameters import PAPER;"
         "sys.stdout.buffer.write(texts(PAPER, ('mjcf',))['p3dof_mjcf.xml'].encode())"
     )
     runs = {

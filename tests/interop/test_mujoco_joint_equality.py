@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from p3dof.closed_loop import ClosedLoopModel, Coupling, Sidecar
+from p3dof.loops import ClosedLoopModel, Coupling, Sidecar
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco not installed: pip install 'p3dof[test]'")
 

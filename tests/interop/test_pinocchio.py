@@ -1,4 +1,4 @@
-"""Pinocchio itself: `p3dof.closed_loop.ClosedLoopModel.from_urdf("urdf/p3dof.urdf", "urdf/p3dof.yaml")`."""
+"""Pinocchio itself: `p3dof.loops.ClosedLoopModel.from_urdf("urdf/p3dof.urdf", "urdf/p3dof.yaml")`."""
 
 import numpy as np
 import pinocchio as pin
@@ -16,7 +16,7 @@ from reference import (
     placements,
 )
 
-from p3dof.closed_loop import ClosedLoopModel, Sidecar
+from p3dof.loops import ClosedLoopModel, Sidecar
 
 SIDECAR = FILES / "p3dof.yaml"
 

@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 from reference import FILES, GRAVITY, LINKS, MOVING, URDF, placements, random_joints, tree_forces
 
-from p3dof.closed_loop import ClosedLoopModel, Sidecar
+from p3dof.loops import ClosedLoopModel, Sidecar
 
 
 def wrapped():

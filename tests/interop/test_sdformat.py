@@ -18,11 +18,11 @@ import pytest
 from reference import FILES, LINKS, MECHANISM, MOVING, URDF, placements
 
 import p3dof
-from p3dof import description
-from p3dof.description import Box, Cylinder, Mechanism
-from p3dof.description.sdf_text import sdf
-from p3dof.errors import ModelError
-from p3dof.parameters import PAPER, SOLIDS, Geometry, of_solids
+from p3dof._base.errors import ModelError
+from p3dof.machine import description
+from p3dof.machine.description import Box, Cylinder, Mechanism
+from p3dof.machine.description.sdf_text import sdf
+from p3dof.machine.parameters import PAPER, SOLIDS, Geometry, of_solids
 
 SDF = FILES / "p3dof.sdf"
 MARKERS = set(MECHANISM.markers)
@@ -406,7 +406,7 @@ def test_gravity_is_left_to_the_world():
 
 def test_files_are_the_same_bytes_in_every_run():
     code = (
-        "import sys; from p3dof import description as d; from p3dof.parameters import PAPER; "
+        "import sys; from p3dof.machine import description as d; from p3dof.machine.parameters import PAPER; "
         "sys.stdout.buffer.write(''.join(d.texts(PAPER, ('drake', 'sdf')).values()).encode())"
     )
     texts = "".join(description.texts(PAPER, ("drake", "sdf")).values()).encode()

@@ -14,10 +14,10 @@ import pinocchio as pin
 import pytest
 from reference import FILES, MECHANISM, URDF, assert_placements, closed_joints, placements, random_joints
 
-from p3dof import description
-from p3dof.description.mechanism import Closure, Joint, JointLimits, Link, Mechanism, Placement
-from p3dof.description.urdf_plus_text import urdf_plus
-from p3dof.parameters import PAPER, SOLIDS, Geometry, of_solids
+from p3dof.machine import description
+from p3dof.machine.description.mechanism import Closure, Joint, JointLimits, Link, Mechanism, Placement
+from p3dof.machine.description.urdf_plus_text import urdf_plus
+from p3dof.machine.parameters import PAPER, SOLIDS, Geometry, of_solids
 
 FILE = FILES / "p3dof_plus.urdf"
 
@@ -154,7 +154,7 @@ def test_without_closures_it_is_a_plain_tree():
 
 def test_text_is_the_same_in_every_process():
     code = (
-        "import sys; from p3dof.description import files; from p3dof.parameters import PAPER;"
+        "import sys; from p3dof.machine.description import files; from p3dof.machine.parameters import PAPER;"
         "sys.stdout.buffer.write(''.join(files.texts(PAPER, ['urdf+', 'srdf']).values()).encode())"
     )
     outputs = {

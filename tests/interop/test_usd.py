@@ -22,11 +22,11 @@ from reference import (
     random_joints,
 )
 
-from p3dof import description
-from p3dof.description.mechanism import Box, Cylinder, Joint, JointLimits, Link, Mechanism, Placement
-from p3dof.description.usd_stage import _axis, _principal, _quaternion, usd
-from p3dof.errors import MissingExtraError, ModelError
-from p3dof.parameters import PAPER, SOLIDS, Body, Geometry, of_solids
+from p3dof._base.errors import MissingExtraError, ModelError
+from p3dof.machine import description
+from p3dof.machine.description.mechanism import Box, Cylinder, Joint, JointLimits, Link, Mechanism, Placement
+from p3dof.machine.description.usd_stage import _axis, _principal, _quaternion, usd
+from p3dof.machine.parameters import PAPER, SOLIDS, Body, Geometry, of_solids
 
 pytest.importorskip("pxr", reason="usd-core not installed: pip install 'p3dof[usd]'")
 
@@ -389,7 +389,7 @@ def test_without_usd_core_the_extra_is_named(monkeypatch):
 
 def test_text_is_the_same_in_every_process():
     code = (
-        "import sys; from p3dof.description import files; from p3dof.parameters import PAPER;"
+        "import sys; from p3dof.machine.description import files; from p3dof.machine.parameters import PAPER;"
         "sys.stdout.buffer.write(files.texts(PAPER, ['usd'])['p3dof.usda'].encode())"
     )
     outputs = {

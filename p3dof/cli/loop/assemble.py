@@ -8,12 +8,12 @@ import click
 import numpy as np
 import yaml
 
+from p3dof._base.files import write_atomic, write_table
 from p3dof.cli.files import OutputFile, console_beside, protect, write_results
 from p3dof.cli.loop.group import AT, assembled, loop, with_robot
 from p3dof.cli.output import print_plain, show
-from p3dof.closed_loop import ClosedLoopModel
-from p3dof.closed_loop.tables import assembly_table, joint_values
-from p3dof.files import write_atomic, write_table
+from p3dof.loops import ClosedLoopModel
+from p3dof.loops.tables import assembly_table, joint_values
 
 
 @loop.command()

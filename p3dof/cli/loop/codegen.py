@@ -8,16 +8,16 @@ from pathlib import Path
 import click
 from rich.console import Console
 
+from p3dof._base.files import check_generated, together, write_generated
+from p3dof._base.tables import table_of
 from p3dof.cli.export import CHECK, FORCE, WASM, print_differences
 from p3dof.cli.files import OutputFolder, file_name, protect
 from p3dof.cli.loop.group import loop, with_robot
 from p3dof.cli.output import print_plain, show
-from p3dof.closed_loop import ClosedLoopModel
 from p3dof.codegen.loops import MARK, loop_files
 from p3dof.codegen.naming import command_of, of_another
 from p3dof.codegen.wasm_files import WebFiles
-from p3dof.files import check_generated, together, write_generated
-from p3dof.tables import table_of
+from p3dof.loops import ClosedLoopModel
 
 TOLERANCE = 1e-9
 """Relative difference of numbers that ``--check`` lets pass."""

@@ -11,15 +11,15 @@ import click
 import numpy as np
 from click.core import ParameterSource
 
-from p3dof.checks import FloatArray, shown
+from p3dof._base.checks import FloatArray, shown
+from p3dof._base.errors import InputError
 from p3dof.cli.actuation import ActuationOptions, with_actuation
 from p3dof.cli.files import InputFile, protect, source
 from p3dof.cli.kinds import POSITIVE
-from p3dof.closed_loop import ClosedLoopModel, CompiledLoop
-from p3dof.closed_loop.compiling_model import ROBOT_METHODS
-from p3dof.errors import InputError
-from p3dof.motion import WrenchHistory
-from p3dof.simulation import (
+from p3dof.loops import ClosedLoopModel, CompiledLoop
+from p3dof.loops.compiling_model import ROBOT_METHODS
+from p3dof.machine.motion import WrenchHistory
+from p3dof.runs import (
     ControlLoop,
     JointComputedTorque,
     JointPD,

@@ -8,18 +8,18 @@ from pathlib import Path
 import click
 from rich.console import Console
 
+from p3dof._base.errors import ModelWarning
+from p3dof._base.files import together, write_atomic
 from p3dof.cli.files import STREAM, InputFile, OutputFile, protect, source
 from p3dof.cli.loop.group import loop, with_robot
 from p3dof.cli.loop.motion import forces_along
 from p3dof.cli.output import print_plain, print_warnings, say
-from p3dof.closed_loop import ClosedLoopModel
-from p3dof.closed_loop.writers.files import SUFFIX, contents
-from p3dof.errors import ModelWarning
-from p3dof.files import together, write_atomic
-from p3dof.page.glb import save_glb
-from p3dof.page.robots.document import robot_document
-from p3dof.page.robots.figure import RobotFigure
-from p3dof.page.robots.motion import JointMotion
+from p3dof.loops import ClosedLoopModel
+from p3dof.loops.writers.files import SUFFIX, contents
+from p3dof.viewer.document.glb import save_glb
+from p3dof.viewer.document.robots.document import robot_document
+from p3dof.viewer.document.robots.figure import RobotFigure
+from p3dof.viewer.document.robots.motion import JointMotion
 
 _SCENE = "glb"
 

@@ -14,9 +14,9 @@ from p3dof.cli.loop.group import loop, with_robot
 from p3dof.cli.loop.motion import Forces, forces_along
 from p3dof.cli.options import SMOOTH
 from p3dof.cli.output import print_plain, show
-from p3dof.closed_loop import ClosedLoopModel
-from p3dof.closed_loop.tables import actuators_table, motors_table
-from p3dof.motion.smoothing import Smooth
+from p3dof.loops import ClosedLoopModel
+from p3dof.loops.tables import actuators_table, motors_table
+from p3dof.machine.motion.smoothing import Smooth
 
 MOTION = click.option(
     "--motion",

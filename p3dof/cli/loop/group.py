@@ -13,16 +13,16 @@ import click
 import numpy as np
 import pinocchio as pin
 
-from p3dof.checks import FloatArray, shown
+from p3dof._base.checks import FloatArray, shown
+from p3dof._base.errors import InputError, ModelWarning, ParameterError
+from p3dof._base.files import read_text
 from p3dof.cli.app import Command, app
 from p3dof.cli.files import STREAM, InputFile, protect
 from p3dof.cli.output import say
-from p3dof.closed_loop import Assembly, ClosedLoopModel, load_robot
-from p3dof.closed_loop.sidecar import suggestion
-from p3dof.closed_loop.tables import joint_values, units_of_actuated
-from p3dof.errors import InputError, ModelWarning, ParameterError
-from p3dof.files import read_text
-from p3dof.parameters.quantities import ANGLE, FORCE, LENGTH, MOMENT, Quantity
+from p3dof.loops import Assembly, ClosedLoopModel, load_robot
+from p3dof.loops.sidecar import suggestion
+from p3dof.loops.tables import joint_values, units_of_actuated
+from p3dof.machine.parameters.quantities import ANGLE, FORCE, LENGTH, MOMENT, Quantity
 
 
 class _Group(click.Group):

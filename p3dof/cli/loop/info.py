@@ -7,13 +7,13 @@ from pathlib import Path
 import click
 from rich.console import Console
 
+from p3dof._base.errors import AssemblyError
 from p3dof.cli.app import FAILED
 from p3dof.cli.loop.group import loop, with_robot
 from p3dof.cli.output import print_warnings, show
-from p3dof.closed_loop import ClosedLoopModel
-from p3dof.closed_loop.overview import overview
-from p3dof.closed_loop.tables import closures_table, facts_table, joints_table
-from p3dof.errors import AssemblyError
+from p3dof.loops import ClosedLoopModel
+from p3dof.loops.overview import overview
+from p3dof.loops.tables import closures_table, facts_table, joints_table
 
 
 @loop.command()

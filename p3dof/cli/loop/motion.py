@@ -7,19 +7,19 @@ from pathlib import Path
 
 import numpy as np
 
-from p3dof.checks import FloatArray
+from p3dof._base.checks import FloatArray
+from p3dof._base.errors import AssemblyError, DynamicsError, InputError, P3dofError, SingularityError
+from p3dof._base.files import Source, called, read_text, write_table
 from p3dof.cli.output import progress_bar
-from p3dof.closed_loop import ClosedLoopModel
-from p3dof.closed_loop.compiling_model import Method
-from p3dof.closed_loop.overview import overview
-from p3dof.closed_loop.tables import is_slide, joint_values, units_of_actuated
-from p3dof.errors import AssemblyError, DynamicsError, InputError, P3dofError, SingularityError
-from p3dof.files import Source, called, read_text, write_table
-from p3dof.motion import WrenchHistory
-from p3dof.motion.joint_files import JointCurve, read_joints
-from p3dof.motion.smoothing import Smooth
-from p3dof.simulation import JointReference, follow_motion
-from p3dof.simulation.robot_loads import ExternalOverTime, Loads
+from p3dof.loops import ClosedLoopModel
+from p3dof.loops.compiling_model import Method
+from p3dof.loops.overview import overview
+from p3dof.loops.tables import is_slide, joint_values, units_of_actuated
+from p3dof.machine.motion import WrenchHistory
+from p3dof.machine.motion.joint_files import JointCurve, read_joints
+from p3dof.machine.motion.smoothing import Smooth
+from p3dof.runs import JointReference, follow_motion
+from p3dof.runs.robot_loads import ExternalOverTime, Loads
 
 _FEWEST, _MOST = 200, 4000
 """Steps of a curve that its forces begin with, and beyond which they do not go."""
@@ -67,7 +67,7 @@ class Forces:
         return self.tau
 
     def to_csv(self, path: Path) -> Path:
-        """Write times, actuated joints, their forces and all joints; see `p3dof.files.write_table`."""
+        """Write times, actuated joints, their forces and all joints; see `p3dof._base.files.write_table`."""
         units = units_of_actuated(self.robot)
         rows = [joint_values(self.robot, q) for q in self.q]
         header = ["t [s]"]
@@ -109,7 +109,7 @@ def forces_along(
         At how many times of the curve, evenly spaced; by default at as many as peaks, RMS and power of the
         actuators need: twice as many change them by less than .03 %.
     external : mapping of str to wrenches, optional
-        What acts on frames, as of `p3dof.simulation.simulate_robot`.
+        What acts on frames, as of `p3dof.runs.simulate_robot`.
     equilibrium : bool
         Whether idle freedoms start where gravity and springs let them rest.
     method : {"general", "compiled"} or CompiledLoop

@@ -10,7 +10,9 @@ import click
 import numpy as np
 from rich.console import Console
 
-from p3dof.checks import FloatArray, frozen_array, shown
+from p3dof._base.checks import FloatArray, frozen_array, shown
+from p3dof._base.errors import InputError
+from p3dof._base.files import SUFFIXES, suffix_of
 from p3dof.cli.files import STREAM, InputFile, OutputFile, protect
 from p3dof.cli.files import source as opened
 from p3dof.cli.kinds import POSITIVE, Number, Whole
@@ -19,13 +21,11 @@ from p3dof.cli.loop.group import AT, assembled, forces_of, loop, with_robot
 from p3dof.cli.loop.motion import forces_along
 from p3dof.cli.output import print_plain, print_warnings, progress_bar
 from p3dof.cli.serving import OPEN, PAUSED, PORT, SPEED, serve
-from p3dof.closed_loop import ClosedLoopModel
-from p3dof.errors import InputError
-from p3dof.files import SUFFIXES, suffix_of
-from p3dof.page.robots.figure import RobotFigure
-from p3dof.page.robots.motion import Run
-from p3dof.simulation import Integration, simulate_robot
+from p3dof.loops import ClosedLoopModel
+from p3dof.runs import Integration, simulate_robot
 from p3dof.viewer import JointMotion, robot_page, save_screenshot, save_video, show_robot
+from p3dof.viewer.document.robots.figure import RobotFigure
+from p3dof.viewer.document.robots.motion import Run
 from p3dof.viewer.headless import MAX_PIXELS, SIZE
 
 _RUN_SAMPLES = 1001

@@ -8,18 +8,19 @@ from pathlib import Path
 import click
 import numpy as np
 
-from p3dof.checks import FloatArray
+from p3dof._base.checks import FloatArray
+from p3dof._base.errors import MissingExtraError
+from p3dof._base.tables import Table, number
 from p3dof.cli.app import FAILED
 from p3dof.cli.files import OutputFile, console_beside, protect, write_results
 from p3dof.cli.kinds import POSITIVE, Whole
 from p3dof.cli.loop.control import EXTERNAL, METHOD, NONE, Control, externals, with_control
 from p3dof.cli.loop.group import AT, assembled, forces_of, loop, with_robot
 from p3dof.cli.output import in_options, print_plain, print_warnings, progress_bar, say, show
-from p3dof.closed_loop import ClosedLoopModel
-from p3dof.closed_loop.compiling_model import ROBOT_METHODS
-from p3dof.closed_loop.tables import joint_values
-from p3dof.errors import MissingExtraError
-from p3dof.simulation import (
+from p3dof.loops import ClosedLoopModel
+from p3dof.loops.compiling_model import ROBOT_METHODS
+from p3dof.loops.tables import joint_values
+from p3dof.runs import (
     ROBOT_KINDS,
     Integration,
     JointReference,
@@ -27,8 +28,7 @@ from p3dof.simulation import (
     RobotRun,
     simulate_robot,
 )
-from p3dof.simulation.work import TIME_LIMIT
-from p3dof.tables import Table, number
+from p3dof.runs.work import TIME_LIMIT
 
 _LIMITS = {"stop": ROBOT_KINDS, "ignore": tuple(kind for kind in ROBOT_KINDS if kind != "joint limit")}
 
@@ -169,7 +169,7 @@ def _actuated(robot: ClosedLoopModel, q: FloatArray) -> FloatArray:
 def _draw(run: RobotRun, path: Path | None) -> list[Path]:
     if path is None:
         return []
-    from p3dof import plots
+    from p3dof.report import plots
 
     try:
         return [plots.save(plots.robot_run_figure(run), path)]

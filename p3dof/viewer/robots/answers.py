@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from p3dof.checks import FloatArray, frozen_array, shown
-from p3dof.closed_loop import ClosedLoopModel
-from p3dof.closed_loop.closure_wrenches import ClosureWrenches
-from p3dof.closed_loop.compiling_model import Method
-from p3dof.closed_loop.tables import joint_values
-from p3dof.errors import AssemblyError, InputError
-from p3dof.page.robots.motion import Moment, held
+from p3dof._base.checks import FloatArray, frozen_array, shown
+from p3dof._base.errors import AssemblyError, InputError
+from p3dof.loops import ClosedLoopModel
+from p3dof.loops.closure_wrenches import ClosureWrenches
+from p3dof.loops.compiling_model import Method
+from p3dof.loops.tables import joint_values
+from p3dof.viewer.document.robots.motion import Moment, held
 from p3dof.viewer.robots.hand import Hand, compiled_of
 
 

@@ -6,12 +6,12 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from p3dof.checks import FloatArray
-from p3dof.closed_loop import ClosedLoopModel, CompiledLoop
-from p3dof.closed_loop.compiled.settling import Settler
-from p3dof.closed_loop.compiling_model import Method, method_of
-from p3dof.errors import AssemblyError
-from p3dof.page.robots.ranges import values_of
+from p3dof._base.checks import FloatArray
+from p3dof._base.errors import AssemblyError
+from p3dof.loops import ClosedLoopModel, CompiledLoop
+from p3dof.loops.compiled.settling import Settler
+from p3dof.loops.compiling_model import Method, method_of
+from p3dof.viewer.document.robots.ranges import values_of
 
 _OPEN = 1e-9
 """Loops that are less open than this count as closed [m or rad]."""

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from p3dof.checks import as_floats, frozen_array, shown
-from p3dof.closed_loop import ClosedLoopModel
-from p3dof.closed_loop.compiling_model import Method
-from p3dof.errors import InputError
-from p3dof.page.drawable import Drawable
-from p3dof.page.encoding import decoded
-from p3dof.page.robots.document import Shown, robot_document
-from p3dof.page.robots.figure import RobotFigure
-from p3dof.page.saved import Page
+from p3dof._base.checks import as_floats, frozen_array, shown
+from p3dof._base.errors import InputError
+from p3dof.loops import ClosedLoopModel
+from p3dof.loops.compiling_model import Method
+from p3dof.viewer.document.drawable import Drawable
+from p3dof.viewer.document.encoding import decoded
+from p3dof.viewer.document.robots.document import Shown, robot_document
+from p3dof.viewer.document.robots.figure import RobotFigure
+from p3dof.viewer.document.saved import Page
 from p3dof.viewer.start import start_of
 
 if TYPE_CHECKING:

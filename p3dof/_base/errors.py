@@ -1,0 +1,189 @@
+"""Every error that p3dof raises on purpose.
+
+One root, `P3dofError`, so that ``except p3dof.P3dofError`` catches them all; each subclass is also the
+built-in error that a Python programmer would expect (`ValueError`, `RuntimeError`, `OSError`).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+class P3dofError(Exception):
+    """Root of all errors raised by p3dof."""
+
+
+class InputError(P3dofError, ValueError):
+    """An argument has the wrong shape, type or range, or is not finite."""
+
+
+class ParameterError(P3dofError, ValueError):
+    """A geometric, inertial or limit parameter is not physical, is missing or is unknown."""
+
+
+class MotionError(P3dofError, ValueError):
+    """A motion is malformed: shapes, times, finite values, or velocities that its poses contradict.
+
+    Parameters
+    ----------
+    message : str
+        The sentence shown to the user.
+    hint : str
+        What a program in Python can do about it; not shown on the command line.
+    """
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.hint = hint
+
+    def __str__(self) -> str:
+        return f"{self.args[0]} ({self.hint})" if self.hint else str(self.args[0])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.args[0], self.hint)
+
+
+class TaskError(P3dofError, ValueError):
+    """A task is malformed: its waypoints, times, payloads or blends do not fit each other."""
+
+
+class DriveError(P3dofError, ValueError):
+    """A part of a drive, or a catalogue, is malformed; or there is nothing to size a drive by."""
+
+
+class ModelError(P3dofError, ValueError):
+    """A robot description (URDF or sidecar) is malformed or names something that does not exist."""
+
+
+class ModelWarning(UserWarning):
+    """A robot description may be meant otherwise than it is read."""
+
+
+class FileError(P3dofError, OSError):
+    """A file cannot be read or written."""
+
+
+class SampleError(P3dofError, ValueError):
+    """Some samples of a batch are invalid; the message names the first one.
+
+    Parameters
+    ----------
+    message : str
+        The sentence shown to the user.
+    index : tuple of int
+        Index of the first bad sample in the leading batch dimensions; empty for a single sample.
+    count : int
+        How many samples of the batch are bad.
+    """
+
+    def __init__(self, message: str, index: tuple[int, ...] = (), count: int = 1) -> None:
+        super().__init__(message)
+        self.index = index
+        self.count = count
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (str(self), self.index, self.count)
+
+
+class ReachError(SampleError):
+    """A pose (or a set of slider positions) is out of reach.
+
+    Parameters
+    ----------
+    message : str
+        The sentence shown to the user.
+    leg : str
+        The offending leg: ``"a"``, ``"b"`` or ``"c"``.
+    margin : float
+        Reach margin of that leg [m]; negative or zero when out of reach.
+    index, count
+        See `SampleError`.
+    """
+
+    def __init__(
+        self, message: str, leg: str, margin: float, index: tuple[int, ...] = (), count: int = 1
+    ) -> None:
+        super().__init__(message, index, count)
+        self.leg = leg
+        self.margin = margin
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (str(self), self.leg, self.margin, self.index, self.count)
+
+
+class SingularityError(SampleError):
+    """The actuators cannot hold the mechanism: their forces are unbounded at this configuration."""
+
+
+class AssemblyError(P3dofError, RuntimeError):
+    """The loops of a mechanism do not close at the requested target.
+
+    Parameters
+    ----------
+    message : str
+        The sentence shown to the user.
+    gap : float
+        The largest closure or target error that is left [m or rad].
+    """
+
+    def __init__(self, message: str, gap: float = float("nan")) -> None:
+        super().__init__(message)
+        self.gap = gap
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (str(self), self.gap)
+
+
+class DynamicsError(P3dofError, RuntimeError):
+    """A dynamics problem has no solution, or the solver did not reach the accuracy asked for."""
+
+
+class SweepError(P3dofError, RuntimeError):
+    """A sweep cannot be begun, resumed or finished; the message says what to do."""
+
+
+class OptimisationError(P3dofError, RuntimeError):
+    """A problem of optimisation has no solution; the message names what cannot be kept, and by how much.
+
+    Parameters
+    ----------
+    message : str
+        The sentence shown to the user.
+    conflicts : tuple of p3dof.design.optimisation.Conflict
+        Sets of constraints that exclude each other; empty where something else is the reason.
+    """
+
+    def __init__(self, message: str, conflicts: tuple[Any, ...] = ()) -> None:
+        super().__init__(message)
+        self.conflicts = conflicts
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (str(self), self.conflicts)
+
+
+class MissingExtraError(P3dofError, ImportError):
+    """An optional dependency is not installed; the message says which extra brings it."""
+
+
+class ControllerError(P3dofError, RuntimeError):
+    """A controller raised, or returned something else than three finite forces.
+
+    Its ``__cause__`` is what the controller raised.
+
+    Parameters
+    ----------
+    message : str
+        The sentence shown to the user.
+    time : float
+        When it happened, since the start of the run [s].
+    run : Simulation, optional
+        The run up to then.
+    """
+
+    def __init__(self, message: str, time: float = float("nan"), run: Any = None) -> None:
+        super().__init__(message)
+        self.time = time
+        self.run = run
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (str(self), self.time, self.run)

@@ -1,0 +1,320 @@
+"""`Designs`: many machines as columns of what differs between them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, fields, replace
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+
+from p3dof._base.checks import FloatArray, shown
+from p3dof._base.errors import InputError
+from p3dof.analysis.designs.names import ACTUATORS, COMPONENTS, DENSITY, KINDS, SIZES, as_column, columns_of
+from p3dof.machine.parameters import (
+    PAPER,
+    STEEL_DENSITY,
+    Actuators,
+    Bodies,
+    Body,
+    Dimensions,
+    Friction,
+    Geometry,
+    Limits,
+    Parameters,
+    of_solids,
+)
+from p3dof.machine.parameters.names import JOINT_GROUPS
+
+BodiesOfDesigns: TypeAlias = Literal["kept", "solids"]
+"""Where the bodies of designs come from."""
+
+
+class Designs:
+    """Many machines: columns of what differs, and the machine that they have all else from.
+
+    Parameters
+    ----------
+    columns : mapping, table or sequence of Parameters
+        Numbers by name, one for each design or one for all: a mapping, a DataFrame of pandas or polars, a
+        Dataset of xarray, a table of pyarrow, a structured array. Names are those of the parameter file with
+        dots (``bodies.platform.mass``, ``friction.viscous.sliders``, ``limits.travel.low``), in which
+        ``geometry``, ``dimensions``, ``bodies`` and ``actuators`` may be left out (``R``, ``rod_radius``,
+        ``leg.mass``, ``armature.sliders``, ``counterbalance.slide_a``);
+        components of vectors and inertias are ``com.x``, ``inertia.xy``. ``payload.mass`` and so on are a
+        payload besides that of the machine, ``offset.y``, ``offset.z`` and ``offset.theta`` move the whole
+        motion. A unit in brackets may follow a name (``R [mm]``); SI units without one.
+    machine : Parameters, optional
+        What has no column; the paper's machine by default.
+    bodies : {"kept", "solids"}
+        Keep the bodies of `machine`, whatever the lengths are, or compute them anew from their solids, as
+        `p3dof.of_solids` does, by columns of ``slider_edge``, ``rod_radius``, ``plate_thickness``,
+        ``corner_radius`` and ``density``; sizes without a column are the paper's, scaled to the lengths of
+        each design. Columns of ``bodies`` replace numbers of either.
+
+    Raises
+    ------
+    InputError
+        If a column has an unknown name or unit, holds something else than real numbers, or columns are of
+        different lengths.
+    """
+
+    def __init__(
+        self, columns: Any, machine: Parameters | None = None, bodies: BodiesOfDesigns = "kept"
+    ) -> None:
+        machine = PAPER if machine is None else machine
+        if not isinstance(machine, Parameters):
+            raise InputError(f"machine: expected Parameters, got {shown(machine)}")
+        if bodies not in ("kept", "solids"):
+            raise InputError(f"bodies: expected 'kept' or 'solids', got {shown(bodies)}")
+        if _is_machines(columns):
+            if bodies != "kept":
+                raise InputError("bodies: expected 'kept' for a sequence of Parameters, which have their own")
+            columns = _of_machines(columns)
+        given = by_header(columns)
+        names = columns_of(given)
+        found = {
+            column.name: column.in_si(as_column(str(header), values))
+            for column, (header, values) in zip(names, given.items(), strict=True)
+        }
+        sizes = {array.shape[0] for array in found.values() if array.ndim}
+        if len(sizes) > 1:
+            told = ", ".join(f"{name} {len(array)}" for name, array in found.items() if array.ndim)
+            raise InputError(f"designs: expected columns of one length, got {told}")
+        count = sizes.pop() if sizes else 1
+        self.columns: dict[str, FloatArray] = {}
+        for name, array in found.items():
+            column = np.ascontiguousarray(np.broadcast_to(array, (count,)))
+            self.columns[name] = column
+        self.machine, self.bodies = machine, bodies
+        self._count = count
+        self._check_names()
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __repr__(self) -> str:
+        return f"Designs({len(self)} designs by {', '.join(self.columns)})"
+
+    def _check_names(self) -> None:
+        sized = [name for name in self.columns if name in (*SIZES, DENSITY)]
+        if sized and self.bodies == "kept":
+            raise InputError(f"designs: the column {sized[0]} needs bodies of solids: bodies='solids'")
+
+    def __getitem__(self, index: int) -> Parameters:
+        """Return one design as a machine.
+
+        Raises
+        ------
+        ParameterError
+            If it is none that could be built.
+        """
+        index = range(len(self))[index]
+        numbers = {name: float(column[index]) for name, column in self.columns.items()}
+        return _machine(numbers, self.machine, self.bodies)
+
+    def part(self, start: int, stop: int) -> Designs:
+        """Return some of the designs.
+
+        Parameters
+        ----------
+        start, stop : int
+            The first of them, and the first that is left out.
+
+        Returns
+        -------
+        Designs
+        """
+        return Designs(
+            {name: column[start:stop] for name, column in self.columns.items()}, self.machine, self.bodies
+        )
+
+
+def _is_machines(columns: Any) -> bool:
+    return (
+        isinstance(columns, Sequence)
+        and not isinstance(columns, str)
+        and len(columns) > 0
+        and isinstance(columns[0], Parameters)
+    )
+
+
+def by_header(columns: Any) -> Mapping[Any, Any]:
+    """Return the columns of whatever kind of table, by what they are called, units included.
+
+    Raises
+    ------
+    InputError
+        If it is no table, or its columns are along several dimensions.
+    """
+    if isinstance(columns, Mapping):
+        _require_one_dimension(columns)
+        return {
+            _with_units(name, values): getattr(values, "values", values) for name, values in columns.items()
+        }
+    names = getattr(getattr(columns, "dtype", None), "names", None)
+    if names is None:
+        names = getattr(columns, "column_names", getattr(columns, "columns", None))
+    if names is None or callable(names) or not hasattr(columns, "__getitem__"):
+        raise InputError(
+            f"designs: expected columns by name, a table or a sequence of Parameters, got {shown(columns)}"
+        )
+    return {name: columns[name] for name in names}
+
+
+def _require_one_dimension(columns: Mapping[Any, Any]) -> None:
+    """Raise if arrays of xarray have dimensions that xarray would make a grid of."""
+    along = dict.fromkeys(dim for values in columns.values() for dim in getattr(values, "dims", ()))
+    if len(along) > 1:
+        raise InputError(
+            f"designs: expected columns along one dimension, got {', '.join(map(str, along))}; to take every "
+            f"combination, stack them: xarray.broadcast(...), then .stack(run={[str(dim) for dim in along]})"
+        )
+    if not columns and getattr(columns, "coords", None):
+        raise InputError("designs: expected columns, got coordinates only; data variables are columns")
+
+
+def _with_units(name: Any, values: Any) -> Any:
+    """Return what a column is called, with the unit that an array of xarray has as an attribute."""
+    attributes = getattr(values, "attrs", None)
+    unit = attributes.get("units", "") if isinstance(attributes, Mapping) else ""
+    bare = isinstance(name, str) and not name.rstrip().endswith("]")
+    return f"{name} [{unit.strip()}]" if bare and isinstance(unit, str) and unit.strip() else name
+
+
+def _of_machines(machines: Sequence[Parameters]) -> dict[str, FloatArray]:
+    """Return all numbers of machines as columns, by the names of one that they all replace."""
+    for machine in machines:
+        if not isinstance(machine, Parameters):
+            raise InputError(f"designs: expected Parameters, got {shown(machine)}")
+    rows = [numbers_of(machine) for machine in machines]
+    joints = dict.fromkeys(name for row in rows for name in row if name.startswith(("friction.", ACTUATORS)))
+    return {
+        name: np.array([row.get(name, 0.0) for row in rows]) for name in dict.fromkeys((*rows[0], *joints))
+    }
+
+
+def numbers_of(machine: Parameters) -> dict[str, float]:
+    """Return all numbers of a machine by the names of columns, those of every link.
+
+    Parameters
+    ----------
+    machine : Parameters
+        The machine.
+
+    Returns
+    -------
+    dict of str to float
+        In SI units.
+    """
+    found = {f"geometry.{name}": value for name, value in asdict(machine.geometry).items()}
+    found |= {f"gravity.{axis}": float(g) for axis, g in zip("xyz", machine.gravity, strict=True)}
+    for link, body in machine.bodies.items():
+        values = (body.mass, *body.com, *np.diag(body.inertia), *body.inertia[[0, 0, 1], [1, 2, 2]])
+        found |= {f"bodies.{link}.{name}": float(v) for name, v in zip(COMPONENTS, values, strict=True)}
+    for kind in ("viscous", "coulomb"):
+        found |= {f"friction.{kind}.{joint}": v for joint, v in getattr(machine.friction, kind).items()}
+    for what, by_slide in machine.actuators.to_dict().items():
+        found |= {f"{ACTUATORS}{what}.{slide}": value for slide, value in by_slide.items()}
+    limits = machine.limits
+    found |= {"friction.smoothing": machine.friction.smoothing}
+    for name in ("travel", "tilt"):
+        low, high = getattr(limits, name)
+        found |= {f"limits.{name}.low": low, f"limits.{name}.high": high}
+    return found | {"limits.speed": limits.speed, "limits.force": limits.force}
+
+
+def _machine(numbers: dict[str, float], base: Parameters, bodies: BodiesOfDesigns) -> Parameters:
+    def parts(prefix: str) -> dict[str, float]:
+        return {name.removeprefix(prefix): v for name, v in numbers.items() if name.startswith(prefix)}
+
+    geometry = Geometry(**asdict(base.geometry) | parts("geometry."))
+    limits = _limits(base.limits, parts("limits."))
+    machine = replace(base, geometry=geometry, limits=limits)
+    if bodies == "solids":
+        sizes = replace(Dimensions.scaled(geometry), **parts("dimensions."))
+        made = of_solids(geometry, sizes, numbers.get(DENSITY, STEEL_DENSITY))
+        machine = replace(machine, bodies=made.bodies)
+        for payload in base.payloads:
+            machine = machine.carrying(payload)
+    links = {
+        name: _replaced(body, {**_of_kind(name, parts), **parts(f"bodies.{name}.")})
+        for name, body in machine.bodies.items()
+    }
+    gravity = [parts("gravity.").get(axis, float(g)) for axis, g in zip("xyz", base.gravity, strict=True)]
+    machine = replace(
+        machine,
+        bodies=Bodies(**links),
+        gravity=np.array(gravity),
+        friction=_friction(base.friction, parts("friction.")),
+        actuators=_actuators(base.actuators, parts(ACTUATORS)),
+    )
+    load = parts("payload.")
+    return machine.carrying(_replaced(Body.massless(), load)) if load else machine
+
+
+def _of_kind(link: str, parts: Any) -> dict[str, float]:
+    kind = next(kind for kind, links in KINDS.items() if link in links)
+    found: dict[str, float] = parts(f"bodies.{kind}.")
+    return found
+
+
+def _replaced(body: Body, numbers: dict[str, float]) -> Body:
+    if not numbers:
+        return body
+    com, inertia = body.com.copy(), body.inertia.copy()
+    for name, value in numbers.items():
+        what, _, axes = name.partition(".")
+        places = ["xyz".index(axis) for axis in axes]
+        if what == "com":
+            com[places[0]] = value
+        elif what == "inertia":
+            inertia[places[0], places[1]] = inertia[places[1], places[0]] = value
+    return Body(numbers.get("mass", body.mass), com, inertia)
+
+
+def _limits(base: Limits, numbers: dict[str, float]) -> Limits:
+    pairs = {
+        name: (
+            numbers.get(f"{name}.low", getattr(base, name)[0]),
+            numbers.get(f"{name}.high", getattr(base, name)[1]),
+        )
+        for name in ("travel", "tilt")
+    }
+    return Limits(speed=numbers.get("speed", base.speed), force=numbers.get("force", base.force), **pairs)
+
+
+def _friction(base: Friction, numbers: dict[str, float]) -> Friction:
+    if not numbers:
+        return base
+    by_joint = {
+        kind: {**getattr(base, kind), **by_joint_of(numbers, kind)} for kind in ("viscous", "coulomb")
+    }
+    return Friction(smoothing=numbers.get("smoothing", base.smoothing), **by_joint)
+
+
+def _actuators(base: Actuators, numbers: dict[str, float]) -> Actuators:
+    given = {what: by_joint_of(numbers, what) for what in (item.name for item in fields(base))}
+    return replace(base, **{what: {**getattr(base, what), **own} for what, own in given.items() if own})
+
+
+def by_joint_of(numbers: Mapping[str, Any], kind: str) -> dict[str, Any]:
+    """Return numbers by joint, from names such as ``viscous.sliders``, ``armature.slide_a``; groups give way.
+
+    Parameters
+    ----------
+    numbers : mapping
+        What stands behind ``friction.`` or ``actuators.``, and its values.
+    kind : str
+        ``viscous``, ``coulomb``, ``armature`` or the like.
+
+    Returns
+    -------
+    dict
+    """
+    given = {name.removeprefix(f"{kind}."): v for name, v in numbers.items() if name.startswith(f"{kind}.")}
+    found: dict[str, Any] = {}
+    for name in sorted(given, key=lambda name: name not in JOINT_GROUPS):
+        for joint in JOINT_GROUPS.get(name, (name,)):
+            found[joint] = given[name]
+    return found

@@ -1,0 +1,90 @@
+"""Reactions in every joint of the manipulator over a motion: what its bearings and guides have to bear.
+
+Thirteen joints: the ten of the tree, and the three where its loops were cut. How the cuts are built decides
+which moments they transmit:
+
+``"paper"``
+    Legs A and B meet the platform in universal joints, with the leg's hinge axis and the platform's y axis;
+    the right rod meets the lower cross-bar in a hinge. 13 components on 7 constraints: 6 are left open.
+``"points"``
+    The cuts are ball joints, as they are in the model. 9 components on 7 constraints: 2 are left open.
+
+What is left open, rigid bodies do not tell: it depends on stiffness, play and assembly. Such components are
+marked in every sample. There are three ways to them:
+
+``"elastic"``
+    Joints and rods give way as a `Stiffness` says, between rigid bodies and without play; of all possible
+    reactions those bear the load whose complementary energy is smallest (`p3dof.loops.compliance`).
+    This is what to size joints for, and as good as the stiffnesses; see `Stiffness`, whose numbers by default
+    are guesses. What a misfit of assembly adds comes with it. The half width b of the parallelogram, which
+    decides no actuator force and stands in no paper, decides the loads of its rods.
+``"paper"``, ``"points"``
+    The cuts built so, those reactions that have the smallest sum of squares over all joints, moments taken as
+    forces on an arm of L/20 (20 mm in the paper's machine, the diameter of its rods). It is a choice, not an
+    estimate, not even alike for left and right, and neither is a bound: stiffness leads to loads outside
+    both. They are shown beside the elastic loads, as what they are.
+
+`Reactions.peaks` are to size joints for: with ``"paper"`` or ``"points"`` alone they leave open loads out;
+`Reactions.open_peaks` has them in every way.
+
+Friction of the joints is part of their reactions, and lies along their freedoms.
+"""
+
+from p3dof.analysis.reactions.comparison import AnyReactions, ReactionsComparison, how_chosen
+from p3dof.analysis.reactions.evaluation import of_result, of_solution, over_motion
+from p3dof.analysis.reactions.joints import (
+    ALL,
+    IDEALISATIONS,
+    JOINTS,
+    WAYS,
+    Choice,
+    Idealisation,
+    Joint,
+    Way,
+    ways_of,
+)
+from p3dof.analysis.reactions.one_joint import JointLoad, JointReaction, OpenPeak, Peak
+from p3dof.analysis.reactions.results import Reactions
+from p3dof.analysis.reactions.stiffness import (
+    HingeStiffness,
+    Misfit,
+    RodSection,
+    SlideStiffness,
+    Stiffness,
+    UniversalStiffness,
+)
+from p3dof.analysis.reactions.stiffness_file import read_stiffness
+from p3dof.analysis.reactions.tables import names_table, open_tables, reactions_table
+
+__all__ = [
+    "ALL",
+    "IDEALISATIONS",
+    "JOINTS",
+    "WAYS",
+    "AnyReactions",
+    "Choice",
+    "HingeStiffness",
+    "Idealisation",
+    "Joint",
+    "JointLoad",
+    "JointReaction",
+    "Misfit",
+    "OpenPeak",
+    "Peak",
+    "Reactions",
+    "ReactionsComparison",
+    "RodSection",
+    "SlideStiffness",
+    "Stiffness",
+    "UniversalStiffness",
+    "Way",
+    "how_chosen",
+    "names_table",
+    "of_result",
+    "of_solution",
+    "open_tables",
+    "over_motion",
+    "reactions_table",
+    "read_stiffness",
+    "ways_of",
+]

@@ -1,0 +1,236 @@
+"""Reactions of all joints over a motion, from the forces that Pinocchio finds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal, overload
+
+import numpy as np
+
+from p3dof._base.checks import FloatArray, Progress
+from p3dof._base.errors import SampleError
+from p3dof._base.samples import OnInvalid
+from p3dof.analysis.reactions.comparison import AnyReactions, ReactionsComparison
+from p3dof.analysis.reactions.joints import ALL, Choice, Idealisation, Way, cuts, ways_of
+from p3dof.analysis.reactions.newton_euler import in_fixed_axes, residual
+from p3dof.analysis.reactions.results import Reactions
+from p3dof.analysis.reactions.stiffness import Stiffness
+from p3dof.loops import ClosedLoopModel, ReactionSolver, reactions_by_each
+from p3dof.loops.reactions import LENGTH_SHARE
+from p3dof.machine.motion import Motion, WrenchOverTime, states_over
+from p3dof.machine.parameters import Parameters
+from p3dof.methods import CoulombLimits, InverseDynamics, JointStates, Solution, without_crossings
+from p3dof.methods.pinocchio import PinocchioMethod
+from p3dof.methods.pinocchio_balance import JointForces
+from p3dof.methods.pinocchio_friction import FrictionForces
+
+
+@overload
+def over_motion(
+    loop: ClosedLoopModel,
+    parameters: Parameters,
+    motion: Motion,
+    joints: Literal["all"] = ...,
+    wrench: WrenchOverTime = ...,
+    on_invalid: OnInvalid = ...,
+    progress: Progress | None = ...,
+    stiffness: Stiffness | None = ...,
+) -> ReactionsComparison: ...
+@overload
+def over_motion(
+    loop: ClosedLoopModel,
+    parameters: Parameters,
+    motion: Motion,
+    joints: Way,
+    wrench: WrenchOverTime = ...,
+    on_invalid: OnInvalid = ...,
+    progress: Progress | None = ...,
+    stiffness: Stiffness | None = ...,
+) -> Reactions: ...
+@overload
+def over_motion(
+    loop: ClosedLoopModel,
+    parameters: Parameters,
+    motion: Motion,
+    joints: Choice,
+    wrench: WrenchOverTime = ...,
+    on_invalid: OnInvalid = ...,
+    progress: Progress | None = ...,
+    stiffness: Stiffness | None = ...,
+) -> AnyReactions: ...
+def over_motion(
+    loop: ClosedLoopModel,
+    parameters: Parameters,
+    motion: Motion,
+    joints: Choice = ALL,
+    wrench: WrenchOverTime = None,
+    on_invalid: OnInvalid = "raise",
+    progress: Progress | None = None,
+    stiffness: Stiffness | None = None,
+) -> AnyReactions:
+    """Return the reactions of all joints over a motion.
+
+    Parameters
+    ----------
+    loop : ClosedLoopModel
+        The mechanism.
+    parameters : Parameters
+        The machine that it is a model of.
+    motion : Motion
+        The motion of the platform.
+    joints : {"all", "elastic", "paper", "points"}
+        How the loads are found that rigid bodies leave open, see the module; in all ways by default.
+    wrench : array-like, shape (6,) or (N, 6), or callable, optional
+        External force and moment on the platform at P, in the fixed frame [N, N m]; or a function of time.
+    on_invalid : {"raise", "nan"}
+        Raise for samples that are out of reach or singular, or leave NaN in their rows.
+    progress : callable, optional
+        Called with (done, total) now and then.
+    stiffness : Stiffness, optional
+        How joints and rods give way; guesses by default.
+
+    Returns
+    -------
+    ReactionsComparison or Reactions
+        In all ways, or in the one that was asked for.
+
+    Raises
+    ------
+    ReachError, SingularityError, SampleError
+        Naming the first bad sample.
+    InputError
+        If the wrench does not fit, the way is unknown, or `motion` is not a `Motion`.
+    """
+    ways = ways_of(joints)
+    states = states_over(motion, wrench, on_invalid)
+    solution = PinocchioMethod(parameters, loop).solve(states, progress)
+    solution, _ = without_crossings(motion.time, solution, on_invalid)
+    found = _in_ways(
+        loop, parameters, motion, solution.joints, solution.forces, ways, states.wrench, on_invalid, stiffness
+    )
+    return ReactionsComparison(*found) if joints == ALL else found[0]
+
+
+def of_solution(
+    loop: ClosedLoopModel,
+    parameters: Parameters,
+    motion: Motion,
+    solution: Solution,
+    joints: Way = "elastic",
+    wrench: FloatArray | None = None,
+    on_invalid: OnInvalid = "raise",
+    stiffness: Stiffness | None = None,
+    coulomb: CoulombLimits | None = None,
+) -> Reactions:
+    """Return the reactions that belong to actuator forces and joint states already found.
+
+    Parameters
+    ----------
+    loop, parameters, motion, joints, on_invalid, stiffness
+        As for `over_motion`.
+    solution : Solution
+        Actuator forces and joints of the motion; rows of NaN are left out.
+    wrench : ndarray, shape (N, 6), optional
+        External force and moment on the platform at P [N, N m].
+    coulomb : CoulombLimits, optional
+        Friction that the forces have besides that of the machine.
+
+    Returns
+    -------
+    Reactions
+
+    Raises
+    ------
+    SampleError
+        If the forces of a sample do not produce its motion.
+    InputError
+        If the way is unknown.
+    """
+    states, forces = solution.joints, solution.forces
+    ways = ways_of(joints)
+    given = wrench, on_invalid, stiffness, coulomb
+    return _in_ways(loop, parameters, motion, states, forces, ways, *given)[0]
+
+
+def of_result(
+    loop: ClosedLoopModel,
+    parameters: Parameters,
+    result: InverseDynamics,
+    joints: Choice = ALL,
+    on_invalid: OnInvalid = "raise",
+    stiffness: Stiffness | None = None,
+) -> AnyReactions:
+    """Return the reactions that belong to forces already found by Pinocchio.
+
+    Parameters
+    ----------
+    loop, parameters, joints, on_invalid, stiffness
+        As for `over_motion`.
+    result : InverseDynamics
+        The forces, with their motion and load.
+
+    Returns
+    -------
+    ReactionsComparison or Reactions
+
+    Raises
+    ------
+    SampleError
+        If the forces of a sample do not produce its motion.
+    InputError
+        If the way is unknown.
+    """
+    ways = ways_of(joints)
+    wrench = result.wrench if np.any(result.wrench) else None
+    states, forces = result.joints, result.forces
+    given = wrench, on_invalid, stiffness, result.coulomb
+    found = _in_ways(loop, parameters, result.motion, states, forces, ways, *given)
+    return ReactionsComparison(*found) if joints == ALL else found[0]
+
+
+def _in_ways(
+    loop: ClosedLoopModel,
+    parameters: Parameters,
+    motion: Motion,
+    states: JointStates,
+    tau: FloatArray,
+    ways: Sequence[Way],
+    wrench: FloatArray | None,
+    on_invalid: OnInvalid,
+    stiffness: Stiffness | None,
+    coulomb: CoulombLimits | None = None,
+) -> list[Reactions]:
+    """Return the reactions found in several ways."""
+    given = Stiffness() if stiffness is None else stiffness
+    built: list[Idealisation] = [given.cuts if way == "elastic" else way for way in ways]
+    solvers = [
+        _solver(loop, parameters, kind, given if way == "elastic" else None)
+        for way, kind in zip(ways, built, strict=True)
+    ]
+    lost = JointForces(loop, parameters).over(states.q, states.v)
+    if coulomb is not None:
+        lost = lost.plus(FrictionForces.of_limits(loop, coulomb).over(states.q, states.v))
+    external = lost.external_with(wrench)
+    batches = reactions_by_each(
+        solvers, states.q, states.v, states.a, tau, external, lost.joint_forces, lost.external
+    )
+    results = []
+    for way, kind, solver, found in zip(ways, built, solvers, batches, strict=True):
+        if found.errors and on_invalid == "raise":
+            i, error = next(iter(found.errors.items()))
+            raise SampleError(f"sample {i}: {error}", (i,)) from error
+        arrays = found.arrays()
+        forces, moments = (in_fixed_axes(arrays["rotations"], arrays[name]) for name in ("forces", "moments"))
+        errors = residual(parameters, motion, wrench, forces, moments, arrays["positions"])
+        results.append(Reactions(way, kind, solver.length, motion, **arrays, residual=errors))
+    return results
+
+
+def _solver(
+    loop: ClosedLoopModel, parameters: Parameters, kind: Idealisation, stiffness: Stiffness | None
+) -> ReactionSolver:
+    """Return what finds reactions with cuts of a kind, of elastic joints or of rigid ones."""
+    length = LENGTH_SHARE * parameters.geometry.L
+    if stiffness is None:
+        return ReactionSolver(loop, cuts(kind), length)
+    return ReactionSolver(loop, cuts(kind), length, stiffness.compliances(parameters), stiffness.misfits())

@@ -1,0 +1,50 @@
+"""Where the machine can work: closed forms over (y, θ), and what limits and margins leave of them."""
+
+from p3dof.analysis.workspace.boxes import BoxMargins, box_margins
+from p3dof.analysis.workspace.closed_forms import (
+    Sizes,
+    actuation_angle,
+    arm,
+    determinant,
+    drops,
+    extents,
+    height,
+    lean,
+    offsets,
+)
+from p3dof.analysis.workspace.largest import Box
+from p3dof.analysis.workspace.loci import Aspects
+from p3dof.analysis.workspace.machine import Machine
+from p3dof.analysis.workspace.margins import PoseMargins, WorkspaceMargins
+from p3dof.analysis.workspace.region import Points
+from p3dof.analysis.workspace.slices import aspect_range, reach_range, stroke_range, theta_of
+from p3dof.analysis.workspace.tables import box_table, plain_workspace, workspace_table
+from p3dof.analysis.workspace.workspace import Workspace
+
+__all__ = [
+    "Aspects",
+    "Box",
+    "BoxMargins",
+    "Machine",
+    "Points",
+    "PoseMargins",
+    "Sizes",
+    "Workspace",
+    "WorkspaceMargins",
+    "actuation_angle",
+    "arm",
+    "aspect_range",
+    "box_margins",
+    "box_table",
+    "determinant",
+    "drops",
+    "extents",
+    "height",
+    "lean",
+    "offsets",
+    "plain_workspace",
+    "reach_range",
+    "stroke_range",
+    "theta_of",
+    "workspace_table",
+]

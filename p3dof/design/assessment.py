@@ -1,0 +1,442 @@
+"""`Assessment`: whether a machine fits what it has to do, which rating is used most, when and by how much."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from p3dof._base.checks import FloatArray, Progress, frozen_array, shown
+from p3dof._base.errors import InputError
+from p3dof._base.tables import ShownInNotebook, percent
+from p3dof.analysis.reactions import JOINTS, Reactions, Stiffness, of_result
+from p3dof.design.bearings import BearingReport, Bearings, bearing_life
+from p3dof.design.drives import Cycle, Drive, Sizing, cycle_of, not_checked
+from p3dof.design.drives.sizing import BRAKE_SAFETY
+from p3dof.design.forces_of_tasks import TaskForces
+from p3dof.design.sizing import size_drives
+from p3dof.design.task_limits import unseen_limits, uses_of_task
+from p3dof.design.task_loads import joined, reactions_under
+from p3dof.design.tasks import AxisLimits, FastestPlan
+from p3dof.machine.parameters import LEGS
+from p3dof.manipulator import Manipulator
+from p3dof.methods import InverseDynamics
+from p3dof.methods.utilisation import Utilisation, utilisations
+
+_TOLD = 4
+"""Exceeded ratings that are told in words; the tables have all."""
+_WHOLE = "over the cycle"
+_FITS = 1 + 1e-9
+"""Shares up to this one are within a limit: the fastest motion uses all of it."""
+
+
+@dataclass(frozen=True)
+class RatingUse:
+    """How much of one rating is used, by which part, when and where.
+
+    Parameters
+    ----------
+    kind : str
+        What has the rating: ``"machine"``, ``"task"``, ``"drive"``, ``"bearing"``, ``"guide"`` or ``"rod"``.
+    name : str
+        The rating, such as ``"peak torque"``.
+    part : str
+        Whose: ``"A"``, ``"platform"``, ``"hinge_a"``, ``"leg_a"``, ...
+    required, allowed : float
+        What the cycle takes, and what there is [`unit`].
+    unit : str
+        Of both.
+    time : float
+        When most of it is used [s]; NaN for what belongs to the whole cycle.
+    place : str
+        The piece of the way, from waypoint to waypoint; empty for a motion without waypoints.
+    """
+
+    kind: str
+    name: str
+    part: str
+    required: float
+    allowed: float
+    unit: str
+    time: float
+    place: str
+
+    @property
+    def share(self) -> float:
+        """Required by allowed: 1 at the limit."""
+        if self.allowed != 0:
+            return self.required / self.allowed
+        return math.inf if self.required > 0 else 0.0
+
+    @property
+    def amounts(self) -> str:
+        """What is required of what is allowed, in words."""
+        if self.share == math.inf:
+            return f"{short(self.required)} {self.unit} where none is allowed"
+        required, allowed = self.figures
+        return f"{required} of {allowed} {self.unit}".strip()
+
+    @property
+    def figures(self) -> tuple[str, str]:
+        """What is required and what is allowed, with digits enough to see what is exceeded."""
+        above = self.share - 1
+        digits = 4 if not _FITS - 1 < above < 1e-3 else min(2 + math.ceil(-math.log10(above)), 12)
+        return short(self.required, digits), short(self.allowed, digits)
+
+    @property
+    def when(self) -> str:
+        """Time and place in words."""
+        if math.isnan(self.time):
+            return _WHOLE
+        return f"at t = {self.time:.4g} s" + (f", {self.place}" if self.place else "")
+
+
+@dataclass(frozen=True, eq=False)
+class Assessment(ShownInNotebook):
+    """A machine and what it has to do: whether it fits, by all ratings that are known.
+
+    Parameters
+    ----------
+    name : str
+        What it is called beside others.
+    robot : Manipulator
+        The machine.
+    found : InverseDynamics or TaskForces
+        Its forces over a motion or a task.
+    rest : float
+        How long it rests after each cycle [s].
+    ranked : tuple of Sizing
+        Drives, the best first; none without a catalogue.
+    reactions : Reactions or None
+        Of all joints, with elastic ones; None if nobody asked for them.
+    bearings : BearingReport or None
+        Lives and safeties of bearings, guides and rods; None without their ratings.
+    stiffness : Stiffness or None
+        What the reactions rest on; None for guesses.
+    limits : AxisLimits or None
+        What the task allows, besides the limits of the machine.
+    """
+
+    name: str
+    robot: Manipulator
+    found: InverseDynamics | TaskForces
+    rest: float = 0.0
+    ranked: tuple[Sizing, ...] = ()
+    reactions: Reactions | None = None
+    bearings: BearingReport | None = None
+    stiffness: Stiffness | None = None
+    limits: AxisLimits | None = None
+
+    def __repr__(self) -> str:
+        return f"Assessment({self.name}: {self.verdict})"
+
+    @property
+    def drives(self) -> Sizing | None:
+        """The drives that were chosen: the first of the ranking."""
+        return self.ranked[0] if self.ranked else None
+
+    @cached_property
+    def cycle(self) -> Cycle:
+        """Forces at the nuts, without the machine's armature, and motion of the sliders over a cycle."""
+        return cycle_of(self.found, self.rest)
+
+    @property
+    def cycle_time(self) -> float:
+        """Of a whole cycle, with its rest [s]."""
+        return float(self.found.time[-1] - self.found.time[0]) + self.rest
+
+    def place(self, time: float) -> str:
+        """Return the piece of the way at a time; empty for a motion without waypoints."""
+        if math.isnan(time) or not isinstance(self.found, TaskForces):
+            return ""
+        return self.found.piece_at(time).name
+
+    @cached_property
+    def ratings(self) -> tuple[RatingUse, ...]:
+        """All ratings that are known, those that are used most first."""
+        found = [*self._of_machine(), *self._of_task(), *self._of_drives(), *self._of_bearings()]
+        return tuple(sorted(found, key=lambda one: -one.share))
+
+    @property
+    def worst(self) -> RatingUse:
+        """The rating that is used most."""
+        return self.ratings[0]
+
+    @property
+    def fits(self) -> bool:
+        """Whether no rating is exceeded."""
+        return all(one.share <= _FITS for one in self.ratings)
+
+    @property
+    def verdict(self) -> str:
+        """Whether it fits, which rating is worst, when and by how much, in one sentence."""
+        return f"{'fits' if self.fits else 'does not fit'}: {self.reason}"
+
+    @property
+    def reason(self) -> str:
+        """Which rating is worst, when and by how much."""
+        one = self.worst
+        words = f"{one.name} of {one.part}"
+        if one.share == math.inf:
+            much = f"takes {one.amounts}"
+        else:
+            much = f"is used to {percent(one.share, 0)}, {one.amounts}"
+        left = f"; {1 - one.share:.0%} is left" if self.fits else _beyond(one.share)
+        return f"{words} {much} {one.when}{left}"
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """What to know before the numbers are used, the most important first."""
+        above = [one for one in self.ratings if one.share > _FITS]
+        told = [f"{one.name} of {one.part}: {one.amounts}, {one.when}" for one in above[:_TOLD]]
+        if len(above) > _TOLD:
+            told.append(f"{len(above) - _TOLD} more ratings are exceeded")
+        if isinstance(self.found, TaskForces):
+            first, last = self.found.plan.motion.pose[[0, -1]]
+            if np.abs(first - last).max() > 1e-12:
+                told.append("the task does not end where it began: it cannot be repeated as it is")
+        else:
+            told += [words for words in self.found.warnings if "limit" not in words or not told]
+        if self.limits is not None and self._fastest is None:
+            unseen = unseen_limits(self.limits)
+            told += [unseen] if unseen else []
+        if self.drives is not None:
+            told += _of_brakes(self.drives)
+        return (*told, *(() if self.bearings is None else self.bearings.warnings))
+
+    @cached_property
+    def unchecked(self) -> tuple[str, ...]:
+        """What the verdict says nothing about, as nobody gave numbers for it or nothing computes it."""
+        if self.drives is None:
+            told = ["motors, gears, screws and belts (no drives were given)"]
+        else:
+            told = list(not_checked(self.drives))
+        return (*told, *_of_parts(self.bearings), *frictionless(self.robot, self.found))
+
+    @cached_property
+    def slider_energy(self) -> tuple[float, float]:
+        """Work that the sliders take and give back over a cycle, together and without losses [J]."""
+        power = (self.found.forces * self.found.slider_velocities).sum(axis=1)
+        return _works(power, self.found.time)
+
+    @cached_property
+    def motor_forces(self) -> FloatArray:
+        """Torques of the motors as forces at the sliders, with inertia and losses of drives, (N, 3) [N].
+
+        Those of the actuators where there are no drives, with the machine's armature.
+        """
+        if self.drives is None:
+            return self.found.forces
+        cycle = self.cycle
+        columns = [
+            drive.ratio * drive.torque(cycle.force[:, k], cycle.speed[:, k], cycle.acceleration[:, k])
+            for k, drive in enumerate(self.drives.drives)
+        ]
+        return np.column_stack(columns)
+
+    def _of_machine(self) -> list[RatingUse]:
+        limits = self.robot.parameters.limits
+        if isinstance(self.found, TaskForces):
+            uses = self.found.utilisations(limits)
+        else:
+            result = self.found
+            columns = {"force": result.forces, "speed": result.slider_velocities, "travel": result.sliders}
+            uses = utilisations(result.time, columns | {"tilt": result.motion.pose[:, 2:]}, limits)
+        return [self._limit(use) for use in uses if not math.isnan(use.share)]
+
+    def _limit(self, use: Utilisation) -> RatingUse:
+        values = use.value, use.limit, use.unit, use.time
+        return RatingUse("machine", use.quantity, use.leg, *values, self.place(use.time))
+
+    @property
+    def _fastest(self) -> FastestPlan | None:
+        """The plan, if it is that of a fastest motion."""
+        plan = self.found.plan if isinstance(self.found, TaskForces) else None
+        return plan if isinstance(plan, FastestPlan) else None
+
+    def _of_task(self) -> list[RatingUse]:
+        """Return what is used of the limits of the task: densely of the fastest motion, else by samples."""
+        uses = uses_of_task(self.found, self.limits, self.robot.parameters.limits)
+        return [
+            RatingUse("task", use.quantity, use.leg, use.value, use.limit, use.unit, use.time, use.way)
+            for use in uses
+        ]
+
+    def _of_drives(self) -> list[RatingUse]:
+        if self.drives is None:
+            return []
+        return [
+            RatingUse(
+                "drive", one.name, leg, one.required, one.allowed, one.unit, one.time, self.place(one.time)
+            )
+            for leg, axis in zip(LEGS, self.drives.axes, strict=True)
+            for one in axis.ratings
+        ]
+
+    def _of_bearings(self) -> list[RatingUse]:
+        if self.bearings is None:
+            return []
+        report = self.bearings
+        loads = [
+            *(
+                ("bearing", one.joint, one.static_load, one.bearing.static, one.static_time)
+                for one in report.bearings
+            ),
+            *(("guide", one.joint, one.peak_load, one.guide.static, one.peak_time) for one in report.guides),
+        ]
+        found = [
+            RatingUse(kind, "static load", joint, load, static, "N", time, self.place(time))
+            for kind, joint, load, static, time in loads
+            if static is not None
+        ]
+        for rod in report.rods:
+            values = (
+                rod.compression,
+                rod.buckling,
+                "N",
+                rod.compression_time,
+                self.place(rod.compression_time),
+            )
+            found.append(RatingUse("rod", "buckling", rod.rod, *values))
+        return found
+
+
+def assess(
+    robot: Manipulator,
+    found: InverseDynamics | TaskForces,
+    *,
+    drives: Drive | Sequence[Drive] | Iterable[Drive] | None = None,
+    bearings: Bearings | None = None,
+    stiffness: Stiffness | None = None,
+    limits: AxisLimits | None = None,
+    rest: float = 0.0,
+    brake_safety: float = BRAKE_SAFETY,
+    name: str = "",
+    progress: Progress | None = None,
+) -> Assessment:
+    """Return whether a machine fits what it has to do, by its limits and by the ratings of its parts.
+
+    Parameters
+    ----------
+    robot : Manipulator
+        The machine.
+    found : InverseDynamics or TaskForces
+        Its forces over a motion, or over a task (`forces_of_task`).
+    drives : Drive or iterable of Drive, optional
+        What to choose from, such as a `p3dof.design.drives.Catalogue`; see `size_drives`.
+    bearings : Bearings, optional
+        Ratings of bearings and guides.
+    stiffness : Stiffness, optional
+        How joints and rods give way, for the loads of joints; guesses without it. It asks for these loads
+        even without `bearings`.
+    limits : AxisLimits, optional
+        What the task allows, besides the limits of the machine; the fastest motion has its own.
+    rest : float
+        How long the machine rests after each cycle [s].
+    brake_safety : float
+        How much more a brake must hold than what it bears.
+    name : str
+        What the assessment is called; the name of the task without one.
+    progress : callable, optional
+        Called with (done, total) drives.
+
+    Returns
+    -------
+    Assessment
+
+    Raises
+    ------
+    SampleError
+        If the machine cannot make the motion.
+    DriveError, InputError
+        If an argument does not fit.
+    """
+    if not isinstance(robot, Manipulator):
+        raise InputError(f"robot: expected a Manipulator, got {shown(robot)}")
+    if not isinstance(found, InverseDynamics | TaskForces):
+        raise InputError(f"found: expected forces over a motion or a task, got {shown(found)}")
+    if not isinstance(name, str):
+        raise InputError(f"name: expected a text, got {shown(name)}")
+    if not isinstance(limits, AxisLimits | None):
+        raise InputError(f"limits: expected AxisLimits, got {shown(limits)}")
+    pause = float(frozen_array("rest", rest, ()))
+    if pause < 0:
+        raise InputError(f"rest: expected zero or more, got {pause:g}")
+    cycle_of(found, pause)  # says at once that the machine cannot make it
+    ranked: list[Sizing] = []
+    if drives is not None:
+        given = {"rest": pause, "brake_safety": brake_safety, "progress": progress}
+        ranked = size_drives(robot, found, drives, **given)  # type: ignore[arg-type]  # by their names
+    loads = report = None
+    if bearings is not None or stiffness is not None:
+        loads = _reactions(robot, found, stiffness)
+    if loads is not None and bearings is not None:
+        report = bearing_life(robot.parameters, loads, bearings, stiffness=stiffness, rest=pause)
+    told = name or (found.plan.name if isinstance(found, TaskForces) else "motion") or "task"
+    return Assessment(told, robot, found, pause, tuple(ranked), loads, report, stiffness, limits)
+
+
+def as_result(found: InverseDynamics | TaskForces) -> InverseDynamics:
+    """Return forces over a motion or a task as one result."""
+    return joined(found) if isinstance(found, TaskForces) else found
+
+
+def _reactions(
+    robot: Manipulator, found: InverseDynamics | TaskForces, stiffness: Stiffness | None
+) -> Reactions:
+    if isinstance(found, TaskForces):
+        return reactions_under(robot, found, stiffness)
+    loads = of_result(robot.loop, robot.parameters, found, "elastic", "raise", stiffness)
+    return loads.each[0]
+
+
+def frictionless(robot: Manipulator, found: InverseDynamics | TaskForces) -> tuple[str, ...]:
+    """Return that forces have no friction of guides and joints in them, if it is so."""
+    results = found.results if isinstance(found, TaskForces) else (found,)
+    if robot.parameters.friction or any(result.coulomb is not None for result in results):
+        return ()
+    return ("friction of guides and joints (none was given: forces are those without)",)
+
+
+def _of_parts(report: BearingReport | None) -> list[str]:
+    """Return what was not checked of bearings, guides and rods."""
+    if report is None:
+        return ["bearings, guides and rods (no ratings were given)"]
+    rated: dict[str, float | None] = {one.joint: one.bearing.static for one in report.bearings}
+    rated |= {one.joint: one.guide.static for one in report.guides}
+    bare = [joint.name for joint in JOINTS if joint.name not in rated]
+    blank = [joint for joint, static in rated.items() if static is None]
+    told = [f"bearings of {', '.join(bare)} (no ratings)"] if bare else []
+    told += [f"static load of {', '.join(blank)} (no static rating)"] if blank else []
+    told += [] if report.rods else ["legs and rods (their stiffness is none)"]
+    return [*told, "whether lives of bearings and guides suffice (no life was required)"]
+
+
+def _of_brakes(sizing: Sizing) -> list[str]:
+    """Return a warning if a motor has no brake: the machine is vertical."""
+    if all(drive.motor.brake_torque > 0 for drive in sizing.drives):
+        return []
+    names = ", ".join(
+        dict.fromkeys(drive.motor.name for drive in sizing.drives if not drive.motor.brake_torque)
+    )
+    return [f"{names}: no brake is given; the machine falls when the power fails"]
+
+
+def short(value: float, digits: int = 4) -> str:
+    """Return the size of a number in some digits, without an exponent where it has up to six of them."""
+    size = abs(value)
+    return f"{size:.0f}" if digits < 6 and 1e4 <= size < 1e6 else f"{size:.{digits}g}"
+
+
+def _beyond(share: float) -> str:
+    if share == math.inf:
+        return ""
+    return f"; {share - 1:.0%} too much" if share >= 1.005 else f"; {100 * (share - 1):.1g}% too much"
+
+
+def _works(power: FloatArray, time: FloatArray) -> tuple[float, float]:
+    given, back = np.maximum(power, 0), np.minimum(power, 0)
+    return float(np.trapezoid(given, time)), float(np.trapezoid(back, time))

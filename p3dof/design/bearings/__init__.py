@@ -1,0 +1,25 @@
+"""Bearings, guides and rods: how long they live and how far they are from failing, over a cycle.
+
+The loads are those of `p3dof.analysis.reactions`, of elastic joints where rigid bodies leave them open.
+"""
+
+from p3dof.design.bearings.catalogue import Bearing, Bearings, Guide
+from p3dof.design.bearings.evaluation import bearing_life
+from p3dof.design.bearings.files import read_bearings
+from p3dof.design.bearings.results import BearingLife, BearingReport, GuideLife, RodCheck
+from p3dof.design.bearings.tables import bearings_table, guides_table, rods_table
+
+__all__ = [
+    "Bearing",
+    "BearingLife",
+    "BearingReport",
+    "Bearings",
+    "Guide",
+    "GuideLife",
+    "RodCheck",
+    "bearing_life",
+    "bearings_table",
+    "guides_table",
+    "read_bearings",
+    "rods_table",
+]

@@ -1,0 +1,275 @@
+"""Lives of bearings and guides, and buckling of rods, from reactions over a cycle."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from p3dof._base.checks import FloatArray, frozen_array, shown
+from p3dof._base.errors import InputError, SampleError
+from p3dof.analysis.reactions import (
+    JOINTS,
+    AnyReactions,
+    Reactions,
+    ReactionsComparison,
+    RodSection,
+    Stiffness,
+)
+from p3dof.closed_form import kinematics
+from p3dof.design.bearings.catalogue import SLIDES, TURNING, Bearing, Bearings, Guide
+from p3dof.design.bearings.results import BearingLife, BearingReport, GuideLife, RodCheck
+from p3dof.machine.parameters import Parameters
+
+_OFTEN = 0.5
+"""From which share of moments in a guide's load two carriages are recommended."""
+_SMALL = math.radians(60)
+"""Below this swing the ways of neighbouring rolling elements may not overlap."""
+_MUCH, _FEW = 0.05, 4
+"""From which share of the largest load what misfits add is told, and of how many joints."""
+_LONG = 1e5
+"""Longer lives are not told as numbers: other causes end them [h]."""
+_SAFE = {"buckling": 4.0, "static": 2.0}
+_ENDS = {
+    "leg_a": ("hinge_a", "loop_a"),
+    "leg_b": ("hinge_b", "loop_b"),
+    "rod_left": ("hinge_left", "hinge_lower"),
+    "rod_right": ("hinge_right", "loop_c"),
+}
+
+
+def bearing_life(
+    parameters: Parameters,
+    reactions: AnyReactions,
+    bearings: Bearings,
+    *,
+    stiffness: Stiffness | None = None,
+    rest: float = 0.0,
+) -> BearingReport:
+    """Return how long bearings and guides live under a cycle that is repeated, and how safe rods are.
+
+    Lives are basic ratings L10: of bearings (C / P_m)^p million revolutions (ISO 281) with the mean P_m of
+    P^p over the angle turned; of guides (C / P_m)^p times the way that C holds for (ISO 14728-1), with the
+    sizes of both forces across and of all moments, these over their ratings times C, added up. Rods are
+    hinged beams: Euler's load π² E I / L², and first bending frequency π / 2 L² √(E I L / m)
+    with E I of the section in `stiffness` and the mass m that the leg or rod has in `parameters`.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine.
+    reactions : Reactions or ReactionsComparison
+        Of elastic joints, over one cycle.
+    bearings : Bearings
+        What the joints run in.
+    stiffness : Stiffness, optional
+        That of the reactions: for the section of the rods.
+    rest : float
+        How long the machine rests after the last sample of a cycle [s].
+
+    Returns
+    -------
+    BearingReport
+
+    Raises
+    ------
+    SampleError
+        If the machine cannot make the whole motion.
+    InputError
+        If an argument does not fit, or the reactions are not those of elastic joints.
+    """
+    elastic = _elastic(reactions)
+    if not isinstance(bearings, Bearings):
+        raise InputError(f"bearings: expected Bearings, got {shown(bearings)}")
+    if not elastic.possible or len(elastic.time) < 2:
+        raise SampleError(
+            "reactions: a life needs a motion that the machine can make, of two samples or more"
+        )
+    pause = float(frozen_array("rest", rest, ()))
+    if pause < 0:
+        raise InputError(f"rest: expected zero or more, got {pause:g}")
+    cycle = elastic.motion.duration + pause
+    rates = _rates(parameters, elastic)
+    of_bearings, of_guides = [], []
+    for joint in (*SLIDES, *TURNING):
+        part = bearings.of(joint)
+        if isinstance(part, Guide):
+            of_guides.append(_guide(elastic, joint, part, rates[joint], cycle))
+        elif isinstance(part, Bearing):
+            of_bearings.append(_bearing(elastic, joint, part, rates[joint], cycle))
+    section = (Stiffness() if stiffness is None else stiffness).rods
+    rods = () if section is None else tuple(rod_check(parameters, elastic, name, section) for name in _ENDS)
+    warnings = (*_warnings(of_bearings, of_guides, rods), *_misfits(elastic, of_bearings))
+    return BearingReport(tuple(of_bearings), tuple(of_guides), rods, cycle, warnings)
+
+
+def _elastic(reactions: AnyReactions) -> Reactions:
+    """Return the reactions of elastic joints."""
+    if isinstance(reactions, ReactionsComparison):
+        return reactions.elastic
+    if not isinstance(reactions, Reactions):
+        raise InputError(f"reactions: expected Reactions, got {shown(reactions)}")
+    if not reactions.rests_on_stiffness:
+        raise InputError(
+            f"reactions: {reactions.way!r} leaves loads open that bearings bear; ask for 'elastic' ones"
+        )
+    return reactions
+
+
+def _rates(parameters: Parameters, reactions: Reactions) -> dict[str, FloatArray]:
+    """Return how fast each joint turns about its axis, or slides, (N,) [rad/s or m/s]."""
+    motion = reactions.motion
+    moving = kinematics.mechanism_motion(
+        parameters.geometry, motion.pose, motion.velocity, motion.acceleration
+    )
+    omega = {name: body.omega for name, body in moving.bodies.items()}
+    found = {}
+    for i, joint in enumerate(JOINTS):
+        if joint.name in SLIDES:
+            found[joint.name] = moving.bodies[joint.successor].at(np.zeros(3))[1][:, 2]
+            continue
+        axis = reactions.rotations[:, i, :, 1]
+        relative = omega[joint.successor] - omega[joint.predecessor]
+        found[joint.name] = np.einsum("ni,ni->n", relative, axis)
+    return found
+
+
+def _mean(load: FloatArray, rate: FloatArray, time: FloatArray, exponent: float) -> tuple[float, float]:
+    """Return the mean load over a way or an angle, and how long that is."""
+    way = float(np.trapezoid(np.abs(rate), time))
+    if way == 0:
+        return math.nan, 0.0
+    return float(np.trapezoid(load**exponent * np.abs(rate), time) / way) ** (1 / exponent), way
+
+
+def _times(rating: float, mean: float, exponent: float) -> float:
+    """Return how often a rating holds; for ever without a load or a way."""
+    if not mean > 0:
+        return math.inf
+    logarithm = exponent * math.log10(rating / mean)
+    return math.inf if logarithm > 300 else 10**logarithm
+
+
+def _bearing(
+    reactions: Reactions, joint: str, bearing: Bearing, rate: FloatArray, cycle: float
+) -> BearingLife:
+    forces, time = reactions[joint].forces, reactions.time
+    radial, axial = np.hypot(forces[:, 0], forces[:, 2]), np.abs(forces[:, 1])
+    load, static = bearing.equivalent(radial, axial), bearing.static_equivalent(radial, axial)
+    mean, angle = _mean(load, rate, time, bearing.exponent)
+    turns = angle / (2 * math.pi)
+    life = 1e6 * _times(bearing.dynamic, mean, bearing.exponent)
+    hours = life / turns * cycle / 3600 if turns else math.inf
+    steps = np.diff(time) * (rate[1:] + rate[:-1]) / 2
+    way = np.concatenate([[0.0], np.cumsum(steps)])
+    peaks = [(float(each.max()), float(time[each.argmax()])) for each in (load, static)]
+    return BearingLife(joint, bearing, mean, *peaks[0], *peaks[1], turns, float(np.ptp(way)), life, hours)
+
+
+def _guide(reactions: Reactions, joint: str, guide: Guide, rate: FloatArray, cycle: float) -> GuideLife:
+    one, time = reactions[joint], reactions.time
+    forces, moments = guide.parts(one.forces, one.moments)
+    load = forces + moments
+    mean, way = _mean(load, rate, time, guide.exponent)
+    life = guide.basis * _times(guide.dynamic, mean, guide.exponent)
+    hours = life / way * cycle / 3600 if way else math.inf
+    shares = np.divide(moments, load, out=np.zeros_like(load), where=load > 0)
+    share = float(np.trapezoid(shares, time) / (time[-1] - time[0]))
+    at = int(load.argmax())
+    return GuideLife(joint, guide, mean, float(load[at]), float(time[at]), way, share, life, hours)
+
+
+def rod_check(parameters: Parameters, reactions: Reactions, name: str, section: RodSection) -> RodCheck:
+    """Return what a leg or rod bears over a cycle.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        The machine.
+    reactions : Reactions
+        Of the cycle.
+    name : {"leg_a", "leg_b", "rod_left", "rod_right"}
+        Which one.
+    section : RodSection
+        Its section and material.
+
+    Returns
+    -------
+    RodCheck
+    """
+    length, mass = parameters.geometry.L, getattr(parameters.bodies, name).mass
+    along = np.concatenate([reactions[joint].forces[:, 0] for joint in _ENDS[name][:1]])
+    lower = _ENDS[name][1]
+    if lower == "hinge_lower":  # its reaction stands in the axes of the cross-bar
+        i, k = reactions.joints.index(lower), reactions.joints.index(_ENDS[name][0])
+        turned = np.einsum("nji,njk->nik", reactions.rotations[:, k], reactions.rotations[:, i])
+        tip = np.einsum("nij,nj->ni", turned, reactions[lower].forces)[:, 0]
+    else:
+        tip = reactions[lower].forces[:, 0]
+    thrust = np.concatenate([along, tip])  # of the upper end on the rod, and of the rod on what is below
+    bending = math.pi * section.radius(length, mass) ** 4 / 4
+    stiff = section.young * bending
+    at = int(thrust.argmax()) % len(reactions.time)
+    return RodCheck(
+        name,
+        float(max(thrust.max(), 0.0)),
+        float(reactions.time[at]) if thrust.max() > 0 else math.nan,
+        float(max(-thrust.min(), 0.0)),
+        math.pi**2 * stiff / length**2,
+        math.pi / (2 * length**2) * math.sqrt(stiff * length / mass),
+    )
+
+
+def _warnings(
+    bearings: list[BearingLife], guides: list[GuideLife], rods: tuple[RodCheck, ...]
+) -> tuple[str, ...]:
+    """Return what to know before the numbers are used."""
+    parts: list[BearingLife | GuideLife] = [*bearings, *guides]
+    told = [
+        f"{rod.rod} buckles at {rod.buckling:.4g} N, {rod.buckling_safety:.2g} times its compression; "
+        f"{_SAFE['buckling']:g} times are usual"
+        for rod in rods
+        if rod.buckling_safety < _SAFE["buckling"]
+    ]
+    told += [
+        f"{one.joint}: static safety {one.static_safety:.2g} at t = {one.static_time:.4g} s, "
+        f"less than {_SAFE['static']:g}"
+        for one in parts
+        if one.static_safety < _SAFE["static"]
+    ]
+    heavy = [guide for guide in guides if guide.moment_share > _OFTEN]
+    if heavy:
+        share = max(guide.moment_share for guide in heavy)
+        names = ", ".join(guide.joint for guide in heavy)
+        told.append(
+            f"{names}: up to {share:.0%} of the load comes from moments; two carriages apart on the rail "
+            "would bear them as small forces"
+        )
+    small = [f"{one.joint} {math.degrees(one.swing):.3g}°" for one in bearings if one.swing < _SMALL]
+    if small:
+        told.append(
+            f"small oscillations ({', '.join(small)}): rolling elements may stay on ways of their own and "
+            "wear them (false brinelling); the life L10 does not know this"
+        )
+    if any(one.hours > _LONG for one in parts):
+        told.append(
+            f"lives above {_LONG:,.0f} h are no prediction: lubrication, dirt and wear end them before"
+        )
+    return tuple(told)
+
+
+def _misfits(reactions: Reactions, bearings: list[BearingLife]) -> list[str]:
+    """Return what misfits of assembly add to the loads of bearings at worst, where that is much."""
+    added = {one.joint: reactions[one.joint].fit[:, 0][:, [0, 2]] for one in bearings}
+    most = {joint: float(np.hypot(*fit.T).max()) for joint, fit in added.items()}
+    large = [
+        f"{one.joint} {most[one.joint]:.3g} N"
+        for one in sorted(bearings, key=lambda one: -most[one.joint])
+        if most[one.joint] > _MUCH * one.peak_load
+    ]
+    if not large:
+        return []
+    return [
+        f"misfits of assembly add up to {', '.join(large[:_FEW])} across the axis, which lives and safeties "
+        "do not have"
+    ]

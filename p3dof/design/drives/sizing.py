@@ -1,0 +1,404 @@
+"""`Sizing`: what a cycle takes of a drive on each axis, by its ratings, and whether it fits.
+
+References
+----------
+Root mean square over the cycle, dwells included, is held against the continuous torque at the rms speed: that
+is stricter than at the mean speed. Heating is that of one body: τ ẋ + x = (T / T_c(n))².
+
+A speed above the motor's fastest is a matter of the speed alone: the peak torque is judged at the other
+samples, rms torque and heating by the continuous torque at the fastest speed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from p3dof._base.checks import FloatArray, frozen_array, shown
+from p3dof._base.errors import DriveError
+from p3dof.design.drives.checked import above_zero
+from p3dof.design.drives.cycle import Cycle
+from p3dof.design.drives.drive import Drive
+from p3dof.machine.parameters import LEGS
+
+WHIRL, BUCKLING = 0.8, 0.5
+"""Shares of the critical speed and of Euler's load that a screw may bear."""
+_RPM = 30 / math.pi
+BRAKE_SAFETY = 1.5
+"""How much more a holding brake must hold than what it bears."""
+
+
+@dataclass(frozen=True)
+class Rating:
+    """How much of one rating an axis uses, when it uses most of it.
+
+    Parameters
+    ----------
+    name : str
+        Such as ``"peak torque"``.
+    required, allowed : float
+        What the cycle takes, and what there is [`unit`].
+    unit : str
+        Of both.
+    time : float
+        When [s]; NaN for what belongs to the whole cycle.
+    """
+
+    name: str
+    required: float
+    allowed: float
+    unit: str
+    time: float = math.nan
+
+    @property
+    def share(self) -> float:
+        """Required by allowed: 1 at the limit."""
+        if self.allowed > 0:
+            return self.required / self.allowed
+        return math.inf if self.required > 0 else 0.0
+
+
+@dataclass(frozen=True)
+class AxisLoads:
+    """What a cycle takes of the drive of one axis.
+
+    Parameters
+    ----------
+    peak_torque : float
+        Largest torque of the motor, with its sign [N m].
+    peak_time : float
+        When [s].
+    peak_inertia_share : float
+        Share of it that the turning parts take for themselves.
+    rms_torque, braked_rms_torque : float
+        Over the cycle with holding torque at rest, and with the brake closed at rest [N m].
+    top_speed, mean_speed, rms_speed : float
+        Of the motor, over the cycle [rad/s].
+    peak_power : float
+        Largest power of the motor [W].
+    positive_work, negative_work : float
+        What the motor gives and takes back over a cycle [J].
+    screw_loss : float
+        Lost between nut and screw [J].
+    heating : float
+        Largest (T / T_c)² of the one-body model in steady state, 1 at the limit; NaN without a time constant.
+    inertia_ratio : tuple of float
+        Least and largest inertia of the load at the motor by that of the rotor; NaN where the load's mass was
+        not given.
+    best_lead : float
+        Way of the slider a turn of the screw or pulley with which the rms torque would be least, with the
+        same turning parts and no losses [m]; NaN where the slider does not move.
+    ratings : tuple of Rating
+        How much of each rating is used.
+    """
+
+    peak_torque: float
+    peak_time: float
+    peak_inertia_share: float
+    rms_torque: float
+    braked_rms_torque: float
+    top_speed: float
+    mean_speed: float
+    rms_speed: float
+    peak_power: float
+    positive_work: float
+    negative_work: float
+    screw_loss: float
+    heating: float
+    inertia_ratio: tuple[float, float]
+    best_lead: float
+    ratings: tuple[Rating, ...]
+
+    @property
+    def worst(self) -> Rating:
+        """The rating that is used most."""
+        return max(self.ratings, key=lambda rating: rating.share)
+
+    @property
+    def fits(self) -> bool:
+        """Whether no rating is exceeded."""
+        return self.worst.share <= 1
+
+
+@dataclass(frozen=True, eq=False)
+class Sizing:
+    """A drive on each axis, and what a cycle takes of it.
+
+    Parameters
+    ----------
+    drives : tuple of Drive
+        Of A, B, C.
+    axes : tuple of AxisLoads
+        What the cycle takes of each.
+    bus_positive_work, bus_negative_work : float
+        What the three give and take back over a cycle on a common bus [J].
+    bus_peak_power, bus_peak_braking : float
+        Largest power on it, and back from it [W].
+    """
+
+    drives: tuple[Drive, Drive, Drive]
+    axes: tuple[AxisLoads, AxisLoads, AxisLoads]
+    bus_positive_work: float
+    bus_negative_work: float
+    bus_peak_power: float
+    bus_peak_braking: float
+
+    def __repr__(self) -> str:
+        leg, rating = self.worst
+        fit = "fits" if self.fits else "does not fit"
+        return f"Sizing({self.drives[0].name}: {fit}, {rating.name} of {leg} {rating.share:.0%})"
+
+    @property
+    def fits(self) -> bool:
+        """Whether no rating of any axis is exceeded."""
+        return all(axis.fits for axis in self.axes)
+
+    @property
+    def worst(self) -> tuple[str, Rating]:
+        """The axis and the rating that is used most."""
+        return self._by_share()[0]
+
+    @property
+    def exceeded(self) -> tuple[tuple[str, Rating], ...]:
+        """Axes and ratings that are exceeded, the farthest first."""
+        return tuple((leg, rating) for leg, rating in self._by_share() if rating.share > 1)
+
+    def _by_share(self) -> list[tuple[str, Rating]]:
+        pairs = zip(LEGS, self.axes, strict=True)
+        each = [(leg, rating) for leg, axis in pairs for rating in axis.ratings]
+        return sorted(each, key=lambda one: -round(one[1].share, 9))  # equal but for rounding: the first axis
+
+
+def size_of(
+    cycle: Cycle,
+    drives: Drive | Sequence[Drive],
+    *,
+    held: FloatArray | None = None,
+    held_time: FloatArray | None = None,
+    load_mass: FloatArray | None = None,
+    brake_safety: float = BRAKE_SAFETY,
+) -> Sizing:
+    """Return what a cycle takes of drives.
+
+    Parameters
+    ----------
+    cycle : Cycle
+        Forces and motion of the sliders.
+    drives : Drive or sequence of Drive
+        The same on all axes, or those of A, B, C.
+    held : ndarray, shape (3,), optional
+        Largest forces that brakes must hold, over the poses of the task, without friction [N]; those at rest
+        in the cycle without it.
+    held_time : ndarray, shape (3,), optional
+        When the machine is where they are so large [s].
+    load_mass : ndarray, shape (2, 3), optional
+        Least and largest mass that each slider moves, for the inertia ratio [kg].
+    brake_safety : float
+        How much more a brake must hold.
+
+    Returns
+    -------
+    Sizing
+
+    Raises
+    ------
+    DriveError
+        If an argument does not fit.
+    """
+    if not isinstance(cycle, Cycle):
+        raise DriveError(f"cycle: expected a Cycle, got {shown(cycle)}")
+    chosen = (drives,) * 3 if isinstance(drives, Drive) else tuple(drives)
+    if len(chosen) != 3 or not all(isinstance(drive, Drive) for drive in chosen):
+        raise DriveError("drives: expected one Drive, or those of A, B and C")
+    safety = above_zero("brake_safety", brake_safety)
+    still = np.abs(cycle.holding) if held is None else np.abs(frozen_array("held", held, (3,), DriveError))
+    unknown: FloatArray = np.full((2, 3), np.nan)
+    when = unknown[0] if held_time is None else frozen_array("held_time", held_time, (3,), DriveError)
+    mass = unknown if load_mass is None else frozen_array("load_mass", load_mass, (2, 3), DriveError)
+    axes, powers = [], []
+    for leg, drive in enumerate(chosen):
+        columns = cycle.force[:, leg], cycle.speed[:, leg], cycle.acceleration[:, leg]
+        axis = _Axis(cycle, drive, *columns, float(cycle.holding[leg]))
+        brake = Rating(
+            "brake",
+            safety * float(still[leg]) / drive.ratio,
+            drive.motor.brake_torque,
+            "N m",
+            float(when[leg]),
+        )
+        axes.append(axis.loads(brake, (float(mass[0, leg]), float(mass[1, leg]))))
+        powers.append(axis.power)
+    bus = np.sum(powers, axis=0)
+    given, back = (float(np.trapezoid(part, cycle.time)) for part in (np.maximum(bus, 0), np.minimum(bus, 0)))
+    return Sizing(
+        (chosen[0], chosen[1], chosen[2]),
+        (axes[0], axes[1], axes[2]),
+        given,
+        back,
+        float(bus.max()),
+        float(bus.min()),
+    )
+
+
+class _Axis:
+    """The motor of one axis over a cycle."""
+
+    def __init__(
+        self,
+        cycle: Cycle,
+        drive: Drive,
+        force: FloatArray,
+        speed: FloatArray,
+        acceleration: FloatArray,
+        holding: float,
+    ) -> None:
+        self._cycle, self._drive, self._force, self._speed = cycle, drive, force, speed
+        self._acceleration = acceleration
+        self._time = cycle.time
+        self._step = np.diff(cycle.time)
+        self._torque = drive.torque(force, speed, acceleration)
+        self._own = drive.reflected_mass / drive.ratio * acceleration
+        self._turning = drive.ratio * speed
+        self._screw_torque = drive.screw_torque(force, speed, acceleration)
+        self._holding = holding / drive.ratio
+        self.power = self._torque * self._turning
+
+    def loads(self, brake: Rating, mass: tuple[float, float]) -> AxisLoads:
+        """Return what the cycle takes, given what the brake must hold and the least and largest load."""
+        drive, motor = self._drive, self._drive.motor
+        top = int(np.argmax(np.abs(self._torque)))
+        ratio = [m / drive.ratio**2 / motor.inertia if motor.inertia else math.inf for m in mass]
+        constant = motor.time_constant
+        heating, hottest = (math.nan, math.nan) if constant is None else self._heating(constant)
+        rms_speed = self._mean_square(self._turning, 0.0) ** 0.5
+        rms = self._mean_square(self._torque, self._holding) ** 0.5
+        nut_power = self._force * self._speed
+        slow = drive.transmission
+        bare = self._force / slow.ratio
+        back = float(slow.efficiency_back or 0.0)
+        before = bare * np.where(nut_power > 0, 1 / slow.efficiency, np.where(nut_power < 0, back, 1.0))
+        loss = (before - bare) * slow.ratio * self._speed
+        return AxisLoads(
+            peak_torque=float(self._torque[top]),
+            peak_time=float(self._time[top]),
+            peak_inertia_share=float(self._own[top] / self._torque[top]) if self._torque[top] else math.nan,
+            rms_torque=rms,
+            braked_rms_torque=self._braked() ** 0.5,
+            top_speed=float(np.abs(self._turning).max()),
+            mean_speed=float(np.trapezoid(np.abs(self._turning), self._time)) / self._cycle.duration,
+            rms_speed=rms_speed,
+            peak_power=float(self.power.max()),
+            positive_work=float(np.trapezoid(np.maximum(self.power, 0), self._time)),
+            negative_work=float(np.trapezoid(np.minimum(self.power, 0), self._time)),
+            screw_loss=float(np.trapezoid(loss, self._time)),
+            heating=heating,
+            inertia_ratio=(ratio[0], ratio[1]),
+            best_lead=self._best_lead(),
+            ratings=(
+                *self._ratings(rms, rms_speed),
+                *([brake] if motor.brake_torque > 0 else []),
+                *self._of_motor(heating, hottest, ratio),
+            ),
+        )
+
+    def _best_lead(self) -> float:
+        """Return the way a turn with the least mean square of f / i + J i λ̈: i⁴ = <f²> / (J² <λ̈²>)."""
+        drive = self._drive
+        inertia = drive.reflected_mass / drive.ratio**2
+        forces = self._mean_square(self._force, self._holding * drive.ratio)
+        inertial = inertia**2 * self._mean_square(self._acceleration, 0.0)
+        if inertial == 0 or forces == 0:
+            return math.nan
+        return float(2 * math.pi * drive.gear.ratio / (forces / inertial) ** 0.25)
+
+    def _mean_square(self, values: FloatArray, resting: float) -> float:
+        """Return the mean of the square over the cycle, given the value at rest after it."""
+        squares = float(np.trapezoid(values**2, self._time)) + resting**2 * self._cycle.rest
+        return squares / self._cycle.duration
+
+    def _braked(self) -> float:
+        """Return the mean square of the torque with the brake closed at rest."""
+        squares = self._torque**2
+        steps = self._step * (1 - self._cycle.resting)
+        return float(steps @ (squares[1:] + squares[:-1]) / 2) / self._cycle.duration
+
+    def _heating(self, constant: float) -> tuple[float, float]:
+        """Return the largest heating in steady state, and when; NaN in the rest after the cycle."""
+        allowed = self._continuous(self._turning)
+        with np.errstate(divide="ignore"):
+            loads = (self._torque / allowed) ** 2
+        if not np.isfinite(loads).all():
+            return math.inf, float(self._time[int(np.argmax(loads))])
+        still = float(self._drive.motor.continuous(np.zeros(1))[0])
+        means = np.append((loads[1:] + loads[:-1]) / 2, (self._holding / still) ** 2)
+        fade = np.exp(-np.append(self._step, self._cycle.rest) / constant)
+
+        def heated(start: float) -> list[float]:
+            found = [start]
+            for mean, left in zip(means.tolist(), fade.tolist(), strict=True):
+                found.append(found[-1] * left + mean * (1 - left))
+            return found
+
+        # Once from zero, which tells where the cycle begins in steady state.
+        found = heated(heated(0.0)[-1] / -math.expm1(-self._cycle.duration / constant))
+        hottest = int(np.argmax(found))
+        return found[hottest], float(np.append(self._time, math.nan)[hottest])
+
+    def _continuous(self, speed: FloatArray) -> FloatArray:
+        """Return the continuous torque at speeds, at the fastest where they are above it."""
+        motor = self._drive.motor
+        return motor.continuous(np.minimum(np.abs(speed), motor.max_speed))
+
+    def _of_motor(self, heating: float, hottest: float, inertia: list[float]) -> list[Rating]:
+        """Return what is used of the motor's heat and of the load's inertia that it may have."""
+        allowed, found = self._drive.motor.max_inertia_ratio, []
+        if not math.isnan(heating):
+            found.append(Rating("heating", heating, 1.0, "", hottest))
+        if allowed < math.inf and not math.isnan(inertia[1]):
+            found.append(Rating("inertia ratio", inertia[1], allowed, ""))
+        return found
+
+    def _ratings(self, rms: float, rms_speed: float) -> list[Rating]:
+        motor, slow, gear = self._drive.motor, self._drive.transmission, self._drive.gear
+        fastest = int(np.argmax(np.abs(self._turning)))
+        hardest = int(np.argmax(np.abs(self._force)))
+        speed, when = _RPM * float(np.abs(self._turning[fastest])), float(self._time[fastest])
+        found = [
+            *self._peak_torque(),
+            Rating("rms torque", rms, float(self._continuous(np.array([rms_speed]))[0]), "N m"),
+            Rating("speed", speed, _RPM * min(motor.max_speed, gear.max_speed), "rpm", when),
+        ]
+        for name, power, limit in (
+            ("power", self.power, motor.max_power),
+            ("regeneration", -self.power, motor.max_braking_power),
+        ):
+            if limit < math.inf:
+                most = int(np.argmax(power))
+                found.append(Rating(name, max(float(power[most]), 0.0), limit, "W", float(self._time[most])))
+        screw_limit = _RPM * min(slow.max_speed, WHIRL * slow.critical_speed)
+        if screw_limit < math.inf:
+            found.append(Rating("screw speed", speed / gear.ratio, screw_limit, "rpm", when))
+        if slow.buckling_force < math.inf:
+            force = float(np.abs(self._force[hardest]))
+            limit = BUCKLING * slow.buckling_force
+            found.append(Rating("buckling", force, limit, "N", float(self._time[hardest])))
+        if gear.max_torque < math.inf:
+            most = int(np.argmax(np.abs(self._screw_torque)))
+            torque = float(np.abs(self._screw_torque[most]))
+            found.append(Rating("gear torque", torque, gear.max_torque, "N m", float(self._time[most])))
+        return found
+
+    def _peak_torque(self) -> list[Rating]:
+        """Return what is used of the peak torque where the motor is not too fast; nothing if it always is."""
+        motor = self._drive.motor
+        rows = np.flatnonzero(~motor.too_fast(self._turning))
+        if not len(rows):
+            return []
+        torque, allowed = np.abs(self._torque[rows]), motor.peak(self._turning[rows])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            worst = int(np.argmax(np.where(torque == 0, 0.0, torque / allowed)))
+        time = float(self._time[rows[worst]])
+        return [Rating("peak torque", float(torque[worst]), float(allowed[worst]), "N m", time)]

@@ -1,0 +1,50 @@
+"""Which machine would be better: variables, objectives, constraints, and the ways to optima.
+
+- `variables`, `box`, `constraints`, `bounds`: what may change, which poses count, what must be kept.
+- `measure`, `of_motion`, `of_poses`, `of_solids`, `measures`: what designs are measured by, with gradients.
+- `population`, `statement`, `evaluated`, `settings`: a problem, and what is computed of many designs at once.
+- `epigraph`, `starts`, `evolution`, `feasibility`, `minimising`, `journal`: optima by one objective.
+- `optimum`, `checking`, `tables`: what was found, and a second look at it.
+- `pareto`, `nsga`, `front`: fronts of several objectives.
+- `problem`: `DesignProblem`; `problem_file`, `sweeping`: problems in files, and for `p3dof.sweep`.
+"""
+
+from p3dof.design.optimisation.box import Box
+from p3dof.design.optimisation.checking import Check
+from p3dof.design.optimisation.constraints import Constraint, relation
+from p3dof.design.optimisation.epigraph import Local
+from p3dof.design.optimisation.evaluated import Evaluated
+from p3dof.design.optimisation.feasibility import Conflict
+from p3dof.design.optimisation.front import Front
+from p3dof.design.optimisation.measure import FunctionMeasure, Measure, Pieces
+from p3dof.design.optimisation.measures import MEASURES
+from p3dof.design.optimisation.optimum import Optimum
+from p3dof.design.optimisation.problem import DesignProblem
+from p3dof.design.optimisation.problem_file import read_problem
+from p3dof.design.optimisation.robust import Robust
+from p3dof.design.optimisation.statement import Statement
+from p3dof.design.optimisation.sweeping import ProblemSweep
+from p3dof.design.optimisation.tables import front_tables, optimum_tables
+
+__all__ = [
+    "MEASURES",
+    "Box",
+    "Check",
+    "Conflict",
+    "Constraint",
+    "DesignProblem",
+    "Evaluated",
+    "Front",
+    "FunctionMeasure",
+    "Local",
+    "Measure",
+    "Optimum",
+    "Pieces",
+    "ProblemSweep",
+    "Robust",
+    "Statement",
+    "front_tables",
+    "optimum_tables",
+    "read_problem",
+    "relation",
+]

@@ -1,0 +1,150 @@
+"""`Optimum`: a better machine, how it was found, and what it is worth beside the machine that there was."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from p3dof._base.checks import FloatArray
+from p3dof.design.optimisation.checking import Check, checked
+from p3dof.design.optimisation.constraints import amount
+from p3dof.design.optimisation.epigraph import Local
+from p3dof.design.optimisation.evaluated import Evaluated
+from p3dof.design.optimisation.statement import Statement
+from p3dof.machine.parameters import Parameters, write_parameters
+
+_BINDING = 1e-4
+"""Margin below which a constraint is called binding, as a share of its bound."""
+
+_MISSED = 1e-3
+"""Violation on finer grids that is told."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Optimum:
+    """A better machine.
+
+    Parameters
+    ----------
+    problem : Statement
+        What was asked, with all constraints.
+    design : ndarray, shape (n,)
+        Its variables [SI units].
+    method : str
+        How it was found.
+    seed : int
+        Of starts and random numbers.
+    attempts : tuple of Local
+        What the local optimiser came to from every start.
+    evaluations : int
+        How many designs were evaluated, with gradients where there are.
+    """
+
+    problem: Statement
+    design: FloatArray
+    method: str
+    seed: int
+    attempts: tuple[Local, ...]
+    evaluations: int
+
+    def __repr__(self) -> str:
+        measure = self.problem.objectives[0]
+        return f"Optimum({measure.name} {self.value:.6g} {measure.unit} at {self._variables()})"
+
+    def _variables(self) -> str:
+        pairs = zip(self.problem.variables.labels, self.design, strict=True)
+        return ", ".join(f"{label} {value:.6g}" for label, value in pairs)
+
+    @cached_property
+    def found(self) -> Evaluated:
+        """Objectives and constraints at the optimum."""
+        return self.problem.evaluate(self.design)
+
+    @cached_property
+    def start(self) -> Evaluated:
+        """The same of the machine that there was."""
+        return self.problem.evaluate(np.nan_to_num(self.problem.start, nan=0.0))
+
+    @property
+    def value(self) -> float:
+        """The objective."""
+        return float(self.found.objectives[0, 0])
+
+    @cached_property
+    def machine(self) -> Parameters:
+        """The optimum as a machine."""
+        return self.problem.machine(self.design)
+
+    @cached_property
+    def gradient(self) -> dict[str, FloatArray]:
+        """Derivatives of objectives and bounded measures at the optimum; see `DesignProblem.gradient`."""
+        return self.problem.gradient(self.design)
+
+    @cached_property
+    def check(self) -> Check:
+        """What it is worth on finer grids, and by the Pinocchio way."""
+        return checked(self.problem, self.design)
+
+    @property
+    def binding(self) -> tuple[str, ...]:
+        """What keeps it from being better: constraints without a margin, variables at a bound."""
+        margins = self.found.margins[0]
+        items = zip(self.problem.constraints, margins, strict=True)
+        names = [item.name for item, margin in items if margin < _BINDING * item.scale]
+        variables = self.problem.variables
+        shares = variables.scaled(self.design)
+        for label, share in zip(variables.labels, shares, strict=True):
+            if share < _BINDING or share > 1 - _BINDING:
+                names.append(f"{label} at its {'lower' if share < 0.5 else 'upper'} bound")
+        return tuple(names)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a reader should know: where finer grids or the other way disagree, how starts ended."""
+        notes = []
+        if self.check.violation > _MISSED:
+            notes.append(f"on a finer grid of poses and samples: {self.check.reason}")
+        variables = self.problem.variables
+        moved = [
+            f"{label.removeprefix('offset.')} by {amount(float(value), unit)}"
+            for label, value, unit in zip(
+                variables.labels, self.design.tolist(), variables.units, strict=True
+            )
+            if label.startswith("offset.")
+        ]
+        if moved:
+            notes.append(f"for the motion moved in {', '.join(moved)}, which no machine file holds")
+        if self.check.difference > 1e-6 * self.check.largest:
+            notes.append(f"the two ways to the forces differ by {self.check.difference:.2g} N")
+        sign = 1.0 if self.problem.objectives[0].better == "small" else -1.0
+        good = [a.value for a in self.attempts if a.violation == 0]
+        if len(self.attempts) > 1:
+            near = sum(sign * (value - self.value) < 1e-4 * abs(self.value) for value in good)
+            if near < len(self.attempts):
+                notes.append(f"{near} of {len(self.attempts)} starts came to this optimum, the others not")
+        return tuple(notes)
+
+    def write_parameters(self, path: str | os.PathLike[str]) -> Path:
+        """Write the optimum as a machine file, which every command takes as ``--parameters``.
+
+        Parameters
+        ----------
+        path : path-like
+            The YAML file; replaced whole or not at all.
+
+        Returns
+        -------
+        Path
+            The path written.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be written.
+        """
+        write_parameters(self.machine, path)
+        return Path(path)

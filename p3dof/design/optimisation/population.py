@@ -1,0 +1,261 @@
+"""`Population`: some designs of a problem, with what several measures need of them computed once.
+
+Columns may be moved by a complex step, which gives exact derivatives of every formula that is made of
+analytic functions (W. Squire, G. Trapp, SIAM Review 40 (1998) 110): it is so small that nothing is rounded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from p3dof._base.checks import FloatArray
+from p3dof._base.errors import InputError
+from p3dof.analysis.designs import DesignEvaluation, DesignForces, Designs
+from p3dof.analysis.designs.columns import BodiesOfDesigns
+from p3dof.analysis.designs.figures import FigureGroup, Sampled, sampled
+from p3dof.analysis.designs.folding import Folded, folding_of
+from p3dof.analysis.designs.formula import Outputs, derivatives
+from p3dof.analysis.designs.names import DENSITY, LENGTHS, OFFSETS
+from p3dof.analysis.designs.samples import Samples, samples_of
+from p3dof.closed_form.compiled.formulas import MODEL
+from p3dof.closed_form.compiled.reduced import Model
+from p3dof.design.optimisation.box import Box
+from p3dof.machine.motion import Motion
+from p3dof.machine.motion.wrenches import Load, WrenchOverTime
+from p3dof.machine.parameters import STEEL_DENSITY, Dimensions, Parameters
+from p3dof.machine.parameters.solids import scales
+
+STEP = 1e-60
+"""Of complex steps; nothing is subtracted, so that it may be so small."""
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """What all designs of a problem share.
+
+    Parameters
+    ----------
+    machine : Parameters
+        What has no column.
+    bodies : {"kept", "solids"}
+        Where bodies come from; see `Designs`.
+    fixed : mapping of str to float
+        Columns that are the same for all, by full names.
+    names : tuple of str
+        Full names of the variables.
+    motion : Motion
+        What all do.
+    wrench : array-like or callable, optional
+        External force and moment on the platform.
+    box : Box, optional
+        The poses that all must reach.
+    modulus, drive_stiffness : float
+        Of the rods' material [Pa], and of one drive [N/m].
+    figures : tuple of str
+        Groups of figures that measures need of the motion.
+    level : str, optional
+        What to run on.
+    threads : int, optional
+        How many threads.
+    """
+
+    machine: Parameters
+    bodies: BodiesOfDesigns
+    fixed: Mapping[str, float]
+    names: tuple[str, ...]
+    motion: Motion
+    wrench: WrenchOverTime
+    box: Box | None
+    modulus: float
+    drive_stiffness: float
+    figures: tuple[FigureGroup, ...] = ()
+    level: str | None = None
+    threads: int | None = None
+    samples: Samples = field(init=False)
+
+    def __post_init__(self) -> None:
+        load = None if self.wrench is None else Load(self.wrench, self.motion.start).over(self.motion.time)
+        object.__setattr__(self, "wrench", load)
+        object.__setattr__(self, "samples", samples_of(self.motion, load))
+
+    @cached_property
+    def forces(self) -> DesignEvaluation:
+        """Figures of forces over the motion."""
+        return DesignEvaluation(
+            self.motion, self.wrench, self.figures, (), level=self.level, threads=self.threads
+        )
+
+    @cached_property
+    def slopes(self) -> DesignEvaluation:
+        """The same with derivatives by all variables."""
+        return DesignEvaluation(
+            self.motion, self.wrench, self.figures, self.names, level=self.level, threads=self.threads
+        )
+
+    def columns(self, values: FloatArray) -> dict[str, FloatArray]:
+        """Return the columns of designs from rows of variables, (D,) each."""
+        found = {name: np.full(len(values), value) for name, value in self.fixed.items()}
+        return found | {name: np.ascontiguousarray(values[:, i]) for i, name in enumerate(self.names)}
+
+    def designs(self, values: FloatArray) -> Designs:
+        """Return designs from rows of variables, (D, n)."""
+        return Designs(self.columns(values), self.machine, self.bodies)
+
+
+class Numbers:
+    """Lengths, sizes of solids and the numbers of the dynamics of some designs, each (D, 1).
+
+    Parameters
+    ----------
+    setting : Setting
+        What they share.
+    columns : mapping of str to ndarray, shape (D,)
+        What differs; one of them may be complex.
+    """
+
+    def __init__(self, setting: Setting, columns: Mapping[str, Any]) -> None:
+        self._setting, self._columns = setting, columns
+
+    def __getitem__(self, name: str) -> Any:
+        """Return a length or an offset by its full name, (D, 1) or a number."""
+        if name in self._columns:
+            return self._columns[name][:, None]
+        if name in LENGTHS:
+            return getattr(self._setting.machine.geometry, name[-1])
+        return 0.0
+
+    @property
+    def r(self) -> Any:
+        """Size of the platform [m]."""
+        return self["geometry.r"]
+
+    @property
+    def R(self) -> Any:  # noqa: N802 - as of `Geometry`
+        """Size of the base [m]."""
+        return self["geometry.R"]
+
+    @property
+    def L(self) -> Any:  # noqa: N802 - as of `Geometry`
+        """Length of the legs [m]."""
+        return self["geometry.L"]
+
+    @property
+    def b(self) -> Any:
+        """Half of the width of the parallelogram [m]."""
+        return self["geometry.b"]
+
+    @property
+    def density(self) -> Any:
+        """Of the solids [kg/m³]."""
+        return self._columns[DENSITY][:, None] if DENSITY in self._columns else STEEL_DENSITY
+
+    def size(self, name: str) -> Any:
+        """Return a size of solids, such as ``rod_radius`` [m].
+
+        Raises
+        ------
+        InputError
+            If the bodies are not made of solids.
+        """
+        if self._setting.bodies != "solids":
+            raise InputError(
+                f"the {name.replace('_', ' ')} is known of bodies of solids only: bodies='solids'"
+            )
+        full = f"dimensions.{name}"
+        if full in self._columns:
+            return self._columns[full][:, None]
+        L, r, b, width = scales(self.r, self.R, self.L, self.b)
+        ratio = np.minimum(np.minimum(np.minimum(L, r), b), width)
+        return ratio * getattr(Dimensions(), name)
+
+    @cached_property
+    def folded(self) -> Folded:
+        """The numbers of the dynamics."""
+        folding = folding_of(tuple(self._columns), self._setting.machine, self._setting.bodies)
+        return folding.fold(self._columns)
+
+    @cached_property
+    def model(self) -> Model:
+        """The machines of the reduced dynamics, each number (D, 1)."""
+        numbers = [n[:, None] if isinstance(n, np.ndarray) and n.ndim else n for n in self.folded.numbers]
+        return Model.of_numbers(tuple(numbers[: len(MODEL)]))
+
+
+class Population:
+    """Some designs of a problem.
+
+    Parameters
+    ----------
+    setting : Setting
+        What they share.
+    values : ndarray, shape (D, n)
+        Their variables.
+    """
+
+    def __init__(self, setting: Setting, values: FloatArray) -> None:
+        self.setting, self.values = setting, values
+        self.columns = setting.columns(values)
+        self._rates: dict[str, Outputs] = {}
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    @cached_property
+    def designs(self) -> Designs:
+        """The machines."""
+        return Designs(self.columns, self.setting.machine, self.setting.bodies)
+
+    @cached_property
+    def forces(self) -> DesignForces:
+        """What they need over the motion."""
+        return self.setting.forces.evaluate(self.designs)
+
+    @cached_property
+    def slopes(self) -> DesignForces:
+        """The same with derivatives by all variables."""
+        return self.setting.slopes.evaluate(self.designs)
+
+    @cached_property
+    def numbers(self) -> Numbers:
+        """Lengths and sizes."""
+        return Numbers(self.setting, self.columns)
+
+    def stepped(self, name: str) -> Numbers:
+        """Return lengths and sizes with a complex step of one variable."""
+        moved = self.columns[name] + 1j * STEP
+        return Numbers(self.setting, {**self.columns, name: moved})
+
+    @cached_property
+    def feasible(self) -> Any:
+        """Which designs make the motion (D,)."""
+        return self.forces.feasible
+
+    @cached_property
+    def sampled(self) -> Sampled:
+        """Forces, slider positions and speeds at all samples of the motion (D, N)."""
+        return sampled(self.numbers.folded, self.setting.samples, self._offsets)
+
+    @property
+    def _offsets(self) -> FloatArray:
+        none = np.zeros(len(self))
+        return np.stack([self.columns.get(name, none) for name in OFFSETS], axis=1)
+
+    def rates(self, name: str) -> Outputs:
+        """Return how forces, slider positions and speeds change with one variable (D, N)."""
+        if name not in self._rates:
+            setting = self.setting
+            folding = folding_of(tuple(self.columns), setting.machine, setting.bodies)
+            by = [
+                rate[:, None] if isinstance(rate, np.ndarray) and rate.ndim else rate
+                for rate in folding.tangents(self.columns, name)
+            ]
+            moved = tuple(float(name == offset) for offset in OFFSETS)
+            state = self.sampled
+            with np.errstate(all="ignore"):
+                self._rates[name] = derivatives(state.numbers, state.inputs, by, moved)
+        return self._rates[name]

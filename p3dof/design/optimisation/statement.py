@@ -1,0 +1,307 @@
+"""`Statement` of a problem: variables, objectives, constraints, and what designs are worth by them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from typing_extensions import Self
+
+from p3dof._base.checks import FloatArray, positive, shown
+from p3dof._base.errors import InputError
+from p3dof.analysis.designs.columns import BodiesOfDesigns, numbers_of
+from p3dof.analysis.designs.names import DENSITY, KINDS, SIZES, full_name
+from p3dof.closed_form.compiled.designs import compiled_level
+from p3dof.closed_form.compiled.kernels import NUMPY
+from p3dof.design.optimisation.bounds import constraints_of
+from p3dof.design.optimisation.box import Box
+from p3dof.design.optimisation.constraints import Constraint
+from p3dof.design.optimisation.evaluated import Asked, Evaluated
+from p3dof.design.optimisation.measure import Measure, worst_gradient
+from p3dof.design.optimisation.measures import measure_of
+from p3dof.design.optimisation.population import Population, Setting
+from p3dof.design.optimisation.settings import settings_of
+from p3dof.design.optimisation.variables import Variables, quantity_in_si
+from p3dof.machine.motion import Motion, paper_motion
+from p3dof.machine.motion.wrenches import WrenchOverTime
+from p3dof.machine.parameters import PAPER, STEEL_DENSITY, Dimensions, Parameters
+
+STEEL_MODULUS = 210e9
+"""Young's modulus of steel [Pa]."""
+
+DRIVE_STIFFNESS = 1e7
+"""Of one drive, where nobody says [N/m]."""
+
+SAMPLES = 201
+"""Of the paper's motion, where no motion is given."""
+
+_CHUNK = 2048
+"""Designs that are evaluated at a time."""
+
+
+class Statement:
+    """What may change, what is to become better, what must be kept; arguments as of `DesignProblem`."""
+
+    def __init__(
+        self,
+        variables: Mapping[str, Any],
+        motion: Motion | None = None,
+        objectives: str | Measure | Sequence[str | Measure] = ("peak_force",),
+        constraints: Mapping[str, Any] | Sequence[Any] = (),
+        *,
+        box: Box | None = None,
+        machine: Parameters | None = None,
+        bodies: BodiesOfDesigns = "kept",
+        fixed: Mapping[str, Any] | None = None,
+        wrench: WrenchOverTime = None,
+        modulus: float = STEEL_MODULUS,
+        drive_stiffness: float = DRIVE_STIFFNESS,
+        level: str | None = None,
+        threads: int | None = None,
+    ) -> None:
+        if box is not None and not isinstance(box, Box):
+            raise InputError(f"box: expected a Box, got {shown(box)}")
+        self.variables = Variables.of(variables)
+        given = (objectives,) if isinstance(objectives, str | Measure) else tuple(objectives)
+        if not given:
+            raise InputError("objectives: expected one measure or more, got none")
+        self.objectives = tuple(measure_of(item, "objectives") for item in given)
+        _require_once([measure.name for measure in self.objectives], "objectives")
+        self.constraints = constraints_of(constraints)
+        needs = (*self.objectives, *(item.measure for item in self.constraints))
+        self.setting = Setting(
+            machine=PAPER if machine is None else machine,
+            bodies=bodies,
+            fixed=_fixed(fixed or {}, self.variables),
+            names=self.variables.names,
+            motion=paper_motion(SAMPLES) if motion is None else motion,
+            wrench=wrench,
+            box=box,
+            modulus=positive("modulus", modulus, InputError),
+            drive_stiffness=positive("drive_stiffness", drive_stiffness, InputError),
+            figures=tuple(dict.fromkeys(group for measure in needs for group in measure.figures)),
+            level=compiled_level(level, 1)[0] or NUMPY,
+            threads=threads,
+        )
+        self._try_once()
+
+    def __repr__(self) -> str:
+        what, by = ", ".join(measure.name for measure in self.objectives), ", ".join(self.variables.labels)
+        return f"{type(self).__name__}({what} by {by}, {len(self.constraints)} constraints)"
+
+    def _try_once(self) -> None:
+        """Raise now what measures would raise later."""
+        population = Population(self.setting, self.variables.values(np.full((1, len(self.variables)), 0.5)))
+        population.designs  # noqa: B018 - names that do not fit each other
+        for measure in (*self.objectives, *(item.measure for item in self.constraints)):
+            measure.values(population)
+
+    @cached_property
+    def start(self) -> FloatArray:
+        """The variables of `machine` (n,), to begin with; NaN where it does not tell them."""
+        machine, found = self.setting.machine, []
+        for name in self.variables.names:
+            group, _, last = name.partition(".")
+            if group == "geometry":
+                found.append(float(getattr(machine.geometry, last)))
+            elif name in SIZES:
+                found.append(float(getattr(Dimensions.scaled(machine.geometry), last)))
+            elif group == "offset":
+                found.append(0.0)
+            else:
+                found.append(_number_of(machine, name))
+        return np.array(found)
+
+    def evaluate(self, designs: Any) -> Evaluated:
+        """Return objectives and constraints of designs.
+
+        Parameters
+        ----------
+        designs : array-like, shape (D, n) or (n,)
+            Their variables, in the order of the problem [SI units].
+
+        Returns
+        -------
+        Evaluated
+            NaN where a design cannot make the motion.
+
+        Raises
+        ------
+        InputError
+            If they have another shape.
+        """
+        rows = self.variables.rows(designs)
+        parts = [self._part(rows[start : start + _CHUNK]) for start in range(0, len(rows), _CHUNK)]
+        parts = parts or [self._part(rows)]
+        return Evaluated(
+            asked=Asked(self.variables, self.objectives, self.constraints),
+            designs=rows,
+            objectives=np.concatenate([part[0] for part in parts]),
+            constraints=np.concatenate([part[1] for part in parts]),
+            status=np.concatenate([part[2] for part in parts]),
+        )
+
+    def _part(self, rows: FloatArray) -> tuple[FloatArray, FloatArray, Any]:
+        population = Population(self.setting, rows)
+        status = population.forces.status
+        with np.errstate(all="ignore"):
+            objectives = [measure.values(population) for measure in self.objectives]
+            constraints = [item.measure.values(population) for item in self.constraints]
+        bad = status != 0
+        found = [
+            np.stack(columns, axis=1) if columns else np.zeros((len(rows), 0))
+            for columns in (objectives, constraints)
+        ]
+        found[0][bad] = np.nan
+        return found[0], found[1], status
+
+    def gradient(self, design: Any) -> dict[str, FloatArray]:
+        """Return the exact derivatives of all objectives and of all bounded measures at one design.
+
+        A peak changes as the force at its sample does: where two samples tie, that is the derivative to one
+        side.
+
+        Parameters
+        ----------
+        design : array-like, shape (n,)
+            Its variables [SI units].
+
+        Returns
+        -------
+        dict of str to ndarray, shape (n,)
+            By the names of measures, in their units by those of the variables.
+
+        Raises
+        ------
+        InputError
+            If the design has another shape, or cannot make the motion.
+        """
+        row = self.variables.rows(design)[:1]
+        population = Population(self.setting, row)
+        if not population.feasible[0]:
+            raise InputError(f"design: it has no gradient: {population.forces.reason(0)}")
+        measures = {measure.name: measure for measure in self.objectives}
+        measures |= {item.measure.name: item.measure for item in self.constraints}
+        return {
+            name: worst_gradient(measure.pieces(population), measure.better)[0]
+            for name, measure in measures.items()
+        }
+
+    def settings(self) -> dict[str, Any]:
+        """Return everything that results depend on, as plain data."""
+        return settings_of(self.setting, Asked(self.variables, self.objectives, self.constraints))
+
+    def machine(self, design: Any) -> Parameters:
+        """Return a design as a machine.
+
+        Parameters
+        ----------
+        design : array-like, shape (n,)
+            Its variables [SI units].
+
+        Returns
+        -------
+        machine : Parameters
+
+        Raises
+        ------
+        InputError
+            If the design has another shape.
+        ParameterError
+            If it is none that could be built.
+        """
+        return self.setting.designs(self.variables.rows(design)[:1])[0]
+
+    def asking(self, objectives: Any = None, constraints: Sequence[Constraint] = ()) -> Self:
+        """Return the same problem for other objectives, with further constraints.
+
+        Parameters
+        ----------
+        objectives : str, Measure, or sequence of these, optional
+            What to make better instead.
+        constraints : sequence of Constraint
+            What must be kept besides.
+
+        Returns
+        -------
+        DesignProblem
+
+        Raises
+        ------
+        InputError
+            If there is no such measure.
+        """
+        new = copy(self)
+        if objectives is not None:
+            given = (objectives,) if isinstance(objectives, str | Measure) else tuple(objectives)
+            own = {measure.name: measure for measure in self.objectives}
+            new.objectives = tuple(
+                own[item] if isinstance(item, str) and item in own else measure_of(item, "objectives")
+                for item in given
+            )
+        new.constraints = (*self.constraints, *constraints)
+        needs = (*new.objectives, *(item.measure for item in new.constraints))
+        figures = tuple(dict.fromkeys(group for measure in needs for group in measure.figures))
+        new.setting = replace(self.setting, figures=figures)
+        return new
+
+    def unconstrained(self, objective: Measure) -> Self:
+        """Return the same designs with one objective and no constraints."""
+        new = self.asking(objective)
+        new.constraints = ()
+        return new
+
+    def refined(self, times: int) -> Self:
+        """Return the same problem on grids of poses and samples that are several times finer.
+
+        Parameters
+        ----------
+        times : int
+            How many times.
+
+        Returns
+        -------
+        DesignProblem
+        """
+        new, setting = self.asking(), self.setting
+        motion = setting.motion.resampled((len(setting.motion) - 1) * times + 1)
+        load = setting.wrench
+        if load is not None:
+            columns = [np.interp(motion.time, setting.motion.time, column) for column in np.asarray(load).T]
+            load = np.stack(columns, axis=1)
+        box = None if setting.box is None else setting.box.finer(times)
+        new.setting = replace(setting, motion=motion, wrench=load, box=box)
+        return new
+
+
+def _fixed(given: Mapping[str, Any], variables: Variables) -> dict[str, float]:
+    if not isinstance(given, Mapping):
+        raise InputError(f"fixed: expected numbers by name, got {shown(given)}")
+    found = {}
+    for label, value in given.items():
+        name = full_name(label)
+        if name in variables.names:
+            raise InputError(f"fixed: {label} is a variable, too")
+        found[name] = quantity_in_si(name, value, f"fixed.{label}")
+    return found
+
+
+def _number_of(machine: Parameters, name: str) -> float:
+    known = numbers_of(machine)
+    group, _, rest = name.partition(".")
+    kind, _, last = rest.partition(".")
+    if group == "bodies" and kind in KINDS:
+        name = f"bodies.{KINDS[kind][0]}.{last}"
+    if name == DENSITY:
+        return STEEL_DENSITY
+    return known.get(name, 0.0 if group in ("payload", "friction", "actuators") else np.nan)
+
+
+def _require_once(names: list[str], where: str) -> None:
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"{where}: {name} is there twice")

@@ -1,0 +1,131 @@
+"""`DesignSweep`: the forces of any number of machines over one motion, as a problem of `p3dof.sweep`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from p3dof._base.blocks import Block, Sampling, digest
+from p3dof.analysis.designs import DesignEvaluation, DesignForces, Designs
+from p3dof.analysis.designs.columns import BodiesOfDesigns
+from p3dof.analysis.designs.figures import BITS, FigureGroup
+from p3dof.analysis.designs.names import QUANTITIES, columns_of
+from p3dof.analysis.designs.results import RESULT_UNITS
+from p3dof.closed_form.compiled.designs import compiled_level
+from p3dof.closed_form.compiled.kernels import NUMPY
+from p3dof.design.sweeps.description import motion_settings
+from p3dof.machine.motion import Motion
+from p3dof.machine.motion.wrenches import Load, WrenchOverTime
+from p3dof.machine.parameters import PAPER, Parameters
+
+WORST = ("peak_force", "rms_force", "peak_speed", "peak_power", "peak_braking")
+"""Figures of three actuators of which there is a column with the largest too."""
+
+
+class DesignSweep:
+    """The forces of machines over one motion, for `p3dof.sweep`: what `p3dof.forces_of_designs` finds.
+
+    The columns are the inputs, by their full names (``geometry.R``, in SI units), and the figures: ``status``
+    (a `DesignStatus`, 0 for designs that make the motion), ``reach``, ``peak_force_a`` and so on, without
+    units in their names, and ``peak_force``, the largest of the three. Figures of designs that cannot make
+    the motion are NaN.
+
+    Parameters
+    ----------
+    sampling : Sampling
+        The columns that differ between machines, named as `Designs` takes them: `p3dof._base.blocks.Samples`,
+        `p3dof._base.blocks.Grid`, `FileRows`.
+    motion : Motion
+        What every machine does.
+    machine : Parameters, optional
+        What has no column; the paper's machine by default.
+    bodies : {"kept", "solids"}
+        Keep the bodies of `machine`, or compute them anew from solids of each design.
+    wrench : array-like, shape (6,) or (N, 6), or callable, optional
+        External force and moment on the platform at P [N, N m].
+    figures : iterable of {"singularity", "sliders", "power"}
+        What to compute beside forces and reach.
+    level : str, optional
+        What to run on, as of `MachineKernels`: that of this computer by default. All workers take the same,
+        whose last bits differ from those of others.
+    block_size : int
+        Designs of a block where nobody says how many.
+
+    Raises
+    ------
+    InputError
+        If a column or an argument does not fit.
+    """
+
+    def __init__(
+        self,
+        sampling: Sampling,
+        motion: Motion,
+        machine: Parameters | None = None,
+        bodies: BodiesOfDesigns = "kept",
+        wrench: WrenchOverTime = None,
+        figures: Iterable[FigureGroup] = ("singularity",),
+        level: str | None = None,
+        block_size: int = 20_000,
+    ) -> None:
+        self.sampling, self.bodies, self.block_size = sampling, bodies, block_size
+        self.machine = PAPER if machine is None else machine
+        load = None if wrench is None else Load(wrench, motion.start).over(motion.time)
+        self.level = compiled_level(level, 1)[0] or NUMPY
+        self.forces = DesignEvaluation(motion, load, figures, (), self.level, 1)
+        self._load = load
+        self._inputs = columns_of(sampling.names)
+        Designs(dict.fromkeys(sampling.names, np.ones(1)), self.machine, bodies)  # names that fit each other
+
+    @property
+    def count(self) -> int:
+        """How many designs there are."""
+        return self.sampling.count
+
+    @cached_property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the inputs, then of the figures."""
+        one = Designs({"geometry.R": [self.machine.geometry.R]}, self.machine)
+        return (*(column.name for column in self._inputs), *_figures(self.forces.evaluate(one)))
+
+    @cached_property
+    def units(self) -> dict[str, str]:
+        """Units of the columns that have one."""
+        known = {name: QUANTITIES[name].unit for name in (column.name for column in self._inputs)}
+        for column in self.columns[len(known) :]:
+            known[column] = RESULT_UNITS[column if column in RESULT_UNITS else column.rpartition("_")[0]]
+        return {name: unit for name, unit in known.items() if unit}
+
+    def settings(self) -> dict[str, Any]:
+        """Return everything that the results depend on."""
+        return {
+            "machine": self.machine.to_dict(),
+            "bodies": self.bodies,
+            "motion": motion_settings(self.forces.motion),
+            "wrench": None if self._load is None else digest(self._load),
+            "figures": [group for group, bit in BITS.items() if self.forces.asked & bit],
+            "level": self.level,
+            "sampling": dict(self.sampling.settings()),
+        }
+
+    def compute(self, block: Block) -> dict[str, NDArray[Any]]:
+        """Return the columns of a block."""
+        drawn = self.sampling.draw(block)
+        pairs = zip(self._inputs, self.sampling.names, strict=True)
+        inputs = {column.name: column.in_si(drawn[name]) for column, name in pairs}
+        found = self.forces.evaluate(Designs(inputs, self.machine, self.bodies))
+        return {**inputs, **_figures(found)}
+
+
+def _figures(found: DesignForces) -> dict[str, NDArray[Any]]:
+    """Return figures by the names of columns, without units, with the largest of three."""
+    columns = {name.partition(" [")[0]: values for name, values in found.to_columns().items()}
+    for name in WORST:
+        of_actuators = getattr(found, name)
+        if of_actuators is not None:
+            columns[name] = of_actuators.max(axis=1, initial=-np.inf)
+    return columns

@@ -1,0 +1,190 @@
+"""`Path`: where the platform goes from one stop to the next, as a curve with two continuous derivatives.
+
+Along straight lines the parameter is the length in the metric of the task, (y, z, ℓ θ) with a length ℓ. A
+corner is a Bézier curve of degree 5 with control points at d, 2 d/3 and d/3 before and after it, over which
+the parameter runs 5 d/3: two derivatives go on where it begins and ends. One of degree 7 with control points
+at d, 3 d/4, d/2 and d/4 keeps three.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from p3dof._base.checks import FloatArray
+from p3dof._base.errors import TaskError
+from p3dof.design.tasks.profiles import eased, quintic
+from p3dof.design.tasks.waypoints import Waypoint
+from p3dof.machine.motion import splines
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
+_TOUCH = 1 + 1e-12
+"""Blends may meet, but for rounding."""
+_SAME = 1e-9
+"""Poses that are nearer, as a share of the turning length, are one: a way between them is all rounding."""
+
+
+class Path:
+    """The way of the platform from one stop to the next.
+
+    Parameters
+    ----------
+    waypoints : sequence of Waypoint
+        A stop, what is passed, and a stop.
+    names : sequence of str
+        What to call them in an error.
+    length : float
+        ℓ: how long an arc counts that a turn of 1 rad makes [m].
+    spline : bool
+        Whether the path is a spline of degree 5 through the waypoints instead of lines with blends.
+    smoothness : int
+        How many derivatives go on where blends begin and end: 2 or 3.
+
+    Attributes
+    ----------
+    end : float
+        The parameter at the end; it begins at 0.
+    at_waypoints : ndarray, shape (K,)
+        The parameter at every waypoint: for one that is passed by a blend, at the middle of that.
+    breaks : ndarray, shape (M,)
+        The parameter where the lines and blends, or the parts of the spline, begin and end: its third
+        derivative may jump there.
+
+    Raises
+    ------
+    TaskError
+        If two waypoints are the same, blends overlap, or some of the waypoints that are passed say θ.
+    """
+
+    def __init__(
+        self,
+        waypoints: Sequence[Waypoint],
+        names: Sequence[str],
+        length: float,
+        spline: bool = False,
+        smoothness: int = 2,
+    ) -> None:
+        from scipy.interpolate import BPoly
+
+        self._names, self._half = names, smoothness + 1
+        inner = [len(point.pose) for point in waypoints[1:-1]]
+        if len(set(inner)) > 1:
+            raise TaskError(
+                f"{names[0]} to {names[-1]}: expected θ at all waypoints between two stops, or at none"
+            )
+        first, last = waypoints[0].pose, waypoints[-1].pose
+        self._turn = (first[2], last[2] - first[2]) if 2 in inner else None
+        size = 3 if self._turn is None else 2
+        points = np.array([point.pose[:size] for point in waypoints])
+        legs = np.diff(points, axis=0)
+        lengths = np.linalg.norm(legs * np.array([1.0, 1.0, length])[:size], axis=1)
+        for k, leg in enumerate(lengths):
+            if leg <= _SAME * length:
+                raise TaskError(f"{names[k]} and {names[k + 1]}: expected two different poses")
+        if spline:
+            self.at_waypoints = np.append(0.0, np.cumsum(lengths))
+            found, self._unit = splines.interpolating(self.at_waypoints, points, 5)
+            self._curve: Any = found
+            self.breaks: FloatArray = self.at_waypoints
+        else:
+            self._unit = 1.0
+            parts, self.breaks, self.at_waypoints = self._blended(waypoints, points, legs, lengths)
+            self._curve = BPoly(np.array(parts).transpose(1, 0, 2), self.breaks)
+        self.end = float(self.breaks[-1])
+        if self._turn is not None:
+            self._ways = np.append(0.0, np.cumsum([self._way(a, b) for a, b in self._pieces()]))
+
+    def at(self, parameter: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return poses and their first two derivatives by the parameter, (N, 3) each.
+
+        Parameters
+        ----------
+        parameter : ndarray, shape (N,)
+            From 0 to `end`.
+        """
+        found = [np.asarray(self._curve(parameter / self._unit, n)) / self._unit**n for n in range(3)]
+        if self._turn is None:
+            return found[0], found[1], found[2]
+        start, turn = self._turn
+        x, slope, bend = self._share(parameter, found[1], found[2])
+        q, rate, change = quintic(x)
+        angle = (start + turn * q, turn * rate * slope, turn * (change * slope**2 + rate * bend))
+        pose, first, second = (np.column_stack(pair) for pair in zip(found, angle, strict=True))
+        return pose, first, second
+
+    def third(self, parameter: FloatArray) -> FloatArray:
+        """Return the third derivative of the pose by the parameter, (N, 3); after a jump where it jumps.
+
+        Parameters
+        ----------
+        parameter : ndarray, shape (N,)
+            From 0 to `end`.
+        """
+        one, two, three = (
+            np.asarray(self._curve(parameter / self._unit, n)) / self._unit**n for n in (1, 2, 3)
+        )
+        if self._turn is None:
+            return three
+        x, slope, bend = self._share(parameter, one, two)
+        speed = slope * self._ways[-1]
+        along, across = np.einsum("ij,ij->i", one, two), np.einsum("ij,ij->i", two, two)
+        change = (across + np.einsum("ij,ij->i", one, three) - along**2 / speed**2) / speed
+        _, rate, rise, third = eased(x)
+        angle = third * slope**3 + 3 * rise * slope * bend + rate * change / self._ways[-1]
+        return np.column_stack([three, self._turn[1] * angle])
+
+    def _blended(
+        self, waypoints: Sequence[Waypoint], points: FloatArray, legs: FloatArray, lengths: FloatArray
+    ) -> tuple[list[FloatArray], FloatArray, FloatArray]:
+        """Return Bernstein coefficients of lines and corners in turn, their ends, and waypoints."""
+        half = self._half  # control points on either side of a corner
+        degree, shares = 2 * half - 1, np.arange(half)[:, None] / half
+        blends = np.array([point.blend for point in waypoints])
+        for k, leg in enumerate(lengths):
+            if blends[k] + blends[k + 1] > leg * _TOUCH:
+                raise TaskError(
+                    f"{self._names[k]} and {self._names[k + 1]}: their blends, {blends[k]:g} and "
+                    f"{blends[k + 1]:g} m, overlap: they are {leg:g} m apart"
+                )
+        along = legs / lengths[:, None]
+        parts, ends, middles = [], [0.0], [0.0]
+        for k, leg in enumerate(lengths):
+            straight = leg - blends[k] - blends[k + 1]
+            if straight > 0:
+                begin = points[k] + blends[k] * along[k]
+                parts.append(begin + np.linspace(0, straight, degree + 1)[:, None] * along[k])
+                ends.append(ends[-1] + straight)
+            if k + 1 < len(lengths):
+                before = points[k + 1] - blends[k + 1] * (1 - shares) * along[k]
+                after = points[k + 1] + blends[k + 1] * shares[1:] * along[k + 1]
+                last = points[k + 1] + blends[k + 1] * along[k + 1]
+                parts.append(np.vstack([before, after, last]))
+                ends.append(ends[-1] + degree / half * blends[k + 1])
+                middles.append((ends[-2] + ends[-1]) / 2)
+        return parts, np.array(ends), np.array([*middles, ends[-1]])
+
+    def _pieces(self) -> list[tuple[float, float]]:
+        return list(zip(self.breaks[:-1].tolist(), self.breaks[1:].tolist(), strict=True))
+
+    def _way(self, start: float, end: float) -> float:
+        """Return the length in y and z of a piece of the curve [m]."""
+        middle, half = (start + end) / 2, (end - start) / 2
+        rates = np.asarray(self._curve((middle + half * _NODES) / self._unit, 1)) / self._unit
+        return float(half * _WEIGHTS @ np.linalg.norm(rates, axis=1))
+
+    def _share(
+        self, parameter: FloatArray, first: FloatArray, second: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the share of the length in y and z, and its first two derivatives by the parameter."""
+        piece = np.clip(np.searchsorted(self.breaks, parameter, "right") - 1, 0, len(self.breaks) - 2)
+        starts = self.breaks[piece]
+        half = (parameter - starts) / 2
+        nodes = starts[:, None] + half[:, None] * (1 + _NODES)
+        rates = np.asarray(self._curve(nodes.ravel() / self._unit, 1)) / self._unit
+        speeds = np.linalg.norm(rates, axis=1).reshape(nodes.shape)
+        total = self._ways[-1]
+        speed = np.linalg.norm(first, axis=1)
+        bend = np.einsum("ij,ij->i", first, second) / speed
+        return (self._ways[piece] + half * (speeds @ _WEIGHTS)) / total, speed / total, bend / total

@@ -1,0 +1,274 @@
+"""The functions that are compiled: forces, accelerations, completion, and how they change."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+
+from p3dof._base.errors import ModelError
+from p3dof._base.tracing import Number, Symbol
+from p3dof._base.tracing.derivatives import tangent
+from p3dof.loops.closed_tree import CLOSED, CONSISTENT
+from p3dof.loops.compiled.formulas import At, Moving, Robot
+from p3dof.loops.compiled.function import Builder, Function
+from p3dof.loops.compiled.limits import MARGIN_OF_STATES, applied, nothing_missing, stays_closed
+from p3dof.loops.compiled.pivots import solve_symmetric
+from p3dof.loops.compiled.rates import moved, seeds_of
+from p3dof.loops.compiled.run_functions import flow, model_forces, stabilised_flow
+from p3dof.loops.compiled.solutions import (
+    Borne,
+    accelerated,
+    actuator_forces,
+    completed_motion,
+    drift_of,
+    evidence_of_state,
+    give_residuals,
+    heavy,
+    independent_accelerations,
+    largest_of,
+    projected_mass,
+)
+
+_FOLLOWED = 1e-4
+"""What is left of the largest gap where Newton's steps along a motion ended well."""
+
+
+def jacobian_rows(robot: Robot) -> Function:
+    """Return the Jacobian of closures and couplings at q, all entries: what a plan is made from."""
+    build = Builder()
+    at = At(robot, build.tape, build.take("q", robot.tree.nq))
+    nv = robot.tree.nv
+    build.give("J", [row.get(i, 0.0) for row in at.rows for i in range(nv)])
+    return build.function("jacobian_rows")
+
+
+def inverse_dynamics(robot: Robot, checked: bool = False) -> Function:
+    """Return forces and multipliers of a motion (q, v, a), and whether it keeps the loops closed.
+
+    Checked is how far all of it is from the equation of motion, instead of the multipliers.
+    """
+    build = Builder()
+    tree = robot.tree
+    q, v, a = (build.take(name, size) for name, size in (("q", tree.nq), ("v", tree.nv), ("a", tree.nv)))
+    robot, load = build.loaded(robot)
+    at = At(robot, build.tape, q)
+    moving = Moving(at, v, load)
+    bodies = moving.motion(a)
+    needed = moving.needed(a, bodies)
+    borne = actuator_forces(at, needed)
+    multipliers = borne.multipliers(at)
+    build.give("tau", borne.tau)
+    if checked:
+        give_residuals(build, at, needed, borne)
+    else:
+        build.give("lambda_", multipliers)
+    speeds = [applied(row, v) for row in at.rows]
+    limits = [
+        stays_closed(build.tape, speeds, CONSISTENT * robot.length, v),
+        stays_closed(build.tape, moving.opening(a, bodies), CONSISTENT * robot.length, v, a),
+        nothing_missing(build.tape, borne.missing, (*borne.tau, *multipliers)),
+    ]
+    build.evidence(at, CLOSED, limits)
+    return build.function("checked_inverse_dynamics" if checked else "inverse_dynamics")
+
+
+def motion(robot: Robot) -> Function:
+    """Return velocity and acceleration of the tree from those of the independent speeds, and the forces."""
+    build = Builder()
+    tape, tree, free = build.tape, robot.tree, robot.independent
+    q, v, a = (
+        build.take(name, size)
+        for name, size in (("q", tree.nq), ("v_independent", len(free)), ("a_independent", len(free)))
+    )
+    robot, load = build.loaded(robot)
+    at = At(robot, tape, q)
+    moving, all_v, all_a = completed_motion(at, v, a, load)
+    borne = actuator_forces(at, moving.needed(all_a))
+    multipliers = borne.multipliers(at)
+    build.give("v", all_v)
+    build.give("a", all_a)
+    build.give("tau", borne.tau)
+    build.give("lambda_", multipliers)
+    missing = nothing_missing(tape, borne.missing, (*borne.tau, *multipliers))
+    build.evidence(at, CLOSED * _FOLLOWED, [missing])
+    return build.function("motion")
+
+
+def completion(robot: Robot) -> Function:
+    """Return velocity and acceleration of the tree from those of the independent speeds, and what moves it.
+
+    The influence is by how much every speed grows with each independent one. The orientation is the product
+    of the pivots: it keeps its sign as long as the partition does not fail.
+    """
+    build = Builder()
+    tree, free = robot.tree, robot.independent
+    q, v, a = (
+        build.take(name, size)
+        for name, size in (("q", tree.nq), ("v_independent", len(free)), ("a_independent", len(free)))
+    )
+    at = At(replace(robot, loads=(), joint_forces=False), build.tape, q)
+    _, all_v, all_a = completed_motion(at, v, a, {})
+    build.give("v", all_v)
+    build.give("a", all_a)
+    by = [{place: 1.0, **at.null_space[place]} for place in free]
+    build.give("influence", [column.get(i, 0.0) for i in range(tree.nv) for column in by])
+    orientation: Number = 1.0
+    for pivot, size in zip(at.factors.pivots, robot.plan.sizes, strict=True):
+        orientation = orientation * (pivot * (1.0 / size))
+    build.give("orientation", [orientation])
+    build.give("closure_error", at.loops.multipliers(at.errors))
+    build.evidence(at, CLOSED * _FOLLOWED)
+    return build.function("completion")
+
+
+def tangent_of_forces(robot: Robot) -> Function:
+    """Return forces and their derivative along one direction of the independent motion."""
+    build = Builder()
+    tape, tree, free = build.tape, robot.tree, robot.independent
+    n = len(free)
+    q, v, a = (
+        build.take(name, size) for name, size in (("q", tree.nq), ("v_independent", n), ("a_independent", n))
+    )
+    robot, load = build.loaded(robot)
+    dq, dv, da = (build.take(name, n) for name in ("dq", "dv", "da"))
+    at = At(robot, tape, q)
+    moving, _, all_a = completed_motion(at, v, a, load)
+    tau = actuator_forces(at, moving.needed(all_a)).tau
+    seeds = seeds_of(at, dict(zip(free, dq, strict=True)))
+    seeds |= {symbol.index: seed for symbol, seed in zip((*v, *a), (*dv, *da), strict=True)}
+    build.give("tau", tau)
+    build.give("dtau", tangent(tau, seeds))
+    build.evidence(at, CLOSED, margin=MARGIN_OF_STATES)
+    return build.function("tangent_of_forces")
+
+
+def forward_dynamics(robot: Robot, stabilised: bool = False, checked: bool = False) -> Function:
+    """Return the acceleration of the tree from its state and the motors' forces."""
+    build = Builder()
+    tree, free = robot.tree, robot.independent
+    q, v = build.take("q", tree.nq), build.take("v", tree.nv)
+    tau = build.take("tau", len(robot.motors))
+    robot, load = build.loaded(robot)
+    beta = build.take("stabilisation", 1)[0] if stabilised else None
+    at = At(robot, build.tape, q)
+    moving = Moving(at, v, load)
+    drift = drift_of(at, moving, beta)
+    mass = projected_mass(at, free, free)
+    found = independent_accelerations(at, moving, tau, mass, drift)
+    a = at.completed(found, drift)
+    build.give("a", a)
+    if checked:
+        needed = moving.needed(a)
+        for motor, value in zip(robot.motors, tau, strict=True):
+            needed[motor] = needed[motor] - value
+        rest, rows = at.projected(needed)
+        give_residuals(build, at, needed, Borne([0.0] * len(tau), rows, [*rest.values()]))
+        opening = [applied(row, a) + bias for row, bias in zip(at.rows, drift, strict=True)]
+        build.give("closure_residual", [largest_of(at, opening)])
+    evidence_of_state(build, at, v, heavy(at, free, mass))
+    return build.function(_named("forward_dynamics", stabilised, checked))
+
+
+def tangent_of_accelerations(robot: Robot) -> Function:
+    """Return the acceleration and its derivative along one direction of state and forces."""
+    build = Builder()
+    tape, tree, free = build.tape, robot.tree, robot.independent
+    n = len(free)
+    q, v = build.take("q", tree.nq), build.take("v_independent", n)
+    tau = build.take("tau", len(robot.motors))
+    robot, load = build.loaded(robot)
+    dq, dv, dtau = build.take("dq", n), build.take("dv", n), build.take("dtau", len(robot.motors))
+    at = At(robot, tape, q)
+    all_v = at.completed(dict(zip(free, v, strict=True)), [0.0] * len(at.rows))
+    moving = Moving(at, all_v, load)
+    mass = projected_mass(at, free, free)
+    drift = drift_of(at, moving)
+    found = independent_accelerations(at, moving, tau, mass, drift)
+    # What is out of balance when q and v change and the accelerations stay is what they have to make up for.
+    a = at.completed(found, drift)
+    left = [-x for x in moving.needed(a)]
+    for motor, value in zip(robot.motors, tau, strict=True):
+        left[motor] = left[motor] + value
+    balance, _ = at.projected(left)
+    seeds = seeds_of(at, dict(zip(free, dq, strict=True)))
+    seeds |= {symbol.index: seed for symbol, seed in zip((*v, *tau), (*dv, *dtau), strict=True)}
+    kept = {x.index: 0.0 for x in found.values() if isinstance(x, Symbol)}
+    lost = tangent([balance[i] for i in free], {**seeds, **kept})
+    made = solve_symmetric(tape, mass, lost)
+    moved = {x.index: dx for x, dx in zip(found.values(), made, strict=True) if isinstance(x, Symbol)}
+    build.give("a", a)
+    build.give("da", tangent(a, {**seeds, **moved}))
+    build.evidence(at, CLOSED, heavy(at, free, mass), MARGIN_OF_STATES)
+    return build.function("tangent_of_accelerations")
+
+
+def hybrid_dynamics(robot: Robot, stabilised: bool = False, checked: bool = False) -> Function:
+    """Return forces and the acceleration of the tree from the accelerations of the motors."""
+    build = Builder()
+    tape, tree, free = build.tape, robot.tree, robot.independent
+    if not set(robot.motors) <= set(free):
+        raise ModelError("hybrid dynamics: more actuators than freedoms; their accelerations are not free")
+    q, v = build.take("q", tree.nq), build.take("v", tree.nv)
+    given = dict(zip(robot.motors, build.take("a_actuated", len(robot.motors)), strict=True))
+    robot, load = build.loaded(robot)
+    beta = build.take("stabilisation", 1)[0] if stabilised else None
+    at = At(robot, tape, q)
+    moving = Moving(at, v, load)
+    a, limits = accelerated(at, moving, given, beta)
+    needed = moving.needed(a)
+    borne = actuator_forces(at, needed)
+    build.give("tau", borne.tau)
+    build.give("a", a)
+    if checked:
+        give_residuals(build, at, needed, borne)
+    else:
+        build.give("lambda_", borne.multipliers(at))
+    evidence_of_state(build, at, v, limits)
+    return build.function(_named("hybrid_dynamics", stabilised, checked))
+
+
+def step(robot: Robot) -> Function:
+    """Return q after one Newton step of the dependent coordinates, with the gap before it."""
+    build = Builder()
+    q = build.take("q", robot.tree.nq)
+    at = At(robot, build.tape, q)
+    right = {row: -at.errors[row] for row in robot.plan.rows}
+    shift = at.factors.solve(right)
+    build.give("q", moved(at, shift))
+    build.evidence(at, CLOSED)
+    return build.function("step")
+
+
+def integrate(robot: Robot) -> Function:
+    """Return q moved by a small rate times time: a prediction for `step`."""
+    build = Builder()
+    q, shift = build.take("q", robot.tree.nq), build.take("dq", robot.tree.nv)
+    build.give("q", moved(At(robot, build.tape, q), dict(enumerate(shift))))
+    return build.function("integrate")
+
+
+FUNCTIONS: Mapping[str, Callable[[Robot], Function]] = {
+    "inverse_dynamics": inverse_dynamics,
+    "hybrid_dynamics": hybrid_dynamics,
+    "forward_dynamics": forward_dynamics,
+    "stabilised_hybrid_dynamics": partial(hybrid_dynamics, stabilised=True),
+    "stabilised_forward_dynamics": partial(forward_dynamics, stabilised=True),
+    "checked_inverse_dynamics": partial(inverse_dynamics, checked=True),
+    "checked_hybrid_dynamics": partial(hybrid_dynamics, checked=True),
+    "checked_forward_dynamics": partial(forward_dynamics, checked=True),
+    "motion": motion,
+    "completion": completion,
+    "flow": flow,
+    "stabilised_flow": stabilised_flow,
+    "model_forces": model_forces,
+    "step": step,
+    "integrate": integrate,
+    "tangent_of_forces": tangent_of_forces,
+    "tangent_of_accelerations": tangent_of_accelerations,
+}
+"""What can be compiled, by name."""
+
+
+def _named(name: str, stabilised: bool, checked: bool) -> str:
+    return f"{'stabilised_' if stabilised else ''}{'checked_' if checked else ''}{name}"

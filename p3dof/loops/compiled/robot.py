@@ -1,0 +1,167 @@
+"""What formulas need of a model, with a plan of elimination that was made on closed configurations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
+
+import numpy as np
+import pinocchio as pin
+
+from p3dof._base.checks import FloatArray, shown
+from p3dof._base.errors import AssemblyError, InputError
+from p3dof.loops.closures import LoopKinematics
+from p3dof.loops.compiled.couplings import CoupledJoints
+from p3dof.loops.compiled.formulas import Load, Robot
+from p3dof.loops.compiled.functions import jacobian_rows
+from p3dof.loops.compiled.passive import PassiveJoints
+from p3dof.loops.compiled.pivots import Plan, planned
+from p3dof.loops.compiled.tree import tree_of
+from p3dof.loops.compiled.vectors import numbers
+from p3dof.loops.joints import joint_named
+from p3dof.loops.loop_model import LoopModel
+
+Loop = TypeVar("Loop", bound=LoopModel)
+
+SAMPLES = 12
+"""Closed configurations that the pivots are chosen on."""
+_STEP = 0.3
+"""How far they are from each other [m or rad, of the largest entry]."""
+
+
+@dataclass(frozen=True, eq=False)
+class CompiledRobot(Robot):
+    """A robot for formulas, and what calls of it need.
+
+    Parameters
+    ----------
+    defaults : mapping of str to array
+        Values of `inputs` that are meant where none are given.
+    """
+
+    defaults: Mapping[str, FloatArray] = field(default_factory=dict)
+
+    def with_inertias(self, loop: Loop, row: Mapping[str, FloatArray]) -> Loop:
+        """Return a robot with the inertial parameters of a call."""
+        changed = {
+            name: values
+            for name in self.inertias
+            if not np.array_equal(values := row[f"inertia_{name}"], self.defaults[f"inertia_{name}"])
+        }
+        if not changed:
+            return loop
+        other = loop.copy()
+        for name, values in changed.items():
+            joint = other.model.getJointId(name)
+            other.model.inertias[joint] = pin.Inertia.FromDynamicParameters(np.array(values))
+        return other
+
+
+def robot_of(
+    loop: LoopModel,
+    around: Sequence[FloatArray],
+    external: Iterable[str] = (),
+    joint_forces: bool = False,
+    inertias: Iterable[str] = (),
+) -> CompiledRobot:
+    """Return what formulas need of a model.
+
+    Parameters
+    ----------
+    loop : LoopModel
+        The model.
+    around : sequence of (nq,) array
+        Closed configurations.
+    external : iterable of str
+        Frames of external wrenches.
+    joint_forces : bool
+        Whether forces in all joints are an input.
+    inertias : iterable of str
+        Joints whose bodies have their inertial parameters as an input.
+
+    Returns
+    -------
+    CompiledRobot
+
+    Raises
+    ------
+    ModelError
+        If a joint is of a kind that cannot be compiled, or does not exist.
+    InputError
+        If a frame does not exist, or a name is given twice.
+    """
+    model, tree = loop.model, tree_of(loop.model)
+    kinematics = LoopKinematics(model, loop.sidecar)
+    loads = []
+    for name in _different("external", external):
+        frame = kinematics.frame(name, "external", InputError)
+        place = numbers(frame.placement.translation, tree.size)
+        loads.append(Load(name, tree.of_joint[int(frame.parentJoint)], place))
+    joints = {name: joint_named(model, name, "inertias") for name in _different("inertias", inertias)}
+    robot = CompiledRobot(
+        tree,
+        kinematics,
+        CoupledJoints(model, loop.sidecar.couplings, kinematics.couplings.periods.tolist()),
+        PassiveJoints(model, loop.sidecar.joint_data),
+        tuple(int(i) for i in loop.actuated_v),
+        Plan((), ()),
+        tuple(loads),
+        bool(joint_forces),
+        {name: tree.of_joint[joint] for name, joint in joints.items()},
+        min(1.0, loop.unit_of_length),
+    )
+    defaults = {name: np.zeros(size) for name, size in robot.inputs.items()}
+    for name, joint in joints.items():
+        defaults[f"inertia_{name}"] = np.array(model.inertias[joint].toDynamicParameters())
+    robot = replace(robot, defaults=defaults)
+    if not kinematics.size:
+        return robot
+    columns = jacobian_rows(robot).on_arrays(*np.array(around).T)
+    J = np.stack([np.broadcast_to(column, (len(around),)) for column in columns], axis=-1)
+    return replace(robot, plan=planned(J.reshape(len(around), kinematics.size, tree.nv), robot.motors))
+
+
+def _different(what: str, names: Iterable[str]) -> list[str]:
+    if isinstance(names, str) or not isinstance(names, Iterable):
+        raise InputError(f"{what}: expected several names, got {shown(names)}")
+    found = [str(name) for name in names]
+    if len(set(found)) < len(found):
+        raise InputError(f"{what}: a name is given twice")
+    return found
+
+
+def closed_configurations(loop: LoopModel, start: FloatArray, seed: int = 0) -> list[FloatArray]:
+    """Return closed configurations around one, always the same; fewer where they cannot be found.
+
+    Parameters
+    ----------
+    loop : LoopModel
+        The model.
+    start : (nq,) array
+        A closed configuration.
+    seed : int
+        Of the directions.
+
+    Returns
+    -------
+    list of (nq,) array
+        Those where the closures have their largest rank.
+    """
+    found, draw = [np.array(start)], np.random.default_rng(seed)
+    for _ in range(4 * SAMPLES):
+        if len(found) == SAMPLES:
+            break
+        base = found[draw.integers(len(found))]
+        J = loop.closure_jacobian(base)
+        basis = np.linalg.svd(J)[2][loop.rank(base) :] if J.size else np.eye(loop.model.nv)
+        if not len(basis):
+            break
+        shift = draw.normal(size=len(basis)) @ basis
+        shift *= _STEP / np.abs(shift).max()
+        try:
+            found.append(np.array(loop.assemble(None, guess=pin.integrate(loop.model, base, shift)).q))
+        except AssemblyError:
+            continue
+    ranks = [loop.rank(q) for q in found]
+    return [q for q, rank in zip(found, ranks, strict=True) if rank == max(ranks)]

@@ -1,0 +1,286 @@
+"""Hybrid dynamics: forces for prescribed accelerations, while idle freedoms move as they must.
+
+With S a = s the prescribed accelerations, N the null space of the closures' Jacobian J, and the equation of
+motion (1) of `p3dof.loops.inverse`, unknown are τ and a of
+
+    Nᵀ B τ = Nᵀ (rnea(q, v, a) - Σ Jeᵀ w),    J a = -J̇ v,    S a = s        (1)
+
+Of the free motions, Z are those that S does not see and P the others. T = P - Z (Zᵀ M Z)⁻¹ Zᵀ M P are motions
+in which idle freedoms move as they would if they were pushed, so that Tᵀ M Z = 0 and
+
+    Tᵀ B τ = Tᵀ (rnea(q, v, a0) - Σ Jeᵀ w)        (2)
+
+for any a0 that closures and S allow. The idle motions follow from Zᵀ M Z.
+
+Z and P come from a partition of the rows of J and S together (see `p3dof.loops.partitions`), where one
+is good enough and there are as many prescribed accelerations as actuators. Else they come from the singular
+value decomposition of J, which decides on whatever cannot be done.
+
+References
+----------
+R. Featherstone, Rigid Body Dynamics Algorithms, Springer 2008, sections 9.1 (hybrid dynamics) and 9.4
+(floating bases).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import sqrt
+from typing import Any
+
+import numpy as np
+
+from p3dof._base.checks import FloatArray
+from p3dof._base.errors import DynamicsError, SingularityError
+from p3dof.loops.accuracy import ACCURACY, NO_CHANGE, WELL
+from p3dof.loops.closures import ClosurePoint, max_abs
+from p3dof.loops.hybrid_results import HybridDynamics, PrescribedMotion
+from p3dof.loops.linear import RANK_TOLERANCE, UNIQUE, Decomposition, lapack
+from p3dof.loops.partitions import Memory, Split
+from p3dof.loops.prescriptions import KINDS, Prescription
+from p3dof.loops.results import read_only
+from p3dof.loops.terms import Terms
+
+_SOLUTIONS = 3
+"""Solutions of the linear equations at most; each further one refines the one before."""
+_MASSLESS = 1e-15
+"""Inertia of an idle motion, relative to the largest, that is none."""
+
+
+class Hybrid:
+    """Hybrid dynamics of one model.
+
+    Parameters
+    ----------
+    terms : Terms
+        The model.
+    """
+
+    def __init__(self, terms: Terms) -> None:
+        self._terms, self._actuated = terms, terms.actuated_v
+        self._memories: dict[Any, Memory] = {}
+
+    def solve(
+        self,
+        point: ClosurePoint,
+        v: FloatArray,
+        given: Prescription,
+        external: FloatArray,
+        stabilisation: float = 0.0,
+    ) -> HybridDynamics:
+        """Return the forces that produce prescribed accelerations, and the motion with them.
+
+        Parameters
+        ----------
+        point : ClosurePoint
+            The closures at the configuration.
+        v : (nv,) array
+            Velocity.
+        given : Prescription
+            The prescribed accelerations.
+        external : (nv,) array
+            Generalised force of everything that is no actuator.
+        stabilisation : float
+            β of Baumgarte's stabilisation [1/s].
+
+        Returns
+        -------
+        HybridDynamics
+
+        Raises
+        ------
+        SingularityError
+            If the actuators cannot produce such accelerations at this configuration.
+        DynamicsError
+            If the accelerations depend on each other, leave forces open, or need one that no actuator gives.
+        """
+        k = self._terms.kinematics
+        S = given.rows(point.q)
+        k.move(point.q, v)
+        drift = k.acceleration()
+        if stabilisation and point.J.size:
+            drift = drift + stabilisation * (2.0 * point.J.dot(v) + stabilisation * point.error)
+        task = _Task(point, v, S, drift, given.values - given.drift(), external)
+        if len(S) == len(self._actuated) > 0:
+            both = ClosurePoint(point.q, point.error, np.concatenate((point.J, S)))
+            split = self._memory(given.kind).at(both)
+            found = None if split is None else self._partitioned(split, task)
+            if found is not None:
+                return found
+        return self._projected(task)
+
+    def _memory(self, kind: Any) -> Memory:
+        """Return what was of use at the last sample where the same accelerations were prescribed."""
+        if kind not in self._memories:
+            if len(self._memories) >= KINDS:
+                self._memories.clear()
+            self._memories[kind] = Memory(np.arange(self._terms.model.nv))
+        return self._memories[kind]
+
+    def _partitioned(self, split: Split, task: _Task) -> HybridDynamics | None:
+        """Return the forces by a partition of J and S together; None where these are not certain."""
+        terms, actuated, partition, rows = self._terms, self._actuated, split.partition, split.rows
+        closures, size = len(task.point.J), len(task.S)
+        own = partition.rows < closures
+        if len(own) - np.count_nonzero(own) != size:
+            return None  # some are redundant
+        of_closures = split.weights[len(own) - size :]
+        if np.abs(of_closures).max(initial=0.0) > task.point.rank_tolerance:
+            return None  # what is prescribed follows from the closures: these have more rows than are chosen
+        # The chosen rows of S are the last ones, in their order. Unknown are Z | P | a.
+        known, free, idle = len(own) - size, partition.free, len(partition.free)
+        asked = np.zeros((len(own), idle + size + 1), order="F")
+        asked[:, :idle] = -rows.take(free, axis=1)
+        asked[known:, idle:-1] = np.eye(size)
+        asked[:known, -1] = -task.drift[partition.rows[:known]]
+        asked[known:, -1] = task.wanted
+        found = np.zeros((len(task.v), idle + size + 1))
+        found[free, :idle] = np.eye(idle)
+        found[partition.dependent] = split.solve(asked)
+        Z, T, a = found[:, :idle], found[:, idle:-1], found[:, -1].copy()
+        if idle:
+            half = terms.half_mass_matrix(task.point.q)
+            MZ = half.dot(Z) + half.T.dot(Z)
+            root, wrong = lapack().dpotrf(Z.T.dot(MZ))
+            inertia = root.diagonal()
+            if wrong or not inertia.min() ** 2 > 1e3 * _MASSLESS * inertia.max() ** 2:
+                return None
+            T = T - Z.dot(lapack().dpotrs(root, MZ.T.dot(T))[0])
+        lu, pivots, _ = lapack().dgetrf(T[actuated].T)
+        if not lapack().dgecon(lu, sqrt(np.vdot(T, T)))[0] >= WELL:
+            return None
+        tau: FloatArray = np.zeros(size)
+        for step in range(_SOLUTIONS + 1):
+            left = terms.tree_force(task.point.q, task.v, a) - task.external
+            left[actuated] -= tau
+            lambda_ = split.solve_transpose(left.take(partition.dependent))[:known]
+            missing = left - lambda_.dot(rows[:known])  # as in `Forward`
+            if step == _SOLUTIONS:
+                break
+            more = lapack().dgetrs(lu, pivots, missing.dot(T))[0]
+            remaining = missing.copy()
+            remaining[actuated] -= more
+            change = lapack().dpotrs(root, remaining.dot(Z))[0] if idle else tau[:0]
+            settled = change.dot(change) <= NO_CHANGE**2 * a.dot(a)
+            if step and settled and more.dot(more) <= NO_CHANGE**2 * tau.dot(tau):
+                break
+            tau = tau + more
+            a -= Z.dot(change)
+        result = self._result(task, left, tau, a)
+        opened, off = result.evidence.opening, result.evidence.off
+        forces = (tau.dot(tau) + left.dot(left)) / len(left)  # no more than the largest ones, squared
+        rates = max(1.0, a.dot(a) / len(a), task.drift.dot(task.drift) / max(1, len(task.drift)))
+        good = missing.dot(missing) <= ACCURACY**2 * forces
+        good = good and opened.dot(opened) + off.dot(off) <= ACCURACY**2 * rates
+        return result if good else None  # not good also when something is not a number
+
+    def _projected(self, task: _Task) -> HybridDynamics:
+        """Return the forces by the singular value decomposition of J, or say why there are none."""
+        terms, point, v, S, svd = self._terms, task.point, task.v, task.S, task.point.svd
+        actuated, drift, wanted, external = self._actuated, task.drift, task.wanted, task.external
+        N = svd.null_space
+        seen = Decomposition.of(S @ N, RANK_TOLERANCE, max(1.0, max_abs(S)))
+        _check_choice(seen, len(S), N.shape[1])
+        a = -svd.solve(drift) if point.J.size else np.zeros(len(v))
+        a = a + N @ seen.solve(wanted - S @ a)
+        T, Z = _motions(terms.mass_matrix(point.q), N @ seen.Vt[: seen.rank].T, N @ seen.null_space)
+        actuation = Decomposition.of(T[actuated].T, RANK_TOLERANCE, float(np.linalg.norm(T)))
+        _check_determined(actuation, N[actuated], len(wanted))
+        tau: FloatArray = np.zeros(len(actuated))
+        for step in range(_SOLUTIONS + 1):
+            force = terms.tree_force(point.q, v, a) - external
+            size = max(max_abs(force), max_abs(tau))
+            force[actuated] -= tau
+            remaining = force - point.J.T @ svd.solve_transpose(force)  # as in `Forward`
+            missing = max_abs(N.T @ remaining)
+            if step == _SOLUTIONS:
+                break
+            more = actuation.solve(T.T @ remaining)
+            remaining[actuated] -= more
+            change = Z @ (Z.T @ remaining)
+            small = max_abs(more) <= NO_CHANGE * max_abs(tau) and max_abs(change) <= NO_CHANGE * max_abs(a)
+            if step and small and missing <= NO_CHANGE * size:
+                break
+            tau, a = tau + more, a - change
+        fits = missing <= ACCURACY * size or missing <= ACCURACY * terms.scale(point.q, v, a, external)
+        if not fits:  # also when something is not a number
+            _refuse(missing, actuation, len(wanted), len(tau))
+        return self._result(task, force, tau, a)
+
+    def _result(self, task: _Task, force: FloatArray, tau: FloatArray, a: FloatArray) -> HybridDynamics:
+        opening, off = task.point.J.dot(a) + task.drift, task.S.dot(a) - task.wanted
+        evidence = PrescribedMotion(task.point, force, self._actuated, task.S, (opening, off))
+        return HybridDynamics(read_only(tau), read_only(a), evidence)
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """What is asked at one sample.
+
+    Parameters
+    ----------
+    point : ClosurePoint
+        The closures.
+    v : (nv,) array
+        Velocity.
+    S : (size, nv) array
+        The matrix from accelerations to the prescribed ones.
+    drift : (rows,) array
+        J̇ v.
+    wanted : (size,) array
+        S a.
+    external : (nv,) array
+        Generalised force of everything that is no actuator.
+    """
+
+    point: ClosurePoint
+    v: FloatArray
+    S: FloatArray
+    drift: FloatArray
+    wanted: FloatArray
+    external: FloatArray
+
+
+def _motions(M: FloatArray, P: FloatArray, Z: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return T (nv, n) and Z (nv, k) of the module's notes, Z such that Zᵀ M Z = 1."""
+    try:
+        root = np.linalg.cholesky(Z.T @ M @ Z)
+    except np.linalg.LinAlgError as error:
+        raise DynamicsError("an idle freedom of the mechanism has no inertia") from error
+    pivots = np.diag(root)
+    if pivots.size and pivots.min() ** 2 <= _MASSLESS * pivots.max() ** 2:
+        raise DynamicsError("an idle freedom of the mechanism has no inertia")
+    Z = np.linalg.solve(root, Z.T).T
+    return P - Z @ (Z.T @ (M @ P)), Z
+
+
+def _check_choice(seen: Decomposition, size: int, mobility: int) -> None:
+    """Refuse prescribed accelerations that depend on each other."""
+    if seen.rank < size:
+        raise DynamicsError(
+            f"the prescribed accelerations depend on each other: {size} are prescribed, and the mechanism, "
+            f"which has {mobility} free motions here, can choose {seen.rank} of them"
+        )
+
+
+def _check_determined(actuation: Decomposition, B: FloatArray, size: int) -> None:
+    """Refuse what leaves forces open that move something; B (n_actuated, mobility) is that of Bᵀ N."""
+    if max_abs(B.T @ actuation.null_space) > UNIQUE:
+        count = len(B)
+        raise DynamicsError(
+            f"the forces are not determined: {size} prescribed accelerations leave {count - actuation.rank} "
+            f"of the {count} actuators' forces open; prescribe as many accelerations as there are actuators"
+        )
+
+
+def _refuse(missing: float, actuation: Decomposition, size: int, count: int) -> None:
+    """Say why forces do not produce the prescribed accelerations."""
+    if size <= count and actuation.rank < size:
+        raise SingularityError(
+            f"the actuators cannot produce the prescribed accelerations here: they act on {actuation.rank} "
+            f"of the {size} (smallest singular value {float(actuation.s[-1]):.1e})"
+        )
+    raise DynamicsError(
+        f"the prescribed accelerations need a force that no actuator gives: {missing:.3g} N or N m is "
+        f"missing ({count} actuators, {size} prescribed accelerations)"
+    )

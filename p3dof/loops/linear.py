@@ -1,0 +1,213 @@
+"""Rank, null space and least-norm solutions of one small matrix."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from p3dof._base.checks import FloatArray
+
+RANK_TOLERANCE = 1e-9
+"""Singular values below this fraction of the largest count as zero.
+
+An assembled configuration closes its loops to 1e-12 or better, which is also the size of the singular values
+that should be zero; the smallest that matter in a working machine are above 1e-4. The rows of a closure's
+Jacobian mix metres and radians, so the fraction has no exact meaning: the room on either side makes that
+harmless for machines of about the size of the unit of length; see `p3dof.loops.units`.
+"""
+
+UNIQUE = 1e-7
+"""Share of an undetermined change from which on a force, or a motion, takes part in it."""
+_REGULAR = 1e-12
+"""Least reciprocal condition number of A Aᵀ for an A that is of full rank without doubt."""
+
+
+@dataclass(frozen=True, eq=False)
+class Decomposition:
+    """A matrix A (m, n) as U diag(s) Vᵀ, with its numerical rank.
+
+    Parameters
+    ----------
+    U : (m, m) array
+        Left singular vectors; the columns from `rank` on span the null space of Aᵀ.
+    s : (min(m, n),) array
+        Singular values, largest first.
+    Vt : (n, n) array
+        Right singular vectors; the rows from `rank` on span the null space of A.
+    rank : int
+        The numerical rank.
+    """
+
+    U: FloatArray
+    s: FloatArray
+    Vt: FloatArray
+    rank: int
+
+    @classmethod
+    def of(
+        cls, A: FloatArray, relative: float = RANK_TOLERANCE, largest: float | None = None
+    ) -> Decomposition:
+        """Decompose a matrix.
+
+        Parameters
+        ----------
+        A : (m, n) array
+            The matrix; m or n may be zero.
+        relative : float
+            Singular values up to this fraction of `largest` count as zero.
+        largest : float, optional
+            What to compare with; by default the largest singular value.
+
+        Returns
+        -------
+        Decomposition
+        """
+        U, s, Vt = np.linalg.svd(A)
+        reference = largest if largest is not None else (s[0] if s.size else 0.0)
+        return cls(U, s, Vt, int(np.count_nonzero(s > relative * reference)))
+
+    @property
+    def null_space(self) -> FloatArray:
+        """Orthonormal basis of the vectors that A maps to zero, (n, n - rank)."""
+        return self.Vt[self.rank :].T
+
+    @property
+    def pseudo_inverse(self) -> FloatArray:
+        """The matrix (n, m) of `solve`."""
+        r = self.rank
+        return (self.Vt[:r].T / self.s[:r]) @ self.U[:, :r].T
+
+    @property
+    def least(self) -> float:
+        """The smallest singular value; one without any."""
+        return float(self.s[-1]) if self.s.size else 1.0
+
+    def solve(self, b: FloatArray) -> FloatArray:
+        """Return the shortest x (n,) that minimises |A x - b|, for b (m,)."""
+        r = self.rank
+        return ((self.U[:, :r].T @ b) / self.s[:r]) @ self.Vt[:r]
+
+    def solve_transpose(self, f: FloatArray) -> FloatArray:
+        """Return the shortest y (m,) that minimises |Aᵀ y - f|; f is (n,), or (n, k) for k of them."""
+        r = self.rank
+        return (self.U[:, :r] / self.s[:r]) @ (self.Vt[:r] @ f)
+
+
+def actuation_of(closures: Decomposition, actuated_v: NDArray[np.int_]) -> Decomposition:
+    """Return Nᵀ B decomposed: what the actuators do to the orthonormal free motions N.
+
+    All that is said of unique forces and of conditioning is read from it:
+
+    - forces of the actuators are determined where its rank is their number: none of them can change without
+      moving something, all others staying as they are or not;
+    - the actuators hold the mechanism, whatever acts, where its rank is the mobility;
+    - the conditioning is its smallest singular value: how much the least effective forces do, or, with more
+      actuators than freedoms, how much of the least resisted motion they see. It is more than the rank
+      tolerance where the former holds, or with spare actuators the latter, and nowhere else.
+
+    Parameters
+    ----------
+    closures : Decomposition
+        Of the closures' Jacobian.
+    actuated_v : (n_actuated,) array of int
+        Indices of the actuated joints in v.
+
+    Returns
+    -------
+    Decomposition
+        Of a matrix (mobility, n_actuated).
+    """
+    return Decomposition.of(closures.null_space[actuated_v].T, RANK_TOLERANCE, 1.0)
+
+
+def least_norm(A: FloatArray, b: FloatArray, relative: float) -> FloatArray:
+    """Return the shortest x (n,) that minimises |A x - b|, in a quarter of the time of singular values.
+
+    Parameters
+    ----------
+    A : (m, n) array
+        The matrix, neither m nor n being zero.
+    b : (m,) array
+        The right side.
+    relative : float
+        The rank is that of the largest part of A whose condition number is below 1 / `relative`.
+
+    Returns
+    -------
+    (n,) array
+    """
+    m, n = A.shape
+    both = np.zeros((max(m, n), 1))
+    both[:m, 0] = b
+    found = lapack().dgelsy(A, both, np.zeros(n, dtype=np.int32), relative, _room(m, n), overwrite_b=1)[1]
+    return np.asarray(found[:n, 0])
+
+
+def orientation(A: FloatArray, B: FloatArray, relative: float) -> float:
+    """Return the sign of det(Uᵀ B V), A being U diag(s) Vᵀ; U and V of as many columns as A's rank.
+
+    It is NaN of matrices that are not finite.
+
+    Parameters
+    ----------
+    A, B : (m, n) array
+        The matrices.
+    relative : float
+        Singular values of A up to this fraction of the largest count as zero.
+    """
+    if A.shape[0] > A.shape[1]:
+        A, B = A.T, B.T
+    if A.size:
+        square = A.dot(A.T)
+        root, wrong = lapack().dpotrf(square)
+        # Of full rank without doubt: det(B Aᵀ) = det(Uᵀ B V) det(s), U being square.
+        if not wrong and lapack().dpocon(root, np.abs(square).sum(axis=0).max())[0] > max(
+            _REGULAR, (10.0 * relative) ** 2
+        ):
+            return float(np.linalg.slogdet(B.dot(A.T))[0])
+    if not np.isfinite(A).all():
+        return math.nan  # of a robot whose numbers are too large: SVD would not converge
+    U, s, Vt = np.linalg.svd(A, full_matrices=False)
+    rank = int(np.count_nonzero(s > relative * s[:1]))
+    return float(np.linalg.slogdet(U[:, :rank].T @ B @ Vt[:rank].T)[0])
+
+
+@cache
+def lapack() -> Any:
+    """Return SciPy's LAPACK, whose calls cost a tenth of NumPy's; not at start-up: it takes long to import.
+
+    None of the functions that are used here wakes threads for matrices of less than 100 rows: those that
+    solve for several right sides at once would, which stalls a busy machine for milliseconds, so that they
+    are asked for one side after the other.
+    """
+    from types import SimpleNamespace
+
+    from scipy.linalg import lapack as functions
+
+    def by_columns(solve: Any) -> Any:
+        def solved(*given: Any, **options: Any) -> tuple[FloatArray, int]:
+            *matrix, b = given
+            if b.ndim == 1:
+                found: tuple[FloatArray, int] = solve(*matrix, b, **options)
+                return found
+            x = np.empty(b.shape, order="F")
+            for i, column in enumerate(b.T):
+                x[:, i], wrong = solve(*matrix, column, **options)
+                if wrong:
+                    return x, int(wrong)
+            return x, 0
+
+        return solved
+
+    kept = {name: getattr(functions, name) for name in dir(functions) if not name.startswith("_")}
+    return SimpleNamespace(**{**kept, **{name: by_columns(kept[name]) for name in ("dgetrs", "dpotrs")}})
+
+
+@cache
+def _room(m: int, n: int) -> int:
+    return int(lapack().dgelsy_lwork(m, n, 1, RANK_TOLERANCE)[0])

@@ -1,0 +1,201 @@
+"""`load_robot`: a robot with closed loops from a file of any format that is understood, or by its name."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal
+
+import pinocchio as pin
+
+from p3dof._base.checks import shown
+from p3dof._base.errors import FileError, InputError, ModelError
+from p3dof._base.files import read_text
+from p3dof.loops.formats import mjcf, named, srdf, urdf
+from p3dof.loops.model import ClosedLoopModel
+from p3dof.loops.passive import with_armature
+from p3dof.loops.sidecar import Sidecar, SidecarLike, sidecar_of
+from p3dof.loops.xml_text import is_text, read_xml, root_of
+
+_SUFFIXES = (".urdf", ".xml", ".mjcf", ".xacro", ".sdf")
+
+
+def load_robot(
+    source: str | os.PathLike[str],
+    sidecar: SidecarLike = None,
+    *,
+    root_joint: pin.JointModel | None = None,
+    reference: str | Mapping[str, Any] | None = None,
+    srdf_file: str | os.PathLike[str] | None = None,
+    mimic: bool = True,
+    on_unknown: Literal["raise", "ignore"] = "raise",
+    passive: bool | None = None,
+) -> ClosedLoopModel:
+    """Return a robot with (or without) closed loops.
+
+    Read are URDF with the sidecar of the Gepetto team's collection or of this package, URDF+, Drake's ball
+    constraints, ``<mimic>``, and MJCF (with the extra ``mjcf``). What looks like a loop and is not understood
+    is an error. Meshes are not needed.
+
+    Parameters
+    ----------
+    source : str or path-like
+        The path of a file, its text, or the name of a robot of example-robot-data, such as ``"panda"`` (with
+        the extra ``models``), which floats if it does there.
+    sidecar : Sidecar, mapping, str or path-like, optional
+        Loops and actuated joints that the file does not hold, see `Sidecar`. By default the file of the same
+        name that ends in ``.yaml``, if it is a sidecar; an empty tuple for none.
+    root_joint : pin.JointModel, optional
+        The joint between the world and the root link of a URDF, such as ``pin.JointModelFreeFlyer()``; by
+        default the root link is fixed.
+    reference : str or mapping, optional
+        The configuration that is meant by the assembly, as in `Sidecar`, or its name in the file: a group
+        state of the SRDF, a keyframe of the MJCF.
+    srdf_file : path-like, optional
+        The SRDF of a URDF.
+    mimic : bool
+        Whether ``<mimic>`` couples joints; else they are independent.
+    on_unknown : {"raise", "ignore"}
+        What to do with elements of a URDF that look like loops and are not understood.
+    passive : bool, optional
+        Whether springs, damping and friction act that the robot's own file gives to its joints: by default
+        those of an MJCF, whose users mean them, and not those of a URDF, which are often guesses. They become
+        `Sidecar.joint_data`; what the sidecar says of a joint always acts, and goes before.
+
+    Returns
+    -------
+    ClosedLoopModel
+
+    Raises
+    ------
+    ModelError
+        If a file is missing, malformed or too large, names something that does not exist, or has what looks
+        like a loop and is not understood.
+    InputError
+        If an argument does not fit the format.
+    MissingExtraError
+        If the library for the format is not installed.
+    """
+    if isinstance(source, pin.Model):
+        raise ModelError("robot: expected a file or a name; ClosedLoopModel.from_pinocchio takes a model")
+    path = _path(source)
+    if path is None and not is_text(source):
+        source, floating = named.urdf_of(str(source))
+        path = str(source)
+        if floating and root_joint is None:
+            root_joint = pin.JointModelFreeFlyer()
+    root = _root(source)
+    given = sidecar if sidecar is not None or path is None else _beside(path)
+    state = reference if isinstance(reference, str) else None
+    if root == "mujoco":
+        for what, value in (("root_joint", root_joint), ("srdf_file", srdf_file)):
+            if value is not None:
+                raise InputError(f"{what}: an MJCF file has its own, expected None")
+        tree, found = mjcf.read(source, state)
+        if passive is False:
+            found = replace(found, joint_data=())
+        found = _joined(found, sidecar_of(given))
+        found = replace(found, joint_data=with_armature(tree, found.joint_data))
+    else:
+        tree, found = urdf.read(source, given, root_joint, mimic, on_unknown, bool(passive))
+        if srdf_file is not None:
+            values = srdf.state_of(srdf_file, state, list(tree.names)[1:])
+            found = replace(found, reference=values)
+        elif state is not None:
+            raise InputError(f"reference: the name {shown(state)} needs an SRDF that has it: srdf_file")
+    if reference is not None and not isinstance(reference, str):
+        found = replace(found, reference=reference)
+    return _closed(tree, found, path, given)
+
+
+def _closed(tree: pin.Model, found: Sidecar, path: str | None, given: SidecarLike) -> ClosedLoopModel:
+    """Return a robot with its loops; an error about both says of which files they are."""
+    try:
+        return ClosedLoopModel(tree, found)
+    except ModelError as error:
+        if path is None or not isinstance(given, str | os.PathLike) or is_text(given):
+            raise
+        raise ModelError(f"{error} ({Path(path).name} with {Path(given).name})") from error
+
+
+def file_of(source: str | os.PathLike[str]) -> str | None:
+    """Return the path of the file that a source of `load_robot` stands for; None for text.
+
+    Parameters
+    ----------
+    source : str or path-like
+        The path of a file, its text, or the name of a robot.
+
+    Returns
+    -------
+    str, optional
+
+    Raises
+    ------
+    ModelError
+        If it is none of these.
+    MissingExtraError
+        If it is a name, and example-robot-data is not installed.
+    """
+    path = _path(source)
+    return named.urdf_of(str(source))[0] if path is None and not is_text(source) else path
+
+
+def _root(source: str | os.PathLike[str]) -> str:
+    """Return the name of the first element of a robot's file, which is one that is read."""
+    text, name = read_xml(source, "robot")
+    if not is_text(text):
+        raise ModelError(f"{name}: expected URDF or MJCF, this is not XML; a sidecar comes second")
+    root = root_of(text, name)
+    if root not in ("robot", "mujoco"):
+        raise ModelError(f"{name}: expected URDF (<robot>) or MJCF (<mujoco>), got {_named(root)}")
+    return root
+
+
+def _path(source: object) -> str | None:
+    """Return the path that a source is, None for text and for what can only be a robot's name."""
+    if is_text(source):
+        return None
+    if not isinstance(source, str | os.PathLike) or not os.fspath(source):
+        raise ModelError(f"robot: expected a path, XML text or a name, got {shown(source)}")
+    path = os.fspath(source)
+    if not isinstance(path, str) or "<" in path:
+        raise ModelError(f"robot: expected a path, XML text or a name, got {shown(source)}")
+    plain = Path(path).name == path and not path.lower().endswith(_SUFFIXES)
+    return None if plain and not isinstance(source, os.PathLike) and not Path(path).exists() else path
+
+
+def _beside(path: str) -> SidecarLike:
+    """Return the sidecar beside a file, if there is one."""
+    for ending in (".yaml", ".yml"):
+        beside = Path(path).with_suffix(ending)
+        try:
+            if "closed_loop:" in read_text(beside):
+                return beside
+        except FileError:
+            continue
+    return None
+
+
+def _joined(found: Sidecar, given: Sidecar | None) -> Sidecar:
+    """Return the sidecar of a file with what the user's own adds to it."""
+    if given is None:
+        return found
+    if given.joints:
+        raise ModelError("sidecar: joint_type: only a URDF needs other types, not an MJCF")
+    said = {entry.joint for entry in given.joint_data}
+    return Sidecar(
+        (*found.closures, *given.closures),
+        given.actuated,
+        (*found.couplings, *given.couplings),
+        found.reference if given.reference is None else given.reference,
+        joint_data=(*given.joint_data, *(entry for entry in found.joint_data if entry.joint not in said)),
+    )
+
+
+def _named(root: str) -> str:
+    if root == "sdf":
+        return "SDF: convert it, for example to MJCF; p3dof writes SDF but reads none"
+    return f"<{root:.80}>"

@@ -1,0 +1,284 @@
+"""Tables of any robot with loops: its joints, its closures, an assembly, forces over a motion."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from p3dof._base.checks import FloatArray
+from p3dof._base.tables import NONE, Cell, Table, number
+from p3dof.loops.assembly_results import Assembly
+from p3dof.loops.loop_model import LoopModel
+from p3dof.loops.motors import motor_side
+from p3dof.loops.overview import Overview
+
+_KINDS = {"R": "revolute", "P": "prismatic", "H": "helical"}
+_ENDLESS = 1e10
+"""Limits from here on are none [m or rad]."""
+_NAMED = {
+    "JointModelFreeFlyer": "free",
+    "JointModelSpherical": "ball",
+    "JointModelSphericalZYX": "ball",
+    "JointModelPlanar": "planar",
+    "JointModelTranslation": "translation",
+    "JointModelUniversal": "universal",
+}
+
+
+def kind_of(loop: LoopModel, joint: int) -> str:
+    """Return what kind a joint is, in a word.
+
+    Parameters
+    ----------
+    loop : LoopModel
+        The robot.
+    joint : int
+        Index of the joint in Pinocchio's model.
+
+    Returns
+    -------
+    str
+    """
+    name = str(loop.model.joints[joint].shortname())
+    if name in _NAMED:
+        return _NAMED[name]
+    if loop.model.nqs[joint] == 2 and loop.model.nvs[joint] == 1:
+        return "continuous"
+    short = name.removeprefix("JointModel")
+    return _KINDS.get(short[:1], short.lower())
+
+
+def is_slide(loop: LoopModel, joint: int) -> bool:
+    """Whether a joint with one degree of freedom moves along its axis, so that its value is a length."""
+    return kind_of(loop, joint) == "prismatic"
+
+
+def units_of_actuated(loop: LoopModel) -> tuple[tuple[str, str], ...]:
+    """Return, for each actuated joint, the units of its value and of its force."""
+    joints = (loop.model.getJointId(name) for name in loop.actuated)
+    return tuple(("m", "N") if is_slide(loop, joint) else ("rad", "N m") for joint in joints)
+
+
+def joints_table(loop: LoopModel, seen: Overview | None = None) -> Table:
+    """Return all joints: what they are, what they carry, where they may go, who moves them.
+
+    Parameters
+    ----------
+    loop : LoopModel
+        The robot.
+    seen : Overview, optional
+        At the configuration that matters: it tells which joints are idle.
+
+    Returns
+    -------
+    Table
+    """
+    model, rows = loop.model, []
+    idle = () if seen is None else seen.idle
+    follow = {coupling.joint: coupling.on or "locked" for coupling in loop.sidecar.couplings}
+    for i in range(1, model.njoints):
+        name = str(model.names[i])
+        role = "actuated" if name in loop.actuated else follow.get(name, "")
+        if role not in ("", "actuated", "locked"):
+            role = f"follows {role}"
+        role = role or ("idle" if name in idle else "")
+        rows.append((name, kind_of(loop, i), role, f"{float(model.inertias[i].mass):.4g}", _range(loop, i)))
+    header = ("Joint", "kind", "role", "mass [kg]", "range [m or rad]")
+    note = "Mass: that of the body behind the joint. Idle: can move while all actuated joints stand still."
+    return Table("Joints", header, tuple(rows), note, layout="list")
+
+
+def _range(loop: LoopModel, joint: int) -> str:
+    """Return between which values a joint may move."""
+    model, at = loop.model, loop.model.idx_qs[joint]
+    if model.nqs[joint] != 1:
+        return NONE
+    low, high = float(model.lowerPositionLimit[at]), float(model.upperPositionLimit[at])
+    ends = [f"{limit:.4g}" if abs(limit) < _ENDLESS else NONE for limit in (low, high)]
+    return NONE if ends == [NONE, NONE] else " to ".join(ends)
+
+
+def closures_table(loop: LoopModel, seen: Overview | None = None) -> Table:
+    """Return all closures and couplings, and which of their forces are determined.
+
+    Parameters
+    ----------
+    loop : LoopModel
+        The robot.
+    seen : Overview, optional
+        At the configuration that matters.
+
+    Returns
+    -------
+    Table
+    """
+    entries = [(f"{c.frame1}/{c.frame2}", c.kind) for c in loop.sidecar.closures]
+    entries += [(c.title, "coupling") for c in loop.sidecar.couplings]
+    rows = []
+    for (title, kind), span in zip(entries, loop.constraint_rows, strict=True):
+        size = span.stop - span.start
+        free = NONE if seen is None else f"{size - int(seen.undetermined[span].sum())} of {size}"
+        rows.append((title, kind, str(size), free))
+    header = ("Closure", "kind", "rows", "determined forces")
+    return Table("Closures and couplings", header, tuple(rows), layout="words")
+
+
+def facts_table(loop: LoopModel, seen: Overview | None = None, gap: float = math.nan) -> Table:
+    """Return what matters of a robot in numbers.
+
+    Parameters
+    ----------
+    loop : LoopModel
+        The robot.
+    seen : Overview, optional
+        At the configuration that matters; without, what depends on it is a dash.
+    gap : float
+        How far the loops are open there [m or rad].
+
+    Returns
+    -------
+    Table
+    """
+    model = loop.model
+    mass = sum(inertia.mass for inertia in model.inertias)
+    rows: list[tuple[str, str]] = [
+        ("joints", str(model.njoints - 1)),
+        ("degrees of freedom of the tree", str(model.nv)),
+        ("rows of closures and couplings", str(sum(s.stop - s.start for s in loop.constraint_rows))),
+        ("largest gap", f"{gap:.1e} m or rad" if math.isfinite(gap) else NONE),
+        ("rank", NONE if seen is None else str(seen.rank)),
+        ("mobility", NONE if seen is None else str(seen.mobility)),
+        ("actuated joints", str(len(loop.actuated))),
+    ]
+    if seen is not None:
+        rows += [
+            ("free motions that actuators hold", str(seen.held)),
+            ("idle joints", str(len(seen.idle))),
+            ("actuator forces", "unique" if seen.held == len(loop.actuated) else "not unique"),
+        ]
+    rows += [("moving mass", f"{number(float(mass))} kg"), ("gravity", f"{_vector(loop)} m/s²")]
+    return Table(f"Robot {model.name}", ("", "value"), tuple(rows), layout="words")
+
+
+def assembly_table(loop: LoopModel, assembly: Assembly) -> Table:
+    """Return the values of all joints of an assembly.
+
+    Parameters
+    ----------
+    loop : LoopModel
+        The robot.
+    assembly : Assembly
+        The configuration.
+
+    Returns
+    -------
+    Table
+    """
+    rows = []
+    for name, values in joint_values(loop, assembly.q).items():
+        joint = loop.model.getJointId(name)
+        single = len(values) == 1
+        unit = ("m" if is_slide(loop, joint) else "rad") if single else "m, rad"
+        rows.append((name, ", ".join(number(float(value)) for value in values), unit))
+    kept = "the same" if assembly.same_assembly else "perhaps another one"
+    note = (
+        f"Gap {assembly.gap:.1e} m or rad, rank {assembly.rank}, mobility {assembly.mobility}, "
+        f"{assembly.iterations} iterations; the assembly is {kept} as that of the start."
+    )
+    return Table("Assembly", ("Joint", "value", "unit"), tuple(rows), note, layout="words")
+
+
+def joint_values(loop: LoopModel, q: FloatArray) -> dict[str, FloatArray]:
+    """Return the values of all joints by name: of a continuous joint its angle.
+
+    Parameters
+    ----------
+    loop : LoopModel
+        The robot.
+    q : (nq,) array
+        A configuration.
+
+    Returns
+    -------
+    dict of str to (n,) array
+        Values [m or rad] in Pinocchio's order.
+    """
+    model, found = loop.model, {}
+    for i in range(1, model.njoints):
+        values = np.asarray(q[model.idx_qs[i] : model.idx_qs[i] + model.nqs[i]])
+        if model.nqs[i] == 2 and model.nvs[i] == 1:
+            values = np.array([np.arctan2(values[1], values[0])])
+        found[str(model.names[i])] = values
+    return found
+
+
+def actuators_table(loop: LoopModel, time: FloatArray, tau: FloatArray, v: FloatArray) -> Table:
+    """Return peaks and root mean squares of the actuators' forces over a motion.
+
+    Parameters
+    ----------
+    loop : LoopModel
+        The robot.
+    time : (N,) array
+        Times [s].
+    tau : (N, n_actuated) array
+        Forces [N or N m].
+    v : (N, nv) array
+        Velocities of all joints.
+
+    Returns
+    -------
+    Table
+        Root mean squares are over time; samples count by their share of it.
+    """
+    power = tau * v[:, loop.actuated_v]
+    rows: list[tuple[Cell, ...]] = []
+    for i, name in enumerate(loop.actuated):
+        at = int(np.argmax(np.abs(tau[:, i])))
+        rms = math.sqrt(mean_over(time, tau[:, i] ** 2))
+        unit = units_of_actuated(loop)[i][1]
+        peak_power = float(power[np.argmax(np.abs(power[:, i])), i])
+        rows.append((name, float(tau[at, i]), float(time[at]), rms, unit, peak_power))
+    header = ("Actuator", "peak", "at [s]", "RMS", "unit", "peak power [W]")
+    return Table("Forces of the actuators", header, tuple(rows))
+
+
+def motors_table(loop: LoopModel, tau: FloatArray, v: FloatArray) -> Table | None:
+    """Return peaks of torque and speed before the gears over a motion; None where there are no gears.
+
+    Parameters
+    ----------
+    loop : LoopModel
+        The robot.
+    tau : (N, n_actuated) array
+        Forces of its actuated joints [N or N m].
+    v : (N, nv) array
+        Velocities of all joints.
+
+    Returns
+    -------
+    Table, optional
+    """
+    data = {entry.joint: entry for entry in loop.sidecar.joint_data}
+    geared = [name for name in loop.actuated if name in data and data[name].gear_ratio != 1.0]
+    side = motor_side(loop.actuated, loop.sidecar.joint_data, tau, v[:, loop.actuated_v])
+    rows: list[tuple[Cell, ...]] = []
+    for name in geared:
+        i = loop.actuated.index(name)
+        peaks = (float(np.abs(values[:, i]).max()) for values in (side.torque, side.speed))
+        rows.append((name, data[name].gear_ratio, data[name].rotor_inertia, *peaks))
+    header = ("Motor of", "gear ratio", "rotor [kg m^2]", "peak torque [N m]", "peak speed [rad/s]")
+    return Table("Motors, before their gears", header, tuple(rows), decimals=6) if rows else None
+
+
+def mean_over(time: FloatArray, values: FloatArray) -> float:
+    """Return the mean over time by the trapezoidal rule; of one sample its value."""
+    if len(time) < 2:
+        return float(values[0])
+    areas = (values[1:] + values[:-1]) / 2 * np.diff(time)
+    return float(areas.sum() / (time[-1] - time[0]))
+
+
+def _vector(loop: LoopModel) -> str:
+    return ", ".join(number(float(x)) for x in loop.model.gravity.linear)

@@ -1,0 +1,188 @@
+"""XML from outside: read within bounds and without entities, before a library of somebody else reads it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import NoReturn
+from xml.etree import ElementTree as Xml
+from xml.parsers import expat
+
+from p3dof._base.checks import one_line, shown
+from p3dof._base.errors import FileError, ModelError
+from p3dof._base.files import MAX_BYTES, read_text
+
+MAX_DEPTH = 100
+"""Deepest nesting of XML elements that is read; a URDF needs six."""
+MAX_ATTRIBUTES = 100
+"""Most attributes of an element: urdfdom takes a time that grows with the square of their number."""
+MAX_ELEMENTS = 200_000
+"""Most elements of a file."""
+
+
+def read_xml(source: str | os.PathLike[str], what: str = "URDF") -> tuple[str, str]:
+    """Return the text of an XML file and what to call it in an error.
+
+    Parameters
+    ----------
+    source : str or path-like
+        XML text (it starts with ``<``) or the path of a file.
+    what : str
+        The format, for errors.
+
+    Returns
+    -------
+    text : str
+    name : str
+        The path, or ``"URDF text"``.
+
+    Raises
+    ------
+    ModelError
+        If the file cannot be read, the text is longer than 20 MB, or `source` is neither text nor a path.
+    """
+    if is_text(source):
+        text = str(source).lstrip("\ufeff")
+        if len(text) > MAX_BYTES:
+            raise ModelError(f"{what} text: expected at most {MAX_BYTES} characters, got {len(text)}")
+        return text, f"{what} text"
+    if not isinstance(source, str | os.PathLike) or not os.fspath(source):
+        raise ModelError(f"{what}: expected XML text or the path of a file, got {shown(source)}")
+    try:
+        return read_text(source), os.fspath(source)
+    except (FileError, ValueError) as error:
+        raise ModelError(str(error)) from error
+
+
+def is_text(source: object) -> bool:
+    """Whether a source is XML text, and not the path of a file."""
+    return isinstance(source, str) and source.lstrip("\ufeff \t\r\n").startswith("<")
+
+
+class XmlReader:
+    """Reads XML into elements, whose names keep their prefixes; text is kept in ``<plugin>`` only.
+
+    Parameters
+    ----------
+    source : str
+        What to call the text in an error.
+    """
+
+    def __init__(self, source: str) -> None:
+        self.source = source
+        self.path: list[str] = []
+        self._parser = expat.ParserCreate("utf-8")
+        self._tree = Xml.TreeBuilder()
+        self._count = 0
+        self._lines: dict[int, int] = {}
+
+    @property
+    def line(self) -> int:
+        """Where the parser is."""
+        return self._parser.CurrentLineNumber
+
+    def line_of(self, element: Xml.Element) -> int:
+        """Return the line on which an element of the tree that was read begins."""
+        return self._lines[id(element)]
+
+    def fail(self, message: str, line: int | None = None) -> NoReturn:
+        """Raise ModelError with the source and the line."""
+        raise ModelError(f"{self.source}, line {line or self.line}: {one_line(message)}")
+
+    def parse(self, text: str) -> Xml.Element:
+        """Return the first element of a text, with all that is in it.
+
+        Raises
+        ------
+        ModelError
+            If the text is not well-formed, declares a document type, is nested too deeply, or holds too much.
+        """
+        parser = self._parser
+        parser.StartElementHandler, parser.EndElementHandler = self._start, self._end
+        parser.CharacterDataHandler = self._data
+        # Robots have no use for entities; refusing the document type stops expansion attacks.
+        parser.StartDoctypeDeclHandler = lambda *_: self.fail("a document type declaration is not allowed")
+        try:
+            parser.Parse(text.encode("utf-8"), True)
+        except expat.ExpatError as error:
+            raise ModelError(f"{self.source}, line {error.lineno}: not well-formed XML: {error}") from error
+        except UnicodeEncodeError as error:
+            raise ModelError(f"{self.source}: not Unicode text: {error}") from error
+        return self._tree.close()
+
+    def visit(self, tag: str, attributes: dict[str, str]) -> None:
+        """Look at an element as it begins; `path` ends with it."""
+
+    def _start(self, tag: str, attributes: dict[str, str]) -> None:
+        self.path.append(tag)
+        self._count += 1
+        if len(self.path) > MAX_DEPTH:
+            self.fail(f"expected elements nested at most {MAX_DEPTH} deep")
+        if self._count > MAX_ELEMENTS:
+            self.fail(f"expected at most {MAX_ELEMENTS} elements")
+        if len(attributes) > MAX_ATTRIBUTES:
+            self.fail(f"expected at most {MAX_ATTRIBUTES} attributes, <{tag:.80}> has {len(attributes)}")
+        self._lines[id(self._tree.start(tag, attributes))] = self.line
+        self.visit(tag, attributes)
+
+    def _data(self, text: str) -> None:
+        if "plugin" in self.path:
+            self._tree.data(text)
+
+    def _end(self, tag: str) -> None:
+        self.path.pop()
+        self._tree.end(tag)
+
+
+class _Begun(Exception):  # noqa: N818 - never seen outside
+    """The first element of a text has begun."""
+
+
+class _FirstElement(XmlReader):
+    def visit(self, tag: str, attributes: dict[str, str]) -> None:  # noqa: ARG002 - only the name counts
+        raise _Begun(tag)
+
+
+def root_of(text: str, source: str) -> str:
+    """Return the name of the element that a text begins with; what follows is not looked at.
+
+    Parameters
+    ----------
+    text : str
+        The XML.
+    source : str
+        What to call it in an error.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    ModelError
+        If it does not begin as XML does.
+    """
+    try:
+        return str(_FirstElement(source).parse(text).tag)
+    except _Begun as begun:
+        return str(begun)
+
+
+def check_includes(robot: Xml.Element, source: str | os.PathLike[str], name: str) -> None:
+    """Raise ModelError for an ``<include>`` of a file that is not below the folder of the one that has it.
+
+    Parameters
+    ----------
+    robot : xml.etree.ElementTree.Element
+        What the file says.
+    source : str or path-like
+        The path of the file, or its text.
+    name : str
+        What to call it in an error.
+    """
+    for element in robot.iter("include"):
+        if is_text(source):
+            raise ModelError(f"{name}: <include> needs the files beside it: give the path of the file")
+        folder, file = Path(source).resolve().parent, element.get("file", "")
+        if not (folder / file).resolve().is_relative_to(folder):
+            raise ModelError(f"{name}: <include>: {shown(file)} is outside the folder of the file")

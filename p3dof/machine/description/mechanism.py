@@ -1,0 +1,384 @@
+"""The neutral description of a mechanism: links, joints, loop closures and solids, of no file format."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from p3dof._base.checks import FloatArray, frozen_array, positive
+from p3dof._base.errors import ModelError
+from p3dof.machine.parameters import Body
+
+_UNIT = 1e-9
+"""By how much an axis may miss unit length, or a rotation orthogonality."""
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """Where a frame is, seen from another one.
+
+    Parameters
+    ----------
+    position : array-like, shape (3,)
+        Its origin [m].
+    rotation : array-like, shape (3, 3)
+        Its axes, as columns.
+
+    Raises
+    ------
+    ModelError
+        If the columns are not a right-handed set of perpendicular unit vectors.
+    """
+
+    position: FloatArray = (0.0, 0.0, 0.0)  # type: ignore[assignment]
+    rotation: FloatArray = field(default_factory=lambda: np.eye(3))
+
+    def __post_init__(self) -> None:
+        # Adding zero turns -0 into 0: no sign of zero reaches an angle or a file.
+        position = frozen_array("position", np.add(self.position, 0.0), (3,), ModelError)
+        rotation = frozen_array("rotation", np.add(self.rotation, 0.0), (3, 3), ModelError)
+        if np.abs(rotation.T @ rotation - np.eye(3)).max() > _UNIT or np.linalg.det(rotation) < 0:
+            raise ModelError("rotation: expected right-handed perpendicular unit vectors as columns")
+        object.__setattr__(self, "position", position)
+        object.__setattr__(self, "rotation", rotation)
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box, centred on its placement.
+
+    Parameters
+    ----------
+    size : tuple of float
+        Edges along x, y, z [m].
+    """
+
+    size: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        x, y, z = (positive("size", edge, ModelError) for edge in self.size)
+        object.__setattr__(self, "size", (x, y, z))
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """A round bar along z, centred on its placement.
+
+    Parameters
+    ----------
+    radius, length : float
+        Sizes [m].
+    """
+
+    radius: float
+    length: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "radius", positive("radius", self.radius, ModelError))
+        object.__setattr__(self, "length", positive("length", self.length, ModelError))
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """A ball, centred on its placement.
+
+    Parameters
+    ----------
+    radius : float
+        Radius [m].
+    """
+
+    radius: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "radius", positive("radius", self.radius, ModelError))
+
+
+Shape: TypeAlias = Box | Cylinder | Sphere
+"""The primitives: a description needs no mesh files."""
+
+
+@dataclass(frozen=True)
+class Colour:
+    """A named colour.
+
+    Parameters
+    ----------
+    name : str
+        What formats that name their materials call it.
+    rgba : tuple of float
+        Red, green, blue and opacity, each from 0 to 1.
+    """
+
+    name: str
+    rgba: tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """One primitive fixed to a link.
+
+    Parameters
+    ----------
+    shape : Box, Cylinder or Sphere
+        Its form.
+    placement : Placement
+        Where its middle is, in the link frame.
+    colour : Colour
+        Its colour.
+    """
+
+    shape: Shape
+    placement: Placement
+    colour: Colour
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A rigid body, or a marker frame when it has neither body nor solids.
+
+    Parameters
+    ----------
+    name : str
+        Unique among the links.
+    body : Body, optional
+        Mass, mass centre and inertia in the link frame; None for the base and for markers.
+    visuals, collisions : tuple of Solid
+        What is drawn, and what must not touch.
+    """
+
+    name: str
+    body: Body | None = None
+    visuals: tuple[Solid, ...] = ()
+    collisions: tuple[Solid, ...] = ()
+
+
+@dataclass(frozen=True)
+class JointLimits:
+    """What a joint can do.
+
+    Parameters
+    ----------
+    lower, upper : float
+        Range around home (0) [m or rad].
+    velocity : float
+        Largest speed [m/s or rad/s].
+    effort : float
+        Largest force or torque [N or N m].
+
+    Raises
+    ------
+    ModelError
+        If home lies outside, or a speed or an effort is not positive.
+    """
+
+    lower: float
+    upper: float
+    velocity: float
+    effort: float
+
+    def __post_init__(self) -> None:
+        if not self.lower < 0 < self.upper:
+            raise ModelError(
+                f"limits: expected a range around 0 (home), got [{self.lower:g}, {self.upper:g}]"
+            )
+        positive("velocity", self.velocity, ModelError)
+        positive("effort", self.effort, ModelError)
+
+
+@dataclass(frozen=True)
+class Mimic:
+    """That a joint copies another one, for readers that keep no loops.
+
+    Parameters
+    ----------
+    joint : str
+        The joint that it copies.
+    multiplier : float
+        Its position is this times that joint's.
+    """
+
+    joint: str
+    multiplier: float
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """A joint of the tree, between two links.
+
+    Parameters
+    ----------
+    name : str
+        Unique among the joints.
+    kind : {"prismatic", "revolute", "fixed"}
+        How it moves.
+    parent, child : str
+        Links; the child's frame is the joint's frame moved by the joint.
+    placement : Placement
+        The joint's frame in the parent's.
+    axis : array-like, shape (3,), optional
+        Unit vector in the joint's frame; None for a fixed joint.
+    limits : JointLimits, optional
+        None for a fixed joint.
+    mimic : Mimic, optional
+        For a joint that always copies another one when the loops are closed.
+    armature : float
+        Inertia that its actuator adds, on which gravity does not act [kg or kg m²].
+    force, stiffness : float
+        What a balance adds along the axis at home [N or N m], and how fast that falls [N/m or N m/rad].
+
+    Raises
+    ------
+    ModelError
+        If a moving joint lacks axis or limits, a fixed one has them or an actuator, or the axis is not a unit
+        vector.
+    """
+
+    name: str
+    kind: Literal["prismatic", "revolute", "fixed"]
+    parent: str
+    child: str
+    placement: Placement
+    axis: FloatArray | None = None
+    limits: JointLimits | None = None
+    mimic: Mimic | None = None
+    armature: float = 0.0
+    force: float = 0.0
+    stiffness: float = 0.0
+
+    @property
+    def balanced(self) -> bool:
+        """Whether a balance acts in it."""
+        return bool(self.force or self.stiffness)
+
+    def __post_init__(self) -> None:
+        if self.kind not in ("prismatic", "revolute", "fixed"):
+            raise ModelError(f"{self.name}: expected prismatic, revolute or fixed, got {self.kind!r}")
+        moves = self.kind != "fixed"
+        if moves != (self.axis is not None) or moves != (self.limits is not None):
+            raise ModelError(
+                f"{self.name}: expected axis and limits for a moving joint, none for a fixed one"
+            )
+        if not moves and (self.armature or self.balanced):
+            raise ModelError(f"{self.name}: expected no armature and no balance of a fixed joint")
+        if self.axis is not None:
+            axis = frozen_array(f"{self.name}: axis", np.add(self.axis, 0.0), (3,), ModelError)
+            if abs(float(np.linalg.norm(axis)) - 1) > _UNIT:
+                raise ModelError(f"{self.name}: expected a unit vector as axis, got {axis}")
+            object.__setattr__(self, "axis", axis)
+
+
+@dataclass(frozen=True)
+class Closure:
+    """A loop closure: the origins of two marker frames coincide, their axes are free.
+
+    Parameters
+    ----------
+    name : str
+        Unique among the closures.
+    frame1, frame2 : str
+        Links, one on each side of the cut.
+    """
+
+    name: str
+    frame1: str
+    frame2: str
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanism:
+    """A tree of links with loop closures.
+
+    Parameters
+    ----------
+    name : str
+        Name of the robot.
+    links : tuple of Link
+        The root first.
+    joints : tuple of Joint
+        Depth first: a joint's parent link is the root or the child of an earlier joint, and the joints below
+        it follow it without a gap.
+    closures : tuple of Closure
+        What the tree was cut at.
+    actuated : tuple of str
+        Joints with an actuator.
+    gravity : array-like, shape (3,)
+        Acceleration of gravity in the root's frame [m/s²].
+
+    Raises
+    ------
+    ModelError
+        If a name is used twice, does not exist or cannot be printed, or the joints are not a depth-first
+        tree.
+    """
+
+    name: str
+    links: tuple[Link, ...]
+    joints: tuple[Joint, ...]
+    closures: tuple[Closure, ...]
+    actuated: tuple[str, ...]
+    gravity: FloatArray
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "gravity", frozen_array("gravity", self.gravity, (3,), ModelError))
+        for what in ("links", "joints", "closures"):
+            names = [item.name for item in getattr(self, what)]
+            unfit = [name for name in names if not (name and name.isprintable())]
+            if unfit:
+                raise ModelError(f"{what}: expected printable names, got {unfit[0]!r}")
+            twice = [name for name in names if names.count(name) > 1]
+            if twice:
+                raise ModelError(f"{what}: the name {twice[0]!r} is used more than once")
+        self._check_tree()
+        links = {link.name for link in self.links}
+        for closure in self.closures:
+            for frame in (closure.frame1, closure.frame2):
+                if frame not in links:
+                    raise ModelError(f"closure {closure.name}: there is no link {frame!r}")
+        moving = [joint.name for joint in self.moving]
+        for name in self.actuated:
+            if name not in moving:
+                raise ModelError(f"actuated: there is no moving joint {name!r}")
+
+    def _check_tree(self) -> None:
+        if not self.links:
+            raise ModelError("links: expected at least the root")
+        links = {link.name for link in self.links}
+        path = [self.links[0].name]  # from the root to the last child
+        reached = set(path)
+        for joint in self.joints:
+            if joint.child not in links or joint.child in reached:
+                raise ModelError(f"{joint.name}: expected a link not yet reached, got {joint.child!r}")
+            if joint.parent not in path:
+                raise ModelError(f"{joint.name}: not depth first, the parent {joint.parent!r} is behind")
+            del path[path.index(joint.parent) + 1 :]
+            path.append(joint.child)
+            reached.add(joint.child)
+        if reached != links:
+            raise ModelError(f"links: no joint leads to {sorted(links - reached)[0]!r}")
+
+    @property
+    def moving(self) -> tuple[Joint, ...]:
+        """The joints that are not fixed, depth first."""
+        return tuple(joint for joint in self.joints if joint.kind != "fixed")
+
+    @property
+    def passive(self) -> tuple[Joint, ...]:
+        """The moving joints without an actuator."""
+        return tuple(joint for joint in self.moving if joint.name not in self.actuated)
+
+    @property
+    def markers(self) -> dict[str, Joint]:
+        """The frames fixed to a link, by name: the joints that fix them."""
+        return {joint.child: joint for joint in self.joints if joint.kind == "fixed"}
+
+    def without_balance(self) -> Mechanism:
+        """Return the mechanism without the balances of its joints; their inertia stays."""
+        return replace(self, joints=tuple(replace(one, force=0.0, stiffness=0.0) for one in self.joints))
+
+    @property
+    def mass(self) -> float:
+        """Total mass of all links but the root, which is at rest [kg]."""
+        return sum(link.body.mass for link in self.links[1:] if link.body is not None)

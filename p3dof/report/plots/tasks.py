@@ -1,0 +1,146 @@
+"""The figure of a task: its path, and pose, slider speeds, forces and perhaps jerk over time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from p3dof._base.checks import FloatArray, shown
+from p3dof._base.errors import InputError
+from p3dof.design.forces_of_tasks import TaskForces
+from p3dof.design.tasks import FastestPlan
+from p3dof.machine.parameters import LEGS
+from p3dof.report.plots.common import COLOURS, new_figure, tidy
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_CARRYING, _MOST_NAMES = "#e8d9a8", 12
+_TICKS = 25
+"""Marks of the platform's rotation along the path."""
+
+
+def task_figure(found: TaskForces) -> Figure:
+    """Draw the path of a task with its waypoints, and pose, slider speeds and forces over time.
+
+    The fastest plan within a jerk has a panel with that of the sliders. What is shaded is the time in which
+    the platform carries something; dotted lines are the waypoints.
+
+    Parameters
+    ----------
+    found : TaskForces
+        The forces over the task.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    InputError
+        If `found` is something else.
+    MissingExtraError
+        If matplotlib is not installed.
+    """
+    if not isinstance(found, TaskForces):
+        raise InputError(f"found: expected TaskForces, got {shown(found)}")
+    plan = found.plan
+    jerk = plan.limits.jerk if isinstance(plan, FastestPlan) else np.full(3, np.inf)
+    with_jerk = bool(np.isfinite(jerk).any())
+    figure = new_figure(figsize=(9.6, 11.6 if with_jerk else 9.6))
+    above, *panels = figure.subplots(4 + with_jerk, 1, height_ratios=(1.5, *[1] * (3 + with_jerk)))
+    _draw_path(above, found)
+    _draw_pose(panels[0], found)
+    _draw_legs(panels[1], found.time, found.slider_velocities, "slider speed [m/s]")
+    _draw_legs(panels[2], found.time, found.forces, "force [N]")
+    if with_jerk:
+        _draw_jerk(panels[3], found, jerk)
+    for axis in panels:
+        _mark(axis, found)
+        tidy(axis)
+        axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=9)
+    panels[-1].set_xlabel("time [s]")
+    return figure
+
+
+def _draw_path(axis: Axes, found: TaskForces) -> None:
+    """Draw P in the plane of y and z, with marks along the platform."""
+    motion, times = found.plan.motion, found.plan.times
+    y, z, theta = motion.pose.T
+    mm = 1e3
+    span = max(np.ptp(y), np.ptp(z), 1e-3)
+    way = np.append(0, np.cumsum(np.hypot(np.diff(y), np.diff(z))))
+    marks = np.searchsorted(way, np.linspace(0, way[-1], _TICKS)).clip(max=len(way) - 1)
+    along, up = np.cos(theta), -np.sin(theta)
+    for k in np.unique(marks):
+        ends = 0.05 * span * np.array([-1, 1])
+        axis.plot(mm * (y[k] + ends * along[k]), mm * (z[k] + ends * up[k]), color="0.6", lw=1.2, zorder=1)
+    axis.plot(mm * y, mm * z, color="0.2", lw=1.6, zorder=2)
+    seen: dict[tuple[float, float], list[str]] = {}
+    for name, row in zip(found.plan.waypoints, np.searchsorted(motion.time, times), strict=True):
+        spot = round(mm * y[row], 3), round(mm * z[row], 3)
+        names = seen.setdefault(spot, [])
+        if name not in names:
+            names.append(name)
+    for k, (spot, names) in enumerate(seen.items()):
+        axis.plot(*spot, "o", color="0.2", ms=4, zorder=3)
+        if k < _MOST_NAMES:
+            above = spot[1] >= mm * (z.min() + z.max()) / 2
+            axis.annotate(
+                ", ".join(names),
+                spot,
+                xytext=(0, 7 if above else -7),
+                textcoords="offset points",
+                ha="center",
+                va="bottom" if above else "top",
+                fontsize=9,
+            )
+    axis.set_aspect("equal", adjustable="datalim")
+    axis.margins(0.18)
+    axis.set_xlabel("y [mm]")
+    axis.set_ylabel("z [mm]")
+    axis.set_title("path of P, and how the platform lies", fontsize=10)
+    tidy(axis)
+
+
+def _draw_pose(axis: Axes, found: TaskForces) -> None:
+    motion = found.plan.motion
+    columns = ("y [mm]", 1e3), ("z [mm]", 1e3), ("θ [deg]", 180 / np.pi)
+    for k, (label, unit) in enumerate(columns):
+        axis.plot(motion.time, unit * motion.pose[:, k], color=str(0.15 + 0.25 * k), lw=1.4, label=label)
+        axis.lines[-1].set_linestyle(("-", "--", "-.")[k])
+    axis.set_ylabel("pose")
+
+
+def _draw_legs(axis: Axes, time: FloatArray, values: FloatArray, label: str) -> None:
+    for leg, name in enumerate(LEGS):
+        axis.plot(time, values[:, leg], color=COLOURS[leg], lw=1.2, label=name)
+    axis.axhline(0, color="0.6", lw=0.5, zorder=0)
+    axis.set_ylabel(label)
+
+
+def _draw_jerk(axis: Axes, found: TaskForces, limits: FloatArray) -> None:
+    """Draw the jerk of the sliders from sample to sample, and its limits."""
+    step = np.diff(found.time)
+    kept = step > 1e-9 * found.plan.duration
+    jerk = np.diff(found.slider_accelerations, axis=0)[kept] / step[kept, None]
+    middle = ((found.time[1:] + found.time[:-1]) / 2)[kept]
+    _draw_legs(axis, middle, jerk, "slider jerk [m/s³]")
+    for limit in np.unique(limits[np.isfinite(limits)]):
+        for side in (-limit, limit):
+            axis.axhline(side, color="0.4", lw=0.8, ls="--", zorder=0)
+
+
+def _mark(axis: Axes, found: TaskForces) -> None:
+    """Shade where something is carried, and mark the waypoints."""
+    told = False
+    for piece in found.plan.pieces:
+        if piece.payload is not None:
+            label = None if told else "carries"
+            axis.axvspan(*piece.motion.time[[0, -1]], color=_CARRYING, lw=0, alpha=0.5, zorder=0, label=label)
+            told = True
+    for time in found.plan.times:
+        axis.axvline(time, color="0.5", lw=0.6, ls=":", zorder=0)
+    axis.set_xlim(0, found.plan.duration)

@@ -1,0 +1,278 @@
+"""Many runs in blocks, on threads: columns to rows of the engine's inputs, its results to arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import islice
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from p3dof._base.checks import FloatArray, Progress
+from p3dof.analysis.designs.folding import folding_of
+from p3dof.closed_form.compiled.formulas import MODEL
+from p3dof.closed_form.compiled.many import (
+    HISTORY_WIDTH,
+    INPUTS,
+    RESULT_WIDTH,
+    RESULTS,
+    Engine,
+    empty_inputs,
+    set_machines,
+)
+from p3dof.closed_form.compiled.reduced import SMALLER_ZEROS, model_of
+from p3dof.closed_form.compiled.reduced.friction import friction_numbers
+from p3dof.machine.parameters import Parameters
+from p3dof.runs.many.columns import SEED, START, RunColumns
+from p3dof.runs.many.friction import CAREFULLY, have_friction, parts_of_steps
+from p3dof.runs.many.plan import NEAR, Task, engine_of, fill
+from p3dof.runs.many.stops import NOT_RUN
+
+BLOCK = 1024
+"""Most runs in a block: a unit of work for a thread."""
+
+_NUMBERS = 4_000_000
+"""Most numbers of noise and histories in a block: 32 MB."""
+
+_LONG = 4_000_000
+"""Most ticks in a block: some tenths of a second, in which nobody can interrupt it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Machines:
+    """The machines of runs: 36 numbers each, those of friction where any has some, and their limits.
+
+    Parameters
+    ----------
+    model : tuple
+        As `Model.numbers`, and `FRICTION` after them: each a number, or a column (R,).
+    travel, tilt : tuple of two
+        Limits, each a number or a column [m, rad].
+    force : float or ndarray
+        Largest forces [N].
+    """
+
+    model: tuple[Any, ...]
+    travel: tuple[Any, Any]
+    tilt: tuple[Any, Any]
+    force: Any
+
+    @classmethod
+    def of(cls, columns: RunColumns, machine: Parameters) -> Machines:
+        """Return those of columns."""
+        limits = machine.limits
+        if columns.designs is None:
+            friction = friction_numbers(machine.friction) if machine.friction else []
+            return cls((*model_of(machine).numbers, *friction), limits.travel, limits.tilt, limits.force)
+        designs = columns.designs
+        folding = folding_of(tuple(designs.columns), designs.machine, designs.bodies)
+        given = {name: np.ravel(column) for name, column in designs.columns.items()}
+        folded = folding.fold(given).numbers
+
+        def limit(name: str, own: float) -> Any:
+            return given.get(f"limits.{name}", own)
+
+        return cls(
+            tuple(folded),
+            (limit("travel.low", limits.travel[0]), limit("travel.high", limits.travel[1])),
+            (limit("tilt.low", limits.tilt[0]), limit("tilt.high", limits.tilt[1])),
+            limit("force", limits.force),
+        )
+
+    def symmetric(self, count: int) -> NDArray[np.bool_]:
+        """Return which machines the smaller kernels serve, (R,)."""
+        found = np.ones(count, dtype=bool)
+        for name, number in zip(MODEL, self.model[: len(MODEL)], strict=True):
+            if name in SMALLER_ZEROS:
+                found &= np.broadcast_to(np.asarray(number) == 0, count)
+        return found
+
+
+class _Form(NamedTuple):
+    """What the runs of a block have in common: the kernels, histories or none, steps."""
+
+    symmetric: bool
+    keep: bool
+    friction: bool
+    parts: int
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Runs for the engine.
+
+    Parameters
+    ----------
+    every : int
+        A row of a history every so many ticks.
+    task : Task
+        What is asked of every one.
+    columns : RunColumns
+        What differs.
+    machines : Machines
+        What is moved.
+    level : str
+        Of the extension.
+    kept : ndarray of int
+        Runs whose histories are kept.
+    lanes : bool
+        Side by side; else one after the other.
+    """
+
+    every: int
+    task: Task
+    columns: RunColumns
+    machines: Machines
+    level: str
+    kept: NDArray[np.int64]
+    lanes: bool = True
+
+    @cached_property
+    def parts(self) -> NDArray[np.int64]:
+        """Into how many parts the steps of each run are cut, (R,); `CAREFULLY` for DOP853."""
+        own, start = self.columns.own, self.task.start
+        y, theta = own.get("start.y", start[0]), own.get("start.theta", start[2])
+        return parts_of_steps(self.task, self.machines.model, y, theta, self.columns.count)
+
+    @cached_property
+    def engines(self) -> dict[int, Engine]:
+        """What runs share, by these parts."""
+        found = {}
+        for parts in {1, *self.parts.tolist()}:
+            near = np.inf if parts == CAREFULLY else NEAR
+            found[parts] = engine_of(replace(self.task, parts=max(parts, 1)), self.every, near)
+        return found
+
+    @property
+    def engine(self) -> Engine:
+        """That with whole steps."""
+        return self.engines[1]
+
+    def run(self, threads: int, progress: Progress | None) -> tuple[FloatArray, FloatArray | None, bool]:
+        """Run all; return the results (R, RESULT_WIDTH), the histories, and whether it was interrupted."""
+        count = self.columns.count
+        results = np.full((count, RESULT_WIDTH), np.nan)
+        results[:, 0] = self.columns.status
+        shape = (len(self.kept), self.engine.rows, HISTORY_WIDTH)
+        histories = np.full(shape, np.nan) if len(self.kept) else None
+        cancel = np.zeros(1, np.int64)
+
+        def work(runs: NDArray[np.int64], form: _Form) -> int:
+            found, history = self._block(runs, form, cancel)
+            done = np.isfinite(found[:, 0])
+            results[runs[done]] = found[done]
+            if history is not None and histories is not None:
+                histories[np.searchsorted(self.kept, runs)] = history
+            return int(done.sum())
+
+        made = int((self.columns.status != NOT_RUN).sum())
+        jobs = ((lambda block=block: work(*block)) for block in self._blocks())
+        interrupted = _on_threads(jobs, threads, cancel, made, count, progress)
+        return results, histories, interrupted
+
+    def _blocks(self) -> Iterator[tuple[NDArray[np.int64], _Form]]:
+        """Yield the runs of each block, and what they have in common."""
+        count = self.columns.count
+        wanted = self.columns.status == NOT_RUN
+        keep = np.zeros(count, dtype=bool)
+        keep[self.kept] = True
+        rough = have_friction(self.machines.model, count)
+        forms = np.column_stack([~self.machines.symmetric(count), keep, rough, self.parts])
+        ticks = self.engine.ticks
+        for row in np.unique(forms[wanted], axis=0):
+            runs = np.flatnonzero(wanted & (forms == row).all(axis=1))
+            form = _Form(not row[0], bool(row[1]), bool(row[2]), int(row[3]))
+            room = (6 * ticks if self.task.control.noise else 0) + (
+                self.engine.rows * HISTORY_WIDTH if form.keep else 0
+            )
+            long = _LONG // (ticks * max(form.parts, 1))
+            size = max(1, min(BLOCK, _NUMBERS // max(room, 1), max(32, long)))
+            for start in range(0, len(runs), size):
+                yield runs[start : start + size], form
+
+    def _block(
+        self, runs: NDArray[np.int64], form: _Form, cancel: NDArray[np.int64]
+    ) -> tuple[FloatArray, FloatArray | None]:
+        rows, engine = self._rows(runs, form), self.engines[form.parts]
+        results = np.full((len(runs), RESULT_WIDTH), np.nan)
+        history = np.full((len(runs), engine.rows, HISTORY_WIDTH), np.nan) if form.keep else None
+        noise = self._noise(runs)
+        engine.run(
+            self.level, form.symmetric, rows, results, cancel, noise, history, self.lanes, form.friction
+        )
+        none = results[:, RESULTS["samples"]][:, 0] == 0  # of no tick there is no largest one
+        for name in ("peak_error", "peak_force"):
+            results[none, RESULTS[name]] = np.nan
+        return results, history
+
+    def _rows(self, runs: NDArray[np.int64], form: _Form) -> FloatArray:
+        own = {name: column[runs] for name, column in self.columns.own.items()}
+        rows, m, count = empty_inputs(len(runs)), self.machines, self.columns.count
+        for k, name in enumerate(START):
+            rows[:, INPUTS["x"].start + k] = own.get(name, self.task.start[k])
+
+        def of(value: Any) -> Any:
+            return value[runs] if np.ndim(value) and len(value) == count else value
+
+        model = m.model if form.friction else m.model[: len(MODEL)]
+        side = set_machines(rows, tuple(of(number) for number in model), form.symmetric)
+        kinds = self.task.stop_at
+        if "singular pose" in kinds:
+            rows[:, INPUTS["side"].start] = np.where(side < 0, -1.0, 1.0)
+        first = INPUTS["bound"].start
+        for k, (kind, limit) in enumerate(
+            (("slider stop", m.travel[0]), ("slider stop", m.travel[1]), ("tilt limit", m.tilt[0]),
+             ("tilt limit", m.tilt[1]))
+        ):  # fmt: skip
+            if kind in kinds:
+                rows[:, first + k] = of(limit)
+        force = of(m.force)
+        limits = np.broadcast_to(np.reshape(force, (-1, 1)), (len(runs), 3))
+        saturation = self.task.control.saturation
+        cut = limits if saturation is True else self.task.control.largest_forces(np.inf)
+        fill(rows, self.task, own, cut)
+        return rows
+
+    def _noise(self, runs: NDArray[np.int64]) -> FloatArray | None:
+        """Return the numbers that `Encoders` of each run would draw."""
+        noise = self.task.control.noise
+        if noise is None:
+            return None
+        seeds = self.columns.own.get(SEED)
+        chosen = noise.seed + self.columns.first + runs if seeds is None else seeds[runs].astype(np.int64)
+        return np.stack(
+            [np.random.default_rng(int(s)).standard_normal((self.engine.ticks, 6)) for s in chosen]
+        )
+
+
+def _on_threads(
+    jobs: Iterator[Callable[[], int]],
+    threads: int,
+    cancel: NDArray[np.int64],
+    done: int,
+    total: int,
+    progress: Progress | None,
+) -> bool:
+    """Do jobs on threads, a few ahead; return whether somebody interrupted them."""
+    pool = ThreadPoolExecutor(threads, "p3dof runs")
+    running: set[Future[int]] = set()
+    try:
+        while True:
+            for job in islice(jobs, 2 * threads - len(running)):
+                running.add(pool.submit(job))
+            if not running:
+                return False
+            finished, running = wait(running, return_when=FIRST_COMPLETED)
+            done += sum(future.result() for future in finished)
+            if progress is not None:
+                progress(done, total)
+    except KeyboardInterrupt:
+        cancel[0] = 1
+        return True
+    finally:
+        cancel[0] = 1
+        pool.shutdown(wait=True, cancel_futures=True)
