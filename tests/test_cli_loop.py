@@ -709,3 +709,11 @@ def test_rods_of_a_robot_reach_from_joint_to_joint_and_meet_where_loops_close():
         near, far = ends[f"{side}_joint_rod_0"], ends[f"{side}_elbow_rod_0"]
         np.testing.assert_allclose(near[1], far[0], rtol=0, atol=1e-12)
     np.testing.assert_allclose(ends["left_elbow_rod_0"][1], ends["right_elbow_rod_0"][1], rtol=0, atol=1e-9)
+
+
+def test_an_element_that_looks_like_a_loop_names_the_option_that_leaves_it_out(capsys, tmp_path):
+    path = tmp_path / "robot.urdf"
+    path.write_text(robots.robot(robots.link("base", robots.BAR), "<tendon/>"))
+    code, _, error = loop(capsys, "info", path)
+    assert code == 2
+    assert "<tendon> looks like a loop, and is not understood (--ignore-unknown leaves it out)" in error

@@ -18,7 +18,7 @@ from p3dof._base.errors import InputError, ModelWarning, ParameterError
 from p3dof._base.files import read_text
 from p3dof.cli.app import Command, app
 from p3dof.cli.files import STREAM, InputFile, protect
-from p3dof.cli.output import say
+from p3dof.cli.output import in_options, say
 from p3dof.loops import Assembly, ClosedLoopModel, load_robot
 from p3dof.loops.sidecar import suggestion
 from p3dof.loops.tables import joint_values, units_of_actuated
@@ -76,7 +76,8 @@ def with_robot(command: Callable[..., Any]) -> Callable[..., Any]:
             raise InputError("--reference: expected a keyframe or group state; a motion is given by --motion")
         inputs = [path for path in (file, sidecar, srdf) if path is not None]
         protect(inputs, ())
-        with warnings.catch_warnings(record=True) as caught:
+        words = in_options({"on_unknown='ignore'": "--ignore-unknown"})
+        with words, warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", ModelWarning)
             robot = load_robot(
                 _given(file),
