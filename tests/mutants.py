@@ -175,6 +175,7 @@ TESTS = {
     "p3dof/design/optimisation/tables.py": ("study_numbers",),
     "p3dof/design/optimisation/feasibility.py": ("conflicts",),
     "p3dof/design/optimisation/robust.py": ("robust",),
+    "p3dof/design/optimisation/starts.py": ("conflicts", "optimisation", "study_numbers", "optima", "pareto"),
     "p3dof/design/optimisation/of_time.py": ("optima", "optimisation", "bearings_of_tasks"),
     "p3dof/analysis/workspace/": (
         "workspace_forms",

@@ -12,8 +12,9 @@ from design_problems import STEEL, VARIABLES, paper_problem
 
 import p3dof
 from p3dof import DesignProblem, OptimisationError
+from p3dof.design.optimisation import FunctionMeasure
 from p3dof.design.optimisation.feasibility import nearest_feasible
-from p3dof.design.optimisation.starts import starts_of
+from p3dof.design.optimisation.starts import closer, is_slow, starts_of
 
 LENGTHS = {name: VARIABLES[name] for name in "rRL"}
 HARMLESS = ["L >= 0.25", "R <= 0.95", "L <= 2*r + 0.9"]
@@ -158,3 +159,83 @@ def test_the_least_amount_is_what_the_published_optimum_lacks() -> None:
     for amounts in found:
         assert amounts["peak_force ≤ 70 N"] == pytest.approx(80.2398 - 70, abs=1e-4)
         assert len(amounts) == 2
+
+
+class Slow(FunctionMeasure):
+    """A measure that takes long."""
+
+    slow = True
+
+
+def linear(*slopes: float, kind: type[FunctionMeasure] = FunctionMeasure) -> FunctionMeasure:
+    """Return a measure that grows along r, R and L by the slopes."""
+
+    def found(designs: p3dof.Designs, by: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray | None]:
+        sizes = [designs.columns[f"geometry.{name}"] for name in "rRL"]
+        values = np.asarray(sum(slope * size for slope, size in zip(slopes, sizes, strict=True)))
+        return values, np.tile(slopes, (len(values), 1)) if by else None
+
+    return kind("along", "m", found)
+
+
+def any_machine(objective: FunctionMeasure, **constraints: object) -> DesignProblem:
+    """Return a problem over sizes all of which make a motion that is at rest at home."""
+    still = p3dof.Motion(np.arange(2.0), np.zeros((2, 3)), np.zeros((2, 3)), np.zeros((2, 3)))
+    variables = {"r": (0.1, 0.2), "R": (0.2, 0.3), "L": (0.4, 0.8)}
+    return DesignProblem(variables, still, objectives=[objective], constraints=constraints)
+
+
+@pytest.mark.parametrize("times", [4, 10])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_random_designs_reach_as_far_as_ranges_halved(times: int, sign: int) -> None:
+    problem = any_machine(linear(0, 0, sign))
+    start = np.array([[0.15, 0.25, 0.6]])
+    found = closer(problem, start, [times])
+    np.testing.assert_array_equal(found[0], start[0])
+    shares = (found[1:] - start) / problem.variables.span * 2**times
+    assert np.abs(shares).max() <= 1 + 1e-9
+    assert (np.diff(shares[:, 2] * sign) >= 0).all()  # the best first
+    assert shares[0, 2] * sign == pytest.approx(-1, abs=0.01)  # of a thousand
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("beyond", [-0.0005, 0.0005])
+def test_random_designs_stay_in_the_ranges_and_come_to_their_ends(sign: int, beyond: float) -> None:
+    problem = any_machine(linear(0, 0, sign))
+    low, high = problem.variables.low, problem.variables.high
+    end = low if sign > 0 else high
+    start = (end - sign * beyond * problem.variables.span)[None]
+    found = closer(problem, start, [10])[1:]
+    assert (low <= found).all()
+    assert (found <= high).all()
+    assert found[0, 2] == end[2]
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_turns_of_random_designs_lead_from_one_corner_of_the_ranges_to_the_other(sign: int) -> None:
+    """A half, a quarter and so on of the ranges: all of them together."""
+    problem = any_machine(linear(0, 0, sign))
+    low, high = problem.variables.low, problem.variables.high
+    begin, end = (high, low) if sign > 0 else (low, high)
+    found = closer(problem, begin[None])
+    assert found[1, 2] == pytest.approx(end[2], abs=0.01 * problem.variables.span[2])
+
+
+def test_random_designs_keep_constraints_before_they_are_good() -> None:
+    problem = any_machine(linear(0, 0, -1), relations=["L <= 0.62"])
+    found = closer(problem, np.array([[0.15, 0.25, 0.6]]), [3])
+    assert (found[1:, 2] <= 0.62).all()
+    assert found[1, 2] == pytest.approx(0.62, abs=1e-3)
+
+
+def test_no_random_designs_where_a_measure_takes_long() -> None:
+    quick, slow = linear(0, 0, 1), linear(0, 1, 0, kind=Slow)
+    start = np.array([[0.15, 0.25, 0.6]])
+    bounded = any_machine(quick)
+    bounded.constraints = any_machine(quick, relations=["L <= 0.7"]).constraints
+    assert not is_slow(bounded)
+    assert len(closer(bounded, start, [1])) > 1
+    bounded.constraints = (*bounded.constraints, replace(bounded.constraints[0], measure=slow))
+    for problem in (any_machine(slow), bounded):
+        assert is_slow(problem)
+        np.testing.assert_array_equal(closer(problem, start), start)
