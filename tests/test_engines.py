@@ -16,7 +16,7 @@ from p3dof._base.errors import DynamicsError, InputError, MissingExtraError, Mod
 from p3dof.closed_form.kinematics import reachable
 from p3dof.machine.description import describe
 from p3dof.machine.motion import states_of
-from p3dof.machine.parameters import PAPER, SOLIDS, Body, Friction
+from p3dof.machine.parameters import PAPER, SOLIDS, Actuators, Body, Friction
 from p3dof.methods import engines
 from p3dof.methods.engines import base
 from p3dof.methods.engines.poses import link_motions
@@ -316,6 +316,15 @@ def test_released_it_converges_in_the_step(name, order):
     ends = [engine(name).simulate(0.1, step, pose, forces).positions for step in (1e-3, 5e-4)]
     errors = [max(abs(end[joint] - value) for joint, value in joints.items()) for end in ends]
     assert all(np.log2(a / b) == pytest.approx(order, abs=0.05) for a, b in pairwise(errors))
+
+
+@EACH
+def test_springs_at_rest_at_home_leave_the_machine_there(name):
+    """What holds it without springs holds it with them: none is stretched, but for loops that are soft."""
+    hung = replace(PAPER, actuators=Actuators(spring={"sliders": 5000.0}))
+    end = engine(name, hung).simulate(0.1, 1e-3, np.zeros(3), p3dof.load().forces(*np.zeros((3, 3))))
+    home = p3dof.load().inverse_kinematics(np.zeros(3)).joints
+    assert max(abs(end.positions[joint] - value) for joint, value in home.items()) < 1e-6
 
 
 @EACH

@@ -222,7 +222,7 @@ def convergence(
     if isinstance(halvings, bool) or not isinstance(halvings, int) or not 1 <= halvings <= _HALVINGS:
         raise InputError(f"halvings: expected 1 to {_HALVINGS}, got {shown(halvings)}")
     time = _steps(motion, step)[2::2]
-    rows = np.clip(np.searchsorted(motion.time, time - _ALIKE * step), 0, len(motion) - 1)
+    rows = np.searchsorted(motion.time, time - _ALIKE * step)  # no time is after the last
     if len(time) == 0 or np.abs(motion.time[rows] - time).max() > _ALIKE * step:
         raise InputError(f"motion: expected samples at every second step of {step:g} s")
     runs = [driven_forces(parameters, motion, step / 2**n, integrator, wrench) for n in range(halvings + 1)]
