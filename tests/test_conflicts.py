@@ -212,6 +212,16 @@ def test_random_designs_stay_in_the_ranges_and_come_to_their_ends(sign: int, bey
 
 
 @pytest.mark.parametrize("sign", [1, -1])
+def test_random_designs_begin_at_the_end_of_ranges_that_a_start_is_beyond(sign: int) -> None:
+    problem = any_machine(linear(0, 0, sign))
+    end, span = problem.variables.high if sign > 0 else problem.variables.low, problem.variables.span
+    found = closer(problem, (end + sign * 0.5 * span)[None], [10])[1:]
+    shares = (found - end) / span * 2**10
+    assert np.abs(shares).max() <= 1 + 1e-9
+    assert shares[0, 2] * sign == pytest.approx(-1, abs=0.01)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
 def test_turns_of_random_designs_lead_from_one_corner_of_the_ranges_to_the_other(sign: int) -> None:
     """A half, a quarter and so on of the ranges: all of them together."""
     problem = any_machine(linear(0, 0, sign))
