@@ -6,11 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.optimize
 from design_problems import STEEL, VARIABLES, paper_problem
 
 import p3dof
 from p3dof import DesignProblem, OptimisationError, SweepError
-from p3dof.design.optimisation import Optimum, optimum_tables
+from p3dof.design.optimisation import FunctionMeasure, Optimum, optimum_tables
+from p3dof.design.optimisation.epigraph import descend
 
 FREE = {"width": 1.0}
 ROWS = [
@@ -175,6 +177,28 @@ def test_what_is_better_large_is_made_large() -> None:
     found = paper_problem().minimise("transmission", {"peak_force": 75.0}, starts=3)
     assert found.value > before + 0.1
     assert found.found["peak_force"][0] <= 75.0 + 1e-5
+
+
+@pytest.mark.parametrize(("over", "end", "programs"), [(0, 0.4, 2), (9, 1.6 / 3, 3)])
+def test_a_descent_ends_when_neither_the_optimum_nor_its_pieces_are_others(
+    monkeypatch: pytest.MonkeyPatch, over: int, end: float, programs: int
+) -> None:
+    """Of 2 L and, nine times, 3.2 - 4 L, far from the worst at first, and as bad at the other end: by hand."""
+
+    def worst(designs: p3dof.Designs, by: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray | None]:
+        L = designs.columns["geometry.L"][:, None]
+        slopes = np.array([2.0, *over * [-4.0]])
+        return slopes * L + [0, *over * [3.2]], np.tile(slopes, (len(L), 1))[..., None] if by else None
+
+    made: list[float] = []
+    minimize = scipy.optimize.minimize
+    monkeypatch.setattr("scipy.optimize.minimize", lambda *a, **k: made.append(1) or minimize(*a, **k))
+    still = p3dof.Motion(np.arange(2.0), *np.zeros((3, 2, 3)))
+    problem = DesignProblem({"L": (0.4, 0.8)}, still, objectives=[FunctionMeasure("worst", "m", worst)])
+    found = descend(problem, np.array([0.8]))
+    assert found.design == pytest.approx([end], rel=1e-9)
+    assert found.value == pytest.approx(2 * end, rel=1e-9)
+    assert len(made) == programs  # the last one finds nothing new
 
 
 BALANCE = {f"actuators.counterbalance.slide_{leg}": (-20.0, 150.0) for leg in "abc"}
