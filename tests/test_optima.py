@@ -183,7 +183,7 @@ def test_what_is_better_large_is_made_large() -> None:
 def test_a_descent_ends_when_neither_the_optimum_nor_its_pieces_are_others(
     monkeypatch: pytest.MonkeyPatch, over: int, end: float, programs: int
 ) -> None:
-    """Of 2 L and, nine times, 3.2 - 4 L, far from the worst at first, and as bad at the other end: by hand."""
+    """Of 2 L and, nine times, 3.2 - 4 L: far from the worst at first, as bad at the other end."""
 
     def worst(designs: p3dof.Designs, by: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray | None]:
         L = designs.columns["geometry.L"][:, None]
