@@ -15,6 +15,7 @@ from p3dof._base import errors
 from p3dof._base.errors import FileError, InputError, MotionError, P3dofError
 from p3dof.machine.motion import Motion, WrenchHistory, csv_files, paper_motion, splines
 from p3dof.machine.motion.consistency import MINIMUM
+from p3dof.machine.motion.entering import natural_ramp
 
 REPEATABLE = settings(derandomize=True, deadline=None, max_examples=60)
 HEADER = "t,y,z,theta,ydot,zdot,thetadot,yddot,zddot,thetaddot"
@@ -835,6 +836,31 @@ def test_from_rest_keeps_a_late_beginning():
     np.testing.assert_allclose(late.from_rest(0.1).pose, motion.from_rest(0.1).pose, rtol=0, atol=1e-13)
 
 
+def test_a_ramp_is_needed_where_any_coordinate_starts_at_speed():
+    paper = paper_motion(101)
+    assert paper.velocity[0, :2].tolist() == [0, 0]  # only the angle moves at once
+    assert natural_ramp(paper) == 0.2
+    assert natural_ramp(paper[:11]) == pytest.approx(0.1, rel=1e-12)  # as long as the motion at most
+    rest = Motion.rest_to_rest([0, 0, 0], [0.02, 0, 0.1], 1.0, 201)
+    assert natural_ramp(rest) == 0
+    rounded = Motion.from_poses(rest.time, rest.pose.round(8))
+    assert np.abs(rounded.velocity[0]).max() > 0
+    assert natural_ramp(rounded) == 0
+
+
+@pytest.mark.parametrize("column", range(3))
+@pytest.mark.parametrize(("share", "ramp"), [(0.996e-3, 0), (1.004e-3, 0.2)])
+def test_a_motion_starts_at_rest_below_a_thousandth_of_its_largest_speed(column, share, ramp):
+    """Backwards at constant acceleration in one coordinate; faster ones from rest do not count."""
+    t, first = np.linspace(0, 1, 11), share / (1 - share)  # the speed grows by one, to the largest
+    p, v, a = np.column_stack([t**2 / 2] * 3), np.column_stack([t] * 3), np.ones((11, 3))
+    scale = np.full(3, 20.0)
+    scale[column] = -0.1
+    p[:, column] += first * t
+    v[:, column] += first
+    assert natural_ramp(Motion(t, scale * p, scale * v, scale * a)) == ramp
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -878,6 +904,20 @@ def test_a_wrench_file(tmp_path):
         method="virtual-power",
     )
     np.testing.assert_allclose(run.wrench, history(run.time), rtol=1e-15)
+
+
+@pytest.mark.parametrize("shift", range(3))
+def test_each_unit_of_a_wrench_file_in_each_column(tmp_path, shift):
+    """Newtons and newton metres by hand; columns without a unit are in them."""
+    forces = np.roll([("", "1.5", 1.5), (" [N]", "-20", -20.0), (" [kN]", "0.3", 300.0)], shift, axis=0)
+    moments = np.roll([(" [N m]", "4", 4.0), (" [Nm]", "-5", -5.0), (" [N mm]", "60", 0.06)], shift, axis=0)
+    units, texts, values = np.vstack([forces, moments]).T
+    header = ",".join(
+        name + unit for name, unit in zip(("fx", "fy", "fz", "mx", "my", "mz"), units, strict=True)
+    )
+    (tmp_path / "wrench.csv").write_text(f"t [s],{header}\n0,{','.join(texts)}\n")
+    history = WrenchHistory.from_csv(tmp_path / "wrench.csv")
+    np.testing.assert_allclose(history.wrench, [values.astype(float)], rtol=1e-15)
 
 
 @pytest.mark.parametrize(
