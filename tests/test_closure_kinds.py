@@ -507,6 +507,12 @@ def test_a_rod_whose_ends_coincide_finds_its_way():
     assert np.linalg.norm(found.q) == pytest.approx(ROD, abs=1e-12)
     with pytest.raises(InputError, match="q: the closure universe/two is open by"):
         loop.inverse_dynamics([0.5, 0, 0], np.zeros(3), np.zeros(3))
+    # Ends that part along this direction, x = 2 t + 3 t²/2, are x from each other from the beginning.
+    for x in (0.0, 0.1):
+        place = np.array([x, 0, 0])
+        assert loop.closure_jacobian(place).tolist() == [[1, 0, 0]]
+        loop._kinematics.move(place, np.array([2.0, 0, 0]), np.array([3.0, 0, 0]))
+        assert loop._kinematics.acceleration().tolist() == [3]
 
 
 def test_each_closure_and_coupling_has_one_gap():
