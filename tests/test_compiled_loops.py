@@ -673,6 +673,24 @@ def test_speeds_and_accelerations_that_overflow_are_refused(level):
             assert np.isnan(found.tau[1]).all()
 
 
+@pytest.mark.parametrize(
+    ("v", "a", "size"),
+    [
+        ([0.1, -0.2, 0.2], [], 1.0),  # small motions are compared with one unit
+        ([2.0, -4.0, 4.0], [], 12.0),
+        ([0.1, -0.2, 0.2], [3.0, -6.0, 0.0], 15.0),
+        ([2.0, -4.0, 4.0], [3.0, -6.0, 0.0], 144.0),  # accelerations grow with the square of speeds
+        ([0.1, -0.2, 0.2], [0.3, -0.6, 0.0], 1.0),
+    ],
+)
+def test_how_far_a_motion_may_open_closures(v, a, size):
+    """The size of a motion is its mean square; numbers on a tape are computed at once."""
+    assert limits.stays_closed(Tape(), [], 0.1, v, a) == 1
+    for opening in ([0.05, -0.02], [3.0, 4.0]):
+        expected = 0.01 * size - float(np.dot(opening, opening))
+        assert limits.stays_closed(Tape(), opening, 0.1, v, a) == pytest.approx(expected, rel=1e-13)
+
+
 def test_arguments_that_do_not_fit_are_told_in_one_line():
     loop = gallery("five_bar")
     for threads in (0, -3, 1.5, "two"):
