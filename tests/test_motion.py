@@ -15,7 +15,7 @@ from p3dof._base import errors
 from p3dof._base.errors import FileError, InputError, MotionError, P3dofError
 from p3dof.machine.motion import Motion, WrenchHistory, csv_files, paper_motion, splines
 from p3dof.machine.motion.consistency import MINIMUM
-from p3dof.machine.motion.entering import natural_ramp
+from p3dof.machine.motion.entering import load_along, natural_ramp
 
 REPEATABLE = settings(derandomize=True, deadline=None, max_examples=60)
 HEADER = "t,y,z,theta,ydot,zdot,thetadot,yddot,zddot,thetaddot"
@@ -859,6 +859,28 @@ def test_a_motion_starts_at_rest_below_a_thousandth_of_its_largest_speed(column,
     p[:, column] += first * t
     v[:, column] += first
     assert natural_ramp(Motion(t, scale * p, scale * v, scale * a)) == ramp
+
+
+def test_a_load_keeps_its_place_on_a_path_that_is_entered_from_rest():
+    """One metre at one metre per second: the load at every place, wherever the run is then."""
+    places, loads = np.array([0, 0.0303, 0.4, 1]), np.array([2.0, 50, -30, 5])
+    t = np.linspace(7, 8, 11)
+    still = np.zeros(11)
+    motion = Motion(
+        t, np.column_stack([t - 7, still, still]), np.tile([1.0, 0, 0], (11, 1)), np.zeros((11, 3))
+    )
+    history = WrenchHistory(7 + places, np.outer(loads, np.eye(6)[0]))
+    at_once = load_along(history, motion, 0.0)
+    np.testing.assert_allclose(at_once.time, places, rtol=0, atol=1e-14)
+    np.testing.assert_array_equal(at_once.wrench, history.wrench)
+    run, entered = load_along(history, motion, 0.2), motion.from_rest(0.2, samples=4401)
+    expected = np.interp(entered.pose[:, 0], places, loads)
+    found = run(entered.time - entered.time[0])
+    np.testing.assert_allclose(found[:, 0], expected, rtol=0, atol=1e-3)  # rows of half a millisecond
+    assert not found[:, 1:].any()
+    assert (at_once.start, run.start) == (0, 0)
+    assert len(run.time) == 401 + 1 + 2  # of the ramp, where the load bends on it, and later
+    assert run.time[-1] == pytest.approx(1.1, rel=1e-14)
 
 
 @pytest.mark.parametrize(
