@@ -879,6 +879,7 @@ def test_a_load_keeps_its_place_on_a_path_that_is_entered_from_rest():
     np.testing.assert_allclose(found[:, 0], expected, rtol=0, atol=1e-3)  # rows of half a millisecond
     assert not found[:, 1:].any()
     assert (at_once.start, run.start) == (0, 0)
+    assert run.time[0] == 0
     assert len(run.time) == 401 + 1 + 2  # of the ramp, where the load bends on it, and later
     assert run.time[-1] == pytest.approx(1.1, rel=1e-14)
 
