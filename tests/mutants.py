@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import argparse
 import ast
+import atexit
 import copy
 import functools
 import hashlib
@@ -430,6 +431,7 @@ def start(mutant: Mutant | None, module: str) -> int:
         return child
     os.setpgid(0, 0)
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a script's background job ignores it
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     try:
         os._exit(run_tests(mutant, module))
     except BaseException:  # pytest itself: also a mutant that is found
@@ -533,6 +535,8 @@ def main() -> int:
     unchanged = [(None, module) for _, module in sorted(of_tests.items(), reverse=True)]
     waiting = [*((mutant, mutant.module) for mutant in chosen), *unchanged]
     children, survivors, late = {}, [], 0
+    atexit.register(stop, children)  # however it ends
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     tried, found, spent = Counter(), Counter(), Counter()
     while waiting or children:
         while waiting and len(children) < given.jobs:
@@ -543,7 +547,6 @@ def main() -> int:
             say(f"unchanged, {', '.join(tests_of(module))}: {seconds:.1f} s")
             if code:
                 say(f"these tests fail as they are (exit code {code})")
-                stop(children)
                 return 2
             continue
         room = room_of(mutant.module)
