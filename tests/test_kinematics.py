@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from lagrange import BODIES, LagrangeModel
 from machines import SEEDS, derivative, drops, random_machine, random_states
 
+from p3dof._base import algebra
 from p3dof._base.errors import InputError, ReachError
 from p3dof.closed_form import kinematics
 from p3dof.machine.parameters import PAPER, Geometry
@@ -433,3 +434,15 @@ def test_poses_of_the_helper_keep_their_distance():
     states = random_states(PAPER, 0, 1000)
     assert len(states.pose) == 1000
     assert drops(G, states.pose).min() >= 0.1
+
+
+@pytest.mark.parametrize("a", [0, 1, -1, 3, 0.0, 2.5, np.array([1.5, -2.0])])
+@pytest.mark.parametrize("b", [0, 1, -1, 3, 0.0, 2.5, np.array([0.5, 4.0])])
+def test_arithmetic_that_skips_whole_numbers_is_arithmetic(a, b):
+    np.testing.assert_array_equal(algebra.plus(a, b), a + b)
+    np.testing.assert_array_equal(np.broadcast_to(algebra.times(a, b), np.shape(a * b)), a * b)
+    for whole in (0, 1, -1):  # nothing is computed: the same object comes back
+        assert algebra.times(whole, 0) == 0
+    assert algebra.plus(a, 0) is a
+    assert algebra.plus(0, b) is b
+    assert algebra.times(1, b) is b
