@@ -2,13 +2,13 @@
 
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import p3dof
 from p3dof import PAPER, PD, ControlLoop, InitialState, Integration
+from p3dof._native.sources import PACKAGE
 from p3dof.closed_form.compiled import many
 from p3dof.closed_form.compiled.kernels import _extension, levels
 from p3dof.closed_form.compiled.many import (
@@ -168,7 +168,7 @@ def test_arrays_of_another_size_are_refused():
 
 
 def test_numbers_of_the_extension_have_the_same_names_here():
-    header = (Path(many.__file__).parent / "extension/many.h").read_text()
+    header = (PACKAGE / "_native/many.h").read_text()
     given = {name: int(value) for name, value in re.findall(r"\bMANY_([A-Z]+) = (-?\d+)[, ]", header)}
     limits = given.pop("LIMITS")
     assert given == {
