@@ -113,3 +113,9 @@ def test_make_says_what_there_is():
     targets = " ".join(re.findall(r"^\.PHONY: (.*)$", makefile, re.MULTILINE)).split()
     for target in targets:
         assert re.search(rf"^{target}:.* ## \w", makefile, re.MULTILINE), target
+
+
+def test_what_users_read_names_no_private_module():
+    pages = [path for path in DOCS if "decisions" not in path.parts] + [ROOT / "README.md"]
+    for path in [*pages, *(ROOT / "notebooks").glob("*.ipynb")]:
+        assert "p3dof._" not in path.read_text(encoding="utf-8"), path

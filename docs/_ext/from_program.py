@@ -179,8 +179,7 @@ def api_page() -> str:
             parts += [".. autosummary::", "   :toctree: .", ""]
             parts += [*(f"   ~p3dof.{name}" for name in objects), ""]
         if modules:
-            rooms = [room for name in modules for room in (name, *rooms_of(name))]
-            parts += [".. toctree::", "   :maxdepth: 1", "", *(f"   p3dof.{room}" for room in rooms), ""]
+            parts += [".. toctree::", "   :maxdepth: 2", "", *(f"   p3dof.{name}" for name in modules), ""]
     return "\n".join(parts)
 
 
@@ -231,6 +230,12 @@ def module_pages() -> dict[str, str]:
             parts += [f".. automodule:: {title}", "   :no-members:", ""]
         else:  # offered by another name than it has
             parts += [f".. py:module:: {title}", "", inspect.getdoc(module) or "", ""]
+        rooms = rooms_of(name) if name in doors else []
+        for room in rooms:
+            about = (inspect.getdoc(attrgetter(room)(p3dof)) or "").splitlines()[0]
+            parts += [f"* :doc:`p3dof.{room}`: {about}"]
+        if rooms:
+            parts += ["", ".. toctree::", "   :hidden:", "", *(f"   p3dof.{room}" for room in rooms), ""]
         for member in getattr(module, "__all__", ()):
             what = getattr(module, member)
             if id(what) not in told and (inspect.isfunction(what) or inspect.isclass(what)):

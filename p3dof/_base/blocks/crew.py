@@ -37,7 +37,7 @@ MOST_WORKERS = 4096
 class Processes(Executor):
     """Worker processes on this machine that are started anew when one of them dies.
 
-    To be used as ``with p3dof._base.blocks.Processes(8) as client: p3dof.sweep(..., client=client)``. They
+    To be used as ``with p3dof.blocks.Processes(8) as client: p3dof.sweep(..., client=client)``. They
     end with the process that started them, however it ends. A script that starts them guards what it runs by
     ``if __name__ == "__main__":``.
 

@@ -113,7 +113,7 @@ class FunctionProblem:
     Parameters
     ----------
     sampling : Sampling
-        The inputs: random numbers, a grid, rows of a file (`p3dof._base.blocks.sampling`).
+        The inputs: random numbers, a grid, rows of a file (`p3dof.blocks.sampling`).
     function : callable
         Is given a dict of input columns, each (n,), and returns a dict of output columns, each (n,). It must
         be importable where the workers are, or be sent to them by the client (Dask does).

@@ -77,7 +77,7 @@ def sweep(
     folder : path-like
         Where the results go: the manifest ``sweep.json``, and ``blocks/``.
     client : distributed.Client or concurrent.futures.Executor, optional
-        Who computes: a cluster of Dask, `p3dof._base.blocks.Processes`, or any executor; this process without
+        Who computes: a cluster of Dask, `p3dof.blocks.Processes`, or any executor; this process without
         one.
     workers : int
         Threads of this process, where there is no client.

@@ -1,4 +1,4 @@
-"""Machines drawn at random, as problems of `p3dof._base.blocks.sweep`: forces over a motion, and poses."""
+"""Machines drawn at random, as problems of `p3dof.blocks.sweep`: forces over a motion, and poses."""
 
 from __future__ import annotations
 
@@ -234,7 +234,7 @@ def drawn_forces(case: ForceCase, draws: Draws) -> ForceTolerance:
 
 
 class DrawnPoses:
-    """Errors of poses of machines drawn at random, for `p3dof._base.blocks.sweep`.
+    """Errors of poses of machines drawn at random, for `p3dof.blocks.sweep`.
 
     Parameters
     ----------

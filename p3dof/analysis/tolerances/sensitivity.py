@@ -191,9 +191,9 @@ def sensitivity(
     motion : Motion
         What it does.
     variables : mapping of str to Distribution, str or pair
-        What varies, by names as of `tolerance`: a `p3dof._base.blocks` distribution of the number in SI
-        units, a share such as ``"10 %"`` (evenly spread between 90 and 110 %), a range ``("240 mm", "260
-        mm")``, or ``{"normal": ["8 kg", "200 g"]}``, mean and standard deviation.
+        What varies, by names as of `tolerance`: a `p3dof.blocks` distribution of the number in SI units, a
+        share such as ``"10 %"`` (evenly spread between 90 and 110 %), a range ``("240 mm", "260 mm")``, or
+        ``{"normal": ["8 kg", "200 g"]}``, mean and standard deviation.
         With ``method="gradient"`` only the names count.
     figure : str
         A figure of `DesignForces`: ``peak_force``, ``rms_force``, ``peak_power``, ``actuation``...; of three

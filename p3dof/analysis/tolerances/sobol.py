@@ -28,7 +28,7 @@ _NORMAL = 1.959963984540054
 
 @dataclass(frozen=True)
 class MatchedSamples:
-    """The samples that Sobol' indices need, as a sampling of `p3dof._base.blocks.FunctionProblem`.
+    """The samples that Sobol' indices need, as a sampling of `p3dof.blocks.FunctionProblem`.
 
     Item i belongs to row i // (d + 2), and is its point A, its point B, or A with one number of B.
 

@@ -37,8 +37,8 @@ class DesignSweep:
     Parameters
     ----------
     sampling : Sampling
-        The columns that differ between machines, named as `Designs` takes them: `p3dof._base.blocks.Samples`,
-        `p3dof._base.blocks.Grid`, `FileRows`.
+        The columns that differ between machines, named as `Designs` takes them: `p3dof.blocks.Samples`,
+        `p3dof.blocks.Grid`, `FileRows`.
     motion : Motion
         What every machine does.
     machine : Parameters, optional

@@ -104,7 +104,7 @@ def simulate_many(
         for rounding.
     client : distributed.Client or concurrent.futures.Executor, optional
         Who makes the runs, in parts of a quarter of a second or so: a cluster of Dask,
-        `p3dof._base.blocks.Processes`, or any executor; the threads of this process without one. The results
+        `p3dof.blocks.Processes`, or any executor; the threads of this process without one. The results
         are the same to the last bit. A controller written in Python must be one that can be pickled (Dask
         takes any), and begins each part as it is now.
     progress : callable, optional
