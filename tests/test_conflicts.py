@@ -126,6 +126,17 @@ def test_two_conflicts_are_told_each_with_its_own() -> None:
     assert found[apart] == pytest.approx((0.02, 0.02), abs=1e-7)
 
 
+def test_no_conflict_is_told_that_was_not_proved(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A search that finds designs for what it took for a conflict says what the nearest design misses."""
+    problem = lengths_problem(["R >= r + 0.03", "R <= r + 0.01"], {})
+    monkeypatch.setattr("p3dof.design.optimisation.feasibility._Search.least", lambda *_: 0.0)
+    with pytest.raises(
+        OptimisationError, match=r"no design was found .*; the nearest misses R [<>]= r"
+    ) as told:
+        nearest_feasible(problem, starts_of(problem, 2, 0))
+    assert told.value.conflicts == ()
+
+
 def test_conflicts_that_share_a_constraint_are_told_each() -> None:
     problem = lengths_problem(["R >= 0.4", "R <= r + 0.1", "L >= R + 0.5", "R <= 0.38 + 0*r"], {})
     found = {
